@@ -1,0 +1,1 @@
+"""The psim command: one file per subcommand."""

@@ -1,0 +1,107 @@
+"""Every exception that psim raises on purpose.
+
+Each carries a *message* (what is wrong), a *hint* (what to do about it) and the exit code with which the
+command line ends. `ScenarioError` holds one `Diagnostic` per mistake, so that all of them are shown at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Span:
+    """A place in a text file: 1-based line and column, and how many characters the caret underlines."""
+
+    line: int
+    column: int
+    length: int = 1
+
+
+@dataclass(frozen=True)
+class Label:
+    """A second place that a diagnostic points at, with what to read there."""
+
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One mistake in a scenario.
+
+    `path` is the dotted address of the value ("forces.air.coefficient"), `span` its place in `source` (None when
+    the value came from an override or from Python), `labels` further places that take part in the mistake,
+    `allowed` what would be accepted, `hint` what to try (for example "did you mean 'gravity'?").
+    """
+
+    message: str
+    path: str = ""
+    file: Path | None = None
+    source: str = ""
+    span: Span | None = None
+    labels: tuple[Label, ...] = field(default=())
+    allowed: str | None = None
+    hint: str | None = None
+
+
+class PsimError(Exception):
+    """Base of all errors that a user can cause or meet. `exit_code` is what the command returns."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return self.message if self.hint is None else f"{self.message}\n{self.hint}"
+
+
+class UsageError(PsimError):
+    """A wrong argument, a missing or unusable file, an output that exists: nothing was computed or written."""
+
+    exit_code = 2
+
+
+class ScenarioError(UsageError):
+    """A scenario that cannot be run. `diagnostics` lists every mistake with its place."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        super().__init__("\n".join(_one_line(d) for d in self.diagnostics))
+
+
+class DivergenceError(PsimError):
+    """The simulation produced a NaN or an infinity. What was recorded before it is kept."""
+
+    exit_code = 3
+
+
+class InputOutputError(PsimError):
+    """Reading or writing failed while the run was going on: disk full, file vanished, device error."""
+
+    exit_code = 4
+
+
+class Interrupted(PsimError):
+    """The user or the system stopped the run. Every finished frame is kept."""
+
+    exit_code = 130
+
+
+def _one_line(d: Diagnostic) -> str:
+    """'scenario.toml:12:3: forces.air.coefficient: must be finite (allowed: ...)' for logs and Python users."""
+    place = str(d.file) if d.file is not None else ""
+    if d.span is not None:
+        place += f":{d.span.line}:{d.span.column}"
+    parts = [p for p in (place, d.path) if p]
+    text = ": ".join([*parts, d.message])
+    if d.allowed:
+        text += f" (allowed: {d.allowed})"
+    if d.hint:
+        text += f". {d.hint}"
+    return text
