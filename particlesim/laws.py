@@ -11,7 +11,7 @@ compiler, which is how tests and the stability analysis evaluate single laws.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 Record = tuple[Any, ...]
 Vector = tuple[float, float, float]
@@ -52,6 +52,17 @@ class Generic(NamedTuple):
 GENERICS: dict[Callable[..., Any], Generic] = {}
 
 
+HELPERS: list[Callable[..., Any]] = []
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def helper(function: F) -> F:
+    """Register the decorated scalar function as one that laws may call; it is inlined into them."""
+    HELPERS.append(function)
+    return function
+
+
 def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register the decorated function as the law that gives `generic` for `record`."""
 
@@ -70,67 +81,78 @@ def has_law(generic: Callable[..., Any], record: Record) -> bool:
     return type(record) in GENERICS[generic].laws
 
 
-def _define(function: Callable[..., Any], size: int) -> None:
-    GENERICS[function] = Generic(function, {}, size)
+def generic(size: int) -> Callable[[F], F]:
+    """Declare the decorated function as a generic that returns `size` numbers (0: laws do not add up).
+
+    The function's body serves plain Python: it is `return evaluate(<itself>, record, particle)`.
+    """
+
+    def declare(function: F) -> F:
+        GENERICS[function] = Generic(function, {}, size)
+        return function
+
+    return declare
 
 
-def _evaluate(generic: Callable[..., Any], record: Record, p: Particle) -> Any:
+def evaluate(generic: Callable[..., Any], record: Record, p: Particle) -> Any:
+    """A generic of a record, or the sum over a plain tuple of records, in plain Python.
+
+    Raises TypeError when the record has no law for it.
+    """
     entry = GENERICS[generic]
     if type(record) is not tuple:
         if type(record) not in entry.laws:
             raise TypeError(f"{type(record).__name__} has no law for {generic.__name__}")
         return entry.laws[type(record)](record, p)
-    terms = [_evaluate(generic, r, p) for r in record]
+    terms = [evaluate(generic, r, p) for r in record]
     if entry.size == 1:
         return sum(terms, 0.0)
     return tuple(sum((term[k] for term in terms), 0.0) for k in range(entry.size))
 
 
+@generic(3)
 def force(f: Any, p: Particle) -> Vector:
     """Force on a particle [N]."""
-    return _evaluate(force, f, p)  # type: ignore[no-any-return]
+    return evaluate(force, f, p)  # type: ignore[no-any-return]
 
 
+@generic(1)
 def potential(f: Any, p: Particle) -> float:
     """Potential energy of a particle in a conservative force [J]: F = −∇U."""
-    return _evaluate(potential, f, p)  # type: ignore[no-any-return]
+    return evaluate(potential, f, p)  # type: ignore[no-any-return]
 
 
+@generic(9)
 def force_dx(f: Any, p: Particle) -> Matrix:
     """Jacobian of a force by position, ∂f_i/∂x_j [N/m], row by row."""
-    return _evaluate(force_dx, f, p)  # type: ignore[no-any-return]
+    return evaluate(force_dx, f, p)  # type: ignore[no-any-return]
 
 
+@generic(9)
 def force_dv(f: Any, p: Particle) -> Matrix:
     """Jacobian of a force by velocity, ∂f_i/∂v_j [N s/m], row by row."""
-    return _evaluate(force_dv, f, p)  # type: ignore[no-any-return]
+    return evaluate(force_dv, f, p)  # type: ignore[no-any-return]
 
 
+@generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""
-    return _evaluate(velocity, f, p)  # type: ignore[no-any-return]
+    return evaluate(velocity, f, p)  # type: ignore[no-any-return]
 
 
+@generic(9)
 def velocity_dx(f: Any, p: Particle) -> Matrix:
     """Gradient of a fluid's velocity, ∂w_i/∂x_j [1/s], row by row."""
-    return _evaluate(velocity_dx, f, p)  # type: ignore[no-any-return]
+    return evaluate(velocity_dx, f, p)  # type: ignore[no-any-return]
 
 
+@generic(0)
 def gap(c: Any, p: Particle) -> float:
     """Distance from a particle's surface to a collider [m]; negative where it overlaps."""
-    return _evaluate(gap, c, p)  # type: ignore[no-any-return]
+    return evaluate(gap, c, p)  # type: ignore[no-any-return]
 
 
+@generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
     """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK or KILL)."""
-    return _evaluate(contact, c, p)  # type: ignore[no-any-return]
-
-
-_define(force, 3)
-_define(potential, 1)
-_define(force_dx, 9)
-_define(force_dv, 9)
-_define(velocity, 3)
-_define(velocity_dx, 9)
-_define(gap, 0)
-_define(contact, 0)
+    return evaluate(contact, c, p)  # type: ignore[no-any-return]

@@ -9,7 +9,7 @@ from numba import types
 from numba.extending import overload
 
 from particlesim.engine.cache import INLINE
-from particlesim.laws import GENERICS, Generic
+from particlesim.laws import GENERICS, HELPERS, Generic
 
 
 def is_record(t: types.Type) -> bool:
@@ -83,5 +83,11 @@ def _add3(a: Any, b: Any) -> Callable[..., Any]:
     return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
+def _teach_helper(function: Callable[..., Any]) -> None:
+    overload(function, jit_options=INLINE, strict=False)(lambda *_: function)
+
+
+for _helper in HELPERS:
+    _teach_helper(_helper)
 for _generic in GENERICS.values():
     _teach(_generic)
