@@ -135,6 +135,18 @@ def force_dv(f: Any, p: Particle) -> Matrix:
 
 
 @generic(3)
+def bond_force(f: Any, b: Any) -> Vector:
+    """Force on the first end of a bond [N]; the second end feels its opposite."""
+    return evaluate(bond_force, f, b)  # type: ignore[no-any-return]
+
+
+@generic(1)
+def bond_potential(f: Any, b: Any) -> float:
+    """Potential energy of a bond [J]."""
+    return evaluate(bond_potential, f, b)  # type: ignore[no-any-return]
+
+
+@generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""
     return evaluate(velocity, f, p)  # type: ignore[no-any-return]

@@ -61,7 +61,7 @@ class Field(Force):
                 node = parse(text, self.constants)
             except ExpressionError as error:
                 raise invalid(
-                    error.message, at=path, hint=error.hint, offset=error.offset, length=error.length
+                    error.message, at=path, hint=error.hint, within=(error.offset, error.length)
                 ) from None
             if path == ("potential",) and self._velocity(node):
                 raise invalid("a potential depends on the place, not on the velocity", at=path)
