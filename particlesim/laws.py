@@ -20,10 +20,11 @@ Matrix = tuple[float, float, float, float, float, float, float, float, float]  #
 ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-# What a contact does to a particle's existence.
+# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies; it has left the world.
 PASS = 0
 STICK = 1
 KILL = 2
+LEAVE = 3
 
 
 class Particle(NamedTuple):
@@ -166,5 +167,5 @@ def gap(c: Any, p: Particle) -> float:
 
 @generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
-    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK or KILL)."""
+    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL or LEAVE)."""
     return evaluate(contact, c, p)  # type: ignore[no-any-return]

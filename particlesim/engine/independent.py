@@ -15,6 +15,7 @@ from particlesim.engine.columns import (
     block_of,
     chosen,
     fetch,
+    held,
     note,
     recall,
     remember,
@@ -42,18 +43,18 @@ class Program(NamedTuple):
     contacts: tuple[Any, ...]
 
 
-def step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Any:
-    """One step, from t to t + dt, of all particles of a block. h is dt in the run's precision."""
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Any:
+    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision."""
     return stub()
 
 
 @inline(step_block)
-def _step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Callable[..., Any]:
+def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Callable[..., Any]:
     if program.types[3].instance_class is Simple:
 
-        def simple(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> None:
+        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
             for i in range(c.x.size):
-                begin, hi = span(c.clock, i, t, h, dt)
+                begin, hi = span(c.clock, i, t, end, h)
                 p = fetch(c, i, begin)
                 q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
                 r, outcome = meet(program.contacts.colliders, q)
@@ -62,14 +63,14 @@ def _step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Ca
                 touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
                 remember(c.memory, i, not touched, memory)
                 remember(c.memory, i, touched, restart(memory))
-                note(c.clock, i, unless(idle, outcome), t + dt)
+                note(c.clock, i, unless(idle, outcome), end)
 
         return simple
 
-    def careful(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> None:
+    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
         # The few particles that end inside a collider keep their state here, and are traced one by one below.
         for i in range(c.x.size):
-            begin, hi = span(c.clock, i, t, h, dt)
+            begin, hi = span(c.clock, i, t, end, h)
             p = fetch(c, i, begin)
             q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
             inside = overlapped(program.contacts, q)
@@ -78,7 +79,7 @@ def _step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Ca
             remember(c.memory, i, not inside, memory)
         for i in range(c.x.size):
             if marks[i]:
-                begin, hi = span(c.clock, i, t, h, dt)
+                begin, hi = span(c.clock, i, t, end, h)
                 if hi > 0:
                     p = fetch(c, i, begin)
                     q, memory, outcome = trace(
@@ -104,9 +105,10 @@ def _refresh(program: Any, c: Any, t: Any) -> Callable[..., Any]:
     def impl(program: Any, c: Any, t: Any) -> None:
         for i in range(c.x.size):
             rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
-            c.vx[i] = rate.x
-            c.vy[i] = rate.y
-            c.vz[i] = rate.z
+            fixed = held(c.clock, i)
+            c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
+            c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
+            c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
 
     return impl
 
@@ -141,7 +143,7 @@ def step_range(
         keep[4, :n] = c.vy
         keep[5, :n] = c.vz
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, h, dt, marks)
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):
