@@ -32,9 +32,9 @@ class Label:
 class Diagnostic:
     """One mistake in a scenario.
 
-    `path` is the dotted address of the value ("forces.air.coefficient"), `span` its place in `source`, the text
-    of `file` or of an override (None when nothing is written there), `labels` further places that take part in
-    the mistake, `allowed` what would be accepted, `hint` what to try ("did you mean 'gravity'?").
+    `path` is the dotted address of the value ("forces.air.coefficient"), `span` its place in `source`, which
+    is the text of `file` or of an override (None when nothing is written there), `labels` further places that
+    take part in the mistake, `allowed` what would be accepted, `hint` what to try ("did you mean 'drag'?").
     """
 
     message: str

@@ -5,7 +5,7 @@ Floats are written with as many digits as it takes to read back the same bits; q
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import tomli_w
 from pydantic import BaseModel
@@ -30,9 +30,12 @@ def to_table(model: BaseModel, *, defaults: bool = False) -> dict[str, Any]:
 
 
 def _is_left_out(info: FieldInfo, value: object) -> bool:
-    if get_origin(info.annotation) is Literal or info.is_required():
+    """Whether `value` is a default that loading would supply again."""
+    if get_origin(info.annotation) is Literal and len(get_args(info.annotation)) == 1:
         return False
-    return bool(value == info.get_default(call_default_factory=not info.default_factory_takes_validated_data))
+    if info.is_required() or info.default_factory_takes_validated_data:
+        return False
+    return bool(value == info.get_default(call_default_factory=True, validated_data={}))
 
 
 def _plain(value: Any, defaults: bool) -> Any:

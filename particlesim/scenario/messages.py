@@ -103,8 +103,7 @@ def is_label_of(branch: Node, label: str) -> bool:
 
 def _beyond_limit(code: str, context: Mapping[str, Any], kind: Node | None, raw: Any) -> Words:
     key, words, _ = _LIMITS[code]
-    got = raw if isinstance(raw, str) else shown(raw)
-    return Words(f"must be {words} {context[key]:g}, got {got}", _limits(kind))
+    return Words(f"must be {words} {context[key]:.15g}, got {shown(raw)}", _limits(kind))
 
 
 def _limits(kind: Node | None) -> str | None:
@@ -113,7 +112,9 @@ def _limits(kind: Node | None) -> str | None:
         return None
     signs = []
     for key, _, sign in _LIMITS.values():
-        signs += [f"{sign} {getattr(m, key):g}" for m in kind.metadata if getattr(m, key, None) is not None]
+        signs += [
+            f"{sign} {getattr(m, key):.15g}" for m in kind.metadata if getattr(m, key, None) is not None
+        ]
     unit = f", in {kind.unit.symbol}" if kind.unit is not None and kind.unit.symbol else ""
     if not signs:
         return None

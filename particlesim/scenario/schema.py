@@ -1,7 +1,7 @@
 """The JSON Schema of scenario files, in the draft that editors of TOML understand.
 
-pydantic writes draft 2020-12; taplo and Even Better TOML read draft-07. For what scenarios use the two differ in
-where definitions live, in how arrays of fixed length are written, and in that draft-07 ignores what stands
+pydantic writes draft 2020-12; taplo and Even Better TOML read draft-07. For what scenarios use the two differ
+in where definitions live, in how arrays of fixed length are written, and in that draft-07 ignores what stands
 beside a `$ref`. TOML has no null, so `null` is taken out as well.
 """
 
@@ -21,8 +21,9 @@ def json_schema(model: type[BaseModel], *, identifier: str | None = None) -> dic
 
     Quantities carry their unit as `x-unit`, fields that may be absent their default.
     """
+    body: dict[str, Any] = _convert(model.model_json_schema(by_alias=True, mode="validation"))
     head = {"$schema": DRAFT} | ({"$id": identifier} if identifier is not None else {})
-    return head | _convert(model.model_json_schema(by_alias=True, mode="validation"))
+    return head | body
 
 
 def _convert(schema: Any) -> Any:
