@@ -81,6 +81,12 @@ class Source:
         for override in reversed(self.overrides):
             if path[: len(override.path)] == override.path:
                 return override
+        if (
+            path not in self.main.found.places
+        ):  # a table that exists only because an override set something in it
+            for override in reversed(self.overrides):
+                if override.path[: len(path)] == path:
+                    return override
         return self.main
 
     def place(self, path: KeyPath) -> Place | None:
