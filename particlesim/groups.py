@@ -114,15 +114,16 @@ class Group(Model):
 
     def size(self, streams: Streams, first: int, count: int) -> tuple[Any, Any]:
         """Mass [kg] and radius [m] of particles first … first + count − 1; a number where all are equal."""
-        mass = self._sample("mass", streams, first, count)
-        radius = self._sample("radius", streams, first, count)
+        mass = self.sample("mass", streams, first, count)
+        radius = self.sample("radius", streams, first, count)
         if self.density is not None and radius is not None:
             mass = 4 / 3 * math.pi * self.density * radius**3
         elif self.density is not None and mass is not None:
             radius = (mass / (4 / 3 * math.pi * self.density)) ** (1 / 3)
         return 1.0 if mass is None else mass, 0.0 if radius is None else radius
 
-    def _sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+    def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+        """An attribute of particles first … first + count − 1; a number where all are equal, None if not given."""
         value = getattr(self, name)
         if isinstance(value, Distribution):
             return draw(value, streams[name], first, count)

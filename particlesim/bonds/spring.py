@@ -55,6 +55,10 @@ class Springs(Model):
             seen[key] = k
         return self
 
+    def record(self) -> SpringRecord:
+        """The parameters as kernels take them."""
+        return SpringRecord(self.stiffness, self.damping)
+
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
         if self.between is not None:

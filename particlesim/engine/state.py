@@ -119,7 +119,8 @@ class GroupState:
             tuple(column[:n] for column in self.memory),
         )
 
-    def _all_columns(self) -> list[NDArray[Any]]:
+    def arrays(self) -> list[NDArray[Any]]:
+        """All columns, in a fixed order; those that are not used are empty."""
         return [
             *self.x,
             *self.v,
@@ -135,13 +136,28 @@ class GroupState:
             self.heat,
         ]
 
+    def stretch(self, member: GroupState, part: slice) -> GroupState:
+        """A group as a stretch of this one's arrays, with the member's name and cooling."""
+        view = GroupState(
+            member.name, 0, dtype=self.dtype, clocked=self.clocked, warm=self.warm, cooling=member.cooling
+        )
+        view.x, view.v = self.x[:, part], self.v[:, part]
+        for name in ("mass", "radius", "id"):
+            setattr(view, name, getattr(self, name)[part])
+        for name in ("birth", "start", "stop", "outcome", "cause", "heat"):
+            column = getattr(self, name)
+            setattr(view, name, column[part] if column.size else column)
+        view.memory = tuple(column[part] for column in self.memory)
+        view.count = part.stop - part.start
+        return view
+
     def reserve(self, wanted: int) -> None:
         """Make room for `wanted` particles; grows by half at least, so that births stay cheap."""
         if wanted <= self.capacity:
             return
-        old = self._all_columns()
+        old = self.arrays()
         self._allocate(max(wanted, self.capacity + self.capacity // 2), len(self.memory))
-        for before, now in zip(old, self._all_columns(), strict=True):
+        for before, now in zip(old, self.arrays(), strict=True):
             if now.size:
                 now[: self.count] = before[: self.count]
 
@@ -170,7 +186,7 @@ class GroupState:
         cause[outcome == LEAVE] = OUTSIDE
         deaths = Deaths(self.id[:n][dead], self.stop[:n][dead], cause[dead])
         keep = ~dead
-        for column in self._all_columns():
+        for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]
         self.count = int(keep.sum())

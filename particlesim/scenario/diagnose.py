@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span
 from particlesim.scenario import messages, typewalk
-from particlesim.scenario.crossfield import CROSS_FIELD_ERROR, Invalid
+from particlesim.crossfield import CROSS_FIELD_ERROR, Invalid
 from particlesim.scenario.messages import Words
 from particlesim.scenario.overrides import dotted_path
 from particlesim.scenario.positions import Place

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from pydantic_core import ErrorDetails
 
 from particlesim.scenario import typewalk
-from particlesim.scenario.overrides import did_you_mean
+from particlesim.names import did_you_mean
 from particlesim.scenario.typewalk import Node
 from particlesim.units import QUANTITY_ERROR, shown
 

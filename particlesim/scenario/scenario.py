@@ -19,6 +19,7 @@ from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
 from particlesim.model import Model
+from particlesim.names import did_you_mean
 from particlesim.render.settings import RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -56,6 +57,7 @@ class Scenario(Model):
     """How videos look."""
 
     _folder: Path | None = PrivateAttr(default=None)
+    _overrides: tuple[str, ...] = PrivateAttr(default=())
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -73,10 +75,15 @@ class Scenario(Model):
         """All groups: laid out ones, then those of emitters."""
         return (*self.particles, *self.emitters)
 
-    def in_folder(self, folder: Path) -> Scenario:
-        """The scenario with relative paths starting from a folder."""
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What was set beside the file, as 'key=value'."""
+        return self._overrides
+
+    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
+        """The scenario with relative paths starting from a folder, and the overrides already in it."""
         copy = self.model_copy()
-        copy._folder = folder
+        copy._folder, copy._overrides = folder, overrides
         return copy
 
     def streams(self, group: Group) -> Streams:
@@ -97,7 +104,7 @@ class Scenario(Model):
 
     @model_validator(mode="after")
     def _agrees(self) -> Scenario:
-        for check in (_names, _references, _needs, _times, _pins, _pairs):
+        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
             for mistake in check(self):
                 raise invalid(
                     mistake.message, at=mistake.at, also=mistake.also, allowed=mistake.allowed, hint=mistake.hint
@@ -176,8 +183,6 @@ def _references(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def _unknown_group(path: Keys, name: str, known: list[str]) -> Invalid:
-    from particlesim.names import did_you_mean
-
     return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
 
 
@@ -235,6 +240,36 @@ def _pins(scenario: Scenario) -> Iterator[Invalid]:
                         ((("particles", k, "layout"), f"{number} particles"),),
                         allowed=f"0 to {number - 1}",
                     )
+
+
+def _joined(scenario: Scenario) -> Iterator[Invalid]:
+    """What groups joined by springs have in common, and what they cannot do."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for k, springs in enumerate(scenario.springs):
+        (path, first), (other, second) = (tables[name] for name in springs.groups())
+        methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
+        if methods[0] != methods[1]:
+            yield Invalid(
+                f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
+                ("springs", k),
+                ((path, methods[0]), (other, methods[1])),
+            )
+        for j, plane in enumerate(scenario.planes):
+            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+                yield Invalid(
+                    "a plane cannot kill particles that are joined by springs",
+                    ("planes", j, "contact"),
+                    ((("springs", k), "joined here"),),
+                    hint="name the groups that the plane acts on with on = [...]",
+                )
+        for place, group in ((path, first), (other, second)):
+            reads = [force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()]
+            if group.cooling is not None and reads:
+                yield Invalid(
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
+                    (*place, "cooling"),
+                    ((("springs", k), "joined here"),),
+                )
 
 
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:

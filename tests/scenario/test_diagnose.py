@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from particlesim.errors import Diagnostic, ScenarioError
-from particlesim.scenario.crossfield import Invalid
+from particlesim.crossfield import Invalid
 from particlesim.scenario.diagnose import MOST_SHOWN, scenario_error
 from particlesim.scenario.overrides import apply_overrides, override_from_python, parse_override
 from particlesim.scenario.source import parse_source, source_from_dict

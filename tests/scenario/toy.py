@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 from annotated_types import Ge, Gt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from particlesim.scenario.crossfield import invalid
+from particlesim.crossfield import invalid
 from particlesim.scenario.diagnose import diagnose
 from particlesim.scenario.source import Source, parse_source
 from particlesim.units import (
