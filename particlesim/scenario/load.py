@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from particlesim.scenario.diagnose import diagnose
+from particlesim.crossfield import Invalid
+from particlesim.scenario.diagnose import diagnose, scenario_error
 from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import Source, parse_source, read_source, source_from_dict
@@ -42,8 +43,11 @@ def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Sce
     else:
         settings = tuple(parse_override(text) for text in overrides)
     source = apply_overrides(source, settings)
+    mistakes: list[Invalid] = []
     try:
-        scenario = Scenario.model_validate(source.raw)
+        scenario = Scenario.model_validate(source.raw, context={"mistakes": mistakes})
     except ValidationError as error:
         raise diagnose(error, source, Scenario) from None
+    if mistakes:
+        raise scenario_error(source, mistakes)
     return scenario.loaded_from(folder, tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings))

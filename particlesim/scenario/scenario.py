@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field as _Field
-from pydantic import PrivateAttr, StringConstraints, model_validator
+from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
 from particlesim.bonds import Springs
 from particlesim.colliders import Plane
@@ -103,16 +103,24 @@ class Scenario(Model):
         return tuple(labels)
 
     @model_validator(mode="after")
-    def _agrees(self) -> Scenario:
+    def _agrees(self, info: ValidationInfo) -> Scenario:
+        """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
+        raised."""
+        mistakes = []
         for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
-            for mistake in check(self):
-                raise invalid(
-                    mistake.message, at=mistake.at, also=mistake.also, allowed=mistake.allowed, hint=mistake.hint
-                )
+            mistakes += check(self)
+            if mistakes:
+                break  # later checks rely on earlier ones
         grid = time_grid(self.simulation, self.output)
         if isinstance(grid, Invalid):
-            raise invalid(grid.message, at=grid.at, also=grid.also, allowed=grid.allowed, hint=grid.hint)
-        self._grid = grid
+            mistakes.append(grid)
+        else:
+            self._grid = grid
+        if mistakes and info.context is not None and "mistakes" in info.context:
+            info.context["mistakes"].extend(mistakes)
+        elif mistakes:
+            first = mistakes[0]
+            raise invalid(first.message, at=first.at, also=first.also, allowed=first.allowed, hint=first.hint)
         return self
 
 
