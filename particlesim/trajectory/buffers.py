@@ -20,7 +20,7 @@ class BufferPool:
         self._lent: dict[int, tuple[str, npt.NDArray[Any]]] = {}
 
     def lend(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-        """An array of that shape with undefined content, from an earlier one of the same name if it is large enough."""
+        """An array of undefined content; memory given back under the same name is used again."""
         with self._lock:
             idle = self._idle.get(name, [])
             fit = next((i for i, array in enumerate(idle) if len(array) >= shape[0]), None)

@@ -16,7 +16,7 @@ Precision = Literal["single", "double"]
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """One quantity per particle: its name, number of components, SI unit ("" when it has none) and meaning."""
+    """One quantity per particle: name, number of components, SI unit ("" if it has none) and meaning."""
 
     name: str
     components: int
@@ -67,7 +67,7 @@ def component_names(name: str) -> tuple[str, ...]:
 
 
 def component(short: str) -> tuple[str, int | None] | None:
-    """The field and column behind a short name: "vy" → ("velocity", 1), "age" → ("age", None); None if unknown."""
+    """What a short name stands for: "vy" → ("velocity", 1), "age" → ("age", None), unknown → None."""
     for name, spec in FIELDS.items():
         names = component_names(name)
         if short in names:
@@ -81,7 +81,10 @@ def select_fields(names: Iterable[str]) -> tuple[FieldSpec, ...]:
     Raises UsageError for a name that is no field.
     """
     ordered = dict.fromkeys((*ALWAYS, *names))
-    return tuple(FIELDS[name] if name in FIELDS else _unknown(name, FIELDS) for name in ordered)
+    for name in ordered:
+        if name not in FIELDS:
+            raise unknown_name("field", name, FIELDS)
+    return tuple(FIELDS[name] for name in ordered)
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> UsageError:
@@ -103,7 +106,3 @@ def ledger_unit(column: str) -> str:
     if head in {"kinetic", "potential", "energy", "total", "work", "dissipated", "thermal"}:
         return "J"
     return ""
-
-
-def _unknown(name: str, known: Iterable[str]) -> FieldSpec:
-    raise unknown_name("field", name, known)

@@ -89,7 +89,7 @@ class FrameFile:
         ]
         self._topology = [vtk[name] for name in ("Vertices/Connectivity", "Vertices/Offsets")]
         self._frames = psim["frames"]
-        self._ledger = psim["ledger"] if "ledger" in psim else None
+        self._ledger = psim.get("ledger")
         self._events = {"birth": psim["events/births"], "death": psim["events/deaths"]}
         self._next_row = 0
         self._values = vtk["Steps/Values"]
@@ -97,11 +97,11 @@ class FrameFile:
     def append(self, batch: Sequence[FrameData | EventData]) -> None:
         """Write frames and events, in the order given; when this returns, other processes can read them.
 
-        Raises OSError (or what HDF5 makes of it, RuntimeError) when the system refuses; frames of earlier calls
-        stay readable.
+        Raises OSError (or what HDF5 makes of it, RuntimeError) when the system refuses; frames of earlier
+        calls stay readable.
         """
         self._check_space(sum(item.nbytes for item in batch))
-        rows = []
+        rows: list[tuple[int | float, ...]] = []
         for item in batch:
             if isinstance(item, EventData):
                 _extend(self._events[item.kind], item.rows)
@@ -139,7 +139,7 @@ class FrameFile:
             self.bytes_written += len(data)
 
     def _grow_topology(self, count: int) -> None:
-        """Have at least `count` vertices: both tables are 0, 1, 2, ..., Offsets needs one more than there are."""
+        """Have at least `count` vertices: both tables are 0, 1, 2, ...; Offsets needs one more than that."""
         have = len(self._topology[0])
         if count < have:
             return
@@ -170,7 +170,7 @@ class FrameFile:
         self._file.flush()
 
     def _check_space(self, nbytes: int) -> None:
-        """Refuse a frame that will not fit: HDF5 cannot close a file cleanly once a write of its own has failed."""
+        """Refuse what will not fit: once a write inside HDF5 has failed, it cannot close a file cleanly."""
         free = shutil.disk_usage(self._path.parent).free
         if free < nbytes + _RESERVE:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))

@@ -8,15 +8,16 @@
       Steps                         NSteps; Values (times); where each frame starts
     /psim
       format                        version of this layout (attribute)
-      frames [frames]               number, step, time, offset, count, births, deaths: one row per finished frame
+      frames [frames]               number, step, time, offset, count, births, deaths of each
       ledger [frames]               one named column per quantity
       events/births, deaths         id, time, cause
       groups                        names; the field `group` counts into them
       provenance/NAME               scenario as TOML text, versions, seed, host ...
       status, summary               how the run ended
 
-A frame is finished when its row of /psim/frames carries its number (counted from 1); everything else about it is
-on its way to the disk before that row is. SWMR forbids new objects once writing has begun, so all are made here.
+A frame is finished when its row of /psim/frames carries its number (counted from 1); everything else about it
+is on its way to the disk before that row is. SWMR forbids new objects once writing has begun, so all are made
+here.
 """
 
 from __future__ import annotations
@@ -40,8 +41,10 @@ EVENT_ROWS = 1024
 TOPOLOGY_ROWS = 1 << 16
 
 FRAME = np.dtype(
-    [("number", "<i8"), ("step", "<i8"), ("time", "<f8"), ("offset", "<i8"), ("count", "<i8")]
-    + [("births", "<i8"), ("deaths", "<i8")]
+    {
+        "names": ["number", "step", "time", "offset", "count", "births", "deaths"],
+        "formats": ["<i8", "<i8", "<f8", "<i8", "<i8", "<i8", "<i8"],
+    }
 )
 EVENT = np.dtype([("id", "<i8"), ("time", "<f8"), ("cause", "u1")])
 STATUS = np.dtype("S16")
@@ -70,7 +73,7 @@ def create_file(
     compressed: bool,
     particles: int,
 ) -> None:
-    """Write a complete trajectory file without frames; `particles` is the largest count expected in a frame."""
+    """Write a complete trajectory file without frames; `particles` is the count expected in a large one."""
     with h5py.File(path, "w", libver=LIBVER) as file:
         _create_points(file, fields, precision, compressed, chunk_rows(particles))
         _create_steps(file, fields)
@@ -100,7 +103,7 @@ def _create_points(
 
 
 def _create_steps(file: h5py.File, fields: Sequence[FieldSpec]) -> None:
-    """The bookkeeping of VTK. Columns that VTK wants twice, or that are all zero, are one dataset with many names."""
+    """The bookkeeping of VTK. What it wants twice, or all zero, is one dataset with several names."""
     vtk = file["VTKHDF"]
     _table(vtk, "NumberOfPoints")
     steps = vtk.create_group("Steps")

@@ -23,7 +23,7 @@ _MASK = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class Superblock:
-    """`marked`: a writer has, or had, the file open. `end`: length of the file [bytes] as the file tells it."""
+    """`marked`: a writer has, or had, the file open. `end`: its length [bytes] as the file tells it."""
 
     version: int
     marked: bool
@@ -49,8 +49,8 @@ def read_superblock(path: Path) -> Superblock | None:
 def clear_mark(path: Path) -> None:
     """Take the writer's mark off a file that no process writes, and set its length to the real one.
 
-    The length matters: a killed writer may have left a smaller one, and whoever opens the file for writing next
-    would put new data over the last frames.
+    The length matters: a killed writer may have left a smaller one, and whoever opens the file for writing
+    next would put new data over the last frames.
     """
     with path.open("r+b") as file:
         head = bytearray(file.read(_LENGTH))

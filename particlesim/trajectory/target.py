@@ -1,4 +1,4 @@
-"""Putting an output file in its place: nothing is overwritten unasked, and never before the new file is there."""
+"""Putting an output file in its place: nothing is overwritten unasked, or before the new file is there."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from particlesim.errors import InputOutputError, UsageError
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Refuse an output path that is a folder, exists (unless `overwrite`) or cannot be written; make its folders.
+    """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written; make its folders.
 
     Raises UsageError.
     """
@@ -38,7 +38,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`; the file written there becomes `path` when the block ends without error.
+    """A temporary name beside `path`; the file written there becomes `path` if the block ends without error.
 
     Whatever goes wrong, `path` is as it was and no partial file stays. OSError is raised as InputOutputError.
     """
@@ -58,14 +58,14 @@ def write_error(path: Path, error: BaseException) -> InputOutputError:
     if getattr(error, "errno", None) == 28 or "errno = 28" in text or "No space left" in text:
         return InputOutputError(
             f"the disk is full: {path} could not be written further",
-            "Frames written so far are kept. Free some space, record fewer fields or frames, or write elsewhere.",
+            "What was finished is kept. Free some space, record fewer fields or frames, or write elsewhere.",
         )
     reason = getattr(error, "strerror", None) or text
-    return InputOutputError(f"writing {path} failed: {reason}", "Frames written so far are kept.")
+    return InputOutputError(f"writing {path} failed: {reason}", "What was finished before is kept.")
 
 
 def _temporary_name(path: Path) -> Path:
-    """A name that is free, in the same folder (so that renaming is atomic), with the permissions of a new file."""
+    """A free name in the same folder (so that renaming is atomic), with the permissions of a new file."""
     try:
         descriptor, name = tempfile.mkstemp(
             prefix=f".{path.name}.", suffix=".part" + path.suffix, dir=path.parent
@@ -75,5 +75,6 @@ def _temporary_name(path: Path) -> Path:
     os.close(descriptor)
     umask = os.umask(0)
     os.umask(umask)
-    os.chmod(name, 0o666 & ~umask)
-    return Path(name)
+    temporary = Path(name)
+    temporary.chmod(0o666 & ~umask)
+    return temporary

@@ -9,8 +9,6 @@ from threading import Condition, Thread
 from types import TracebackType
 from typing import Any, Literal, Self
 
-import h5py
-import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
@@ -29,10 +27,10 @@ class TrajectoryWriter:
     """Writes `path` (VTKHDF, see `layout`) frame by frame; other processes can read it meanwhile.
 
     fields: what to record beside position and id (names of `FIELDS`). groups: names that the field `group`
-    counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the key
-    "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the largest
-    count expected in a frame; it only chooses how the file is cut (`chunks`). queue_bytes: how much may wait to
-    be written before `append` waits.
+    counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
+    key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
+    largest count expected in a frame; it only chooses how the file is cut (`chunks`). queue_bytes: how much
+    may wait to be written before `append` waits.
 
     The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
     path that exists (unless `overwrite`) or cannot be written.
@@ -115,11 +113,12 @@ class TrajectoryWriter:
     def append(
         self, time: float, step: int, columns: Mapping[str, npt.NDArray[Any]], ledger: Mapping[str, float]
     ) -> None:
-        """Queue the frame at `time` [s]. `columns` has every recorded field, of the stored type, [n] or [n, 3].
+        """Queue the frame at `time` [s].
 
-        The arrays belong to the writer from here on. Waits while the queue is full. Raises UsageError when
-        columns or ledger are not what the file was made for, InputOutputError when an earlier frame could not be
-        written (disk full, device error); frames before it are kept.
+        `columns` has every recorded field, in the stored type, [n] or [n, 3]. The arrays belong to the writer
+        from here on. Waits while the queue is full. Raises UsageError when columns or ledger are not what the
+        file was made for, InputOutputError when an earlier frame could not be written (disk full, device
+        error); frames before it are kept.
         """
         self._check_columns(columns)
         if set(ledger) != set(self._ledger):
@@ -131,8 +130,11 @@ class TrajectoryWriter:
     def events(
         self, kind: EventKind, ids: npt.ArrayLike, times: npt.ArrayLike, causes: npt.ArrayLike
     ) -> None:
-        """Queue births or deaths: particle ids, times [s] and cause codes (0 to 255), each [n]; times and causes
-        may be one value for all. They belong to the frame that is appended next. Raises as `append` does."""
+        """Queue births or deaths: particle ids, times [s] and cause codes (0 to 255), each [n].
+
+        times and causes may be one value for all. The events belong to the frame that is appended next.
+        Raises as `append` does.
+        """
         rows = event_rows(ids, times, causes)
         if len(rows):
             self._put(EventData(kind, rows))
@@ -140,8 +142,8 @@ class TrajectoryWriter:
     def close(self, status: str = "complete", summary: Mapping[str, float | int | str] | None = None) -> None:
         """Write what is queued, then how the run ended, and close. Calling it again does nothing.
 
-        status: one of "complete", "interrupted", "diverged", "failed". Raises InputOutputError when a frame could
-        not be written; the file then says "failed".
+        status: one of "complete", "interrupted", "diverged", "failed". Raises InputOutputError when a frame
+        could not be written; the file then says "failed".
         """
         if self._closed:
             return
@@ -200,7 +202,7 @@ class TrajectoryWriter:
             self._release(batch)
 
     def _next_batch(self) -> list[FrameData | EventData]:
-        """What is queued, up to some megabytes, so that many small frames cost one flush; empty at the end."""
+        """What is queued, up to some megabytes, so that many small frames share a flush; empty at the end."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._queue) or self._ending)
             batch: list[FrameData | EventData] = []
@@ -225,11 +227,14 @@ class TrajectoryWriter:
 
     def _finish(self, status: str, summary: Mapping[str, Any] | None) -> None:
         """Status, summary, close; each is tried even when the one before failed."""
-        for action in (lambda: self._file.finish(status, summary), self._file.close):
-            try:
-                action()
-            except Exception as error:
-                self._error = self._error or error
+        try:
+            self._file.finish(status, summary)
+        except Exception as error:
+            self._error = self._error or error
+        try:
+            self._file.close()
+        except Exception as error:
+            self._error = self._error or error
         self._lock.release()
         block = read_superblock(self.path) if self.path.exists() else None
         if self._error is not None and block is not None and block.marked:
