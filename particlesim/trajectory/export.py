@@ -32,8 +32,8 @@ def export(
 
     frames: which ones, all by default. fields: which ones, all that were recorded by default; position and id
     always come along. Returns the number of rows: one per particle and frame. A partial file is never left
-    behind. Raises UsageError for an unknown ending or field, an unusable input, and an output that exists (unless
-    `overwrite`) or cannot be written; InputOutputError when writing fails.
+    behind. Raises UsageError for an unknown ending or field, an unusable input, and an output that exists
+    (unless `overwrite`) or cannot be written; InputOutputError when writing fails.
     """
     path_in, path_out = Path(path_in), Path(path_out)
     write = FORMATS.get(path_out.suffix.lower())
@@ -76,7 +76,7 @@ def write_csv(trajectory: Trajectory, indices: Sequence[int], fields: Sequence[s
 
 
 def _csv_blocks(frame: Frame, fields: Sequence[str]) -> Iterator[str]:
-    """The rows of a frame as text. One format string serves thousands of rows: 3 times faster than row by row."""
+    """The rows of a frame as text; one format string serves thousands of them, to be fast."""
     columns: list[Sequence[Any]] = [frame.id.tolist()]
     formats = [repr(frame.time), "%d"]
     for name in fields:
