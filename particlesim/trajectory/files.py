@@ -91,9 +91,9 @@ def damaged(path: Path, error: BaseException) -> UsageError:
     )
 
 
-def finished_frames(file: h5py.File) -> npt.NDArray[np.void]:
+def finished_frames(table: h5py.Dataset) -> npt.NDArray[np.void]:
     """The rows of /psim/frames that were finished: each carries its number, counted from 1."""
-    rows: npt.NDArray[np.void] = file["psim/frames"][:]
+    rows: npt.NDArray[np.void] = table[:]
     valid = rows["number"] == np.arange(1, len(rows) + 1)
     return rows[: len(rows) if valid.all() else int(valid.argmin())]
 

@@ -68,25 +68,45 @@ class Trajectory(Sequence[Frame]):
         self._columns: dict[str, h5py.Dataset] = {name: self._file[column_path(name)] for name in self.fields}
 
     def _read_frames(self) -> None:
-        psim = self._file["psim"]
-        rows = finished_frames(self._file)
+        """Take in what the file holds now.
+
+        A writer finishes the data of a frame, then its row in /psim/frames, at the end the status. So this
+        looks in the opposite order: what it knows of is there.
+        """
+        self.status = self._read_status()
+        rows = finished_frames(self._fresh("psim/frames"))
+        for dataset in self._columns.values():
+            dataset.refresh()
         self._rows = rows
         self.times, self.steps, self.counts = (rows[name].copy() for name in ("time", "step", "count"))
-        ledger = psim["ledger"][: len(rows)] if "ledger" in psim else None
-        self.ledger = {} if ledger is None else {name: ledger[name].copy() for name in ledger.dtype.names}
-        self.summary = json.loads(psim["summary"][:].tobytes() or b"{}")
-        self.status = psim["status"][()].decode()
-        if self.status == "running" and not is_being_written(self.path):
-            self.status = "interrupted"
+        self.ledger = {}
+        if "psim/ledger" in self._file:
+            ledger = self._fresh("psim/ledger")[: len(rows)]
+            self.ledger = {name: ledger[name].copy() for name in ledger.dtype.names}
+        self.summary = json.loads(self._fresh("psim/summary")[:].tobytes() or b"{}")
+
+    def _read_status(self) -> str:
+        status = self._fresh("psim/status")[()].decode()
+        if status == "running" and not is_being_written(self.path):
+            # The writer may have ended between the two looks.
+            status = self._fresh("psim/status")[()].decode()
+            if status == "running":
+                return "interrupted"
+        return str(status)
+
+    def _fresh(self, name: str) -> h5py.Dataset:
+        """A dataset as it is in the file now."""
+        dataset = self._file[name]
+        dataset.refresh()
+        return dataset
 
     def refresh(self) -> None:
         """Take notice of the frames that a running simulation has added meanwhile."""
-        file = self._open_file()
-        psim = file["psim"]
-        tables = [psim[name] for name in ("frames", "ledger", "summary", "status") if name in psim]
-        for dataset in (*tables, *self._columns.values()):
-            dataset.id.refresh()
-        self._read_frames()
+        self._open_file()
+        try:
+            self._read_frames()
+        except (OSError, RuntimeError, KeyError, ValueError) as error:
+            raise damaged(self.path, error) from error
 
     @property
     def scenario(self) -> str:
@@ -185,7 +205,7 @@ class Trajectory(Sequence[Frame]):
         if kind not in ("birth", "death"):
             raise unknown_name("kind of event", kind, ("birth", "death"))
         table = self._open_file()[f"psim/events/{kind}s"]
-        table.id.refresh()
+        table.refresh()
         known = int(self._rows[f"{kind}s"][-1]) if len(self) else 0
         rows = table[:known]
         causes, names = rows["cause"], json.loads(table.attrs["causes"])

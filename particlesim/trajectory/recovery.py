@@ -60,7 +60,7 @@ def recover(path: Path) -> bool:
 
 def _cut_back(file: h5py.File) -> None:
     """Drop the bookkeeping of unfinished frames; VTK needs NSteps and Values to agree."""
-    rows = finished_frames(file)
+    rows = finished_frames(file["psim/frames"])
     for name in _PER_FRAME:
         if name in file:
             file[name].resize(len(rows), axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -57,22 +58,17 @@ class TrajectoryWriter:
         self._ledger = tuple(ledger)
         check_target(self.path, overwrite=overwrite)
         _refuse_file_in_use(self.path)
-        with replacing(self.path) as temporary:
-            create_file(
-                temporary,
-                fields=tuple(self._fields.values()),
-                groups=groups,
-                ledger=self._ledger,
-                causes=causes,
-                provenance=provenance,
-                precision=precision,
-                compressed=compression == "gzip",
-                particles=particles_hint,
-            )
-        # Opened only now, under its final name: Windows cannot rename an open file.
-        self._file = FrameFile(self.path, tuple(self._fields))
         self._lock = WriterLock()
-        self._lock.acquire(self.path)
+        self._create(
+            fields=tuple(self._fields.values()),
+            groups=groups,
+            ledger=self._ledger,
+            causes=causes,
+            provenance=provenance,
+            precision=precision,
+            compressed=compression == "gzip",
+            particles=particles_hint,
+        )
 
         self._queue: deque[FrameData | EventData] = deque()
         self._queue_limit = queue_bytes
@@ -86,6 +82,27 @@ class TrajectoryWriter:
         self._buffers = BufferPool(queue_bytes)
         self._thread = Thread(target=self._write_queue, name="trajectory writer", daemon=True)
         self._thread.start()
+
+    def _create(self, **layout: Any) -> None:
+        """Make the file beside `path`, open it for writing, and only then put it in its place.
+
+        So whoever finds it at `path` finds it readable and locked. Windows cannot rename an open file: there
+        it is opened afterwards.
+        """
+        try:
+            with replacing(self.path) as temporary:
+                create_file(temporary, **layout)
+                if os.name == "posix":
+                    self._open(temporary)
+            if os.name != "posix":
+                self._open(self.path)
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def _open(self, path: Path) -> None:
+        self._lock.acquire(path)
+        self._file = FrameFile(path, tuple(self._fields))
 
     @property
     def frames_written(self) -> int:
@@ -236,9 +253,8 @@ class TrajectoryWriter:
         except Exception as error:
             self._error = self._error or error
         self._lock.release()
-        block = read_superblock(self.path) if self.path.exists() else None
-        if self._error is not None and block is not None and block.marked:
-            clear_mark(self.path)
+        if self._error is not None:
+            _repair_header(self.path)
 
     def _raise_error(self) -> None:
         if self._error is not None:
@@ -261,6 +277,17 @@ class TrajectoryWriter:
                     f"field {name!r} has shape {column.shape} and type {column.dtype}",
                     f"The file stores C-contiguous {dtype} of shape {shape}.",
                 )
+
+
+def _repair_header(path: Path) -> None:
+    """Make a file readable that HDF5 could not close: still marked, or longer on record than it is."""
+    try:
+        block = read_superblock(path)
+        if block is not None and (block.marked or block.end != path.stat().st_size):
+            clear_mark(path)
+    except OSError:
+        # The error that brought us here is the one to report; `recover` can repair the file later.
+        pass
 
 
 def _refuse_file_in_use(path: Path) -> None:
