@@ -63,9 +63,9 @@ def energies(trajectory: Trajectory) -> dict[str, Series]:
 
 
 def relative_energy_drift(trajectory: Trajectory) -> Series:
-    """(E − E₀) / max |E_part|, where E is the total energy and E₀ its first value, [frames].
+    """(E − E₀) / max |Eₖ|, where E is the total energy, E₀ its first value, Eₖ it and its parts, [frames].
 
-    It is divided by the largest part (kinetic or potential) seen and not by E₀, which is zero in many a
+    Divided by the largest energy seen, kinetic, potential or total, and not by E₀, which is zero in many a
     system (a free fall from rest at height zero, say). Raises UsageError when the file has no energies.
     """
     parts = energies(trajectory)

@@ -86,7 +86,7 @@ def _csv_blocks(frame: Frame, fields: Sequence[str]) -> Iterator[str]:
             columns.append([quoted[code] for code in values.tolist()])
             formats.append("%s")
             continue
-        for column in values.reshape(len(values), -1).T:
+        for column in np.atleast_2d(values.T):
             columns.append(column.tolist())
             formats.append({"f4": "%.9g", "f8": "%r"}.get(column.dtype.str[1:], "%d"))
     row = ",".join(formats) + "\n"

@@ -9,11 +9,14 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import h5py
 import numpy as np
@@ -71,6 +74,7 @@ class FrameFile:
             self._file.close()
             raise
         self.bytes_written = 0
+        self._broken = False
         self._pool = (
             ThreadPoolExecutor(min(8, max(1, (os.cpu_count() or 2) // 2))) if self._compressed else None
         )
@@ -101,6 +105,10 @@ class FrameFile:
         calls stay readable.
         """
         self._check_space(sum(item.nbytes for item in batch))
+        with self._watched():
+            self._write(batch)
+
+    def _write(self, batch: Sequence[FrameData | EventData]) -> None:
         rows: list[tuple[int | float, ...]] = []
         for item in batch:
             if isinstance(item, EventData):
@@ -170,23 +178,62 @@ class FrameFile:
         self._file.flush()
 
     def _check_space(self, nbytes: int) -> None:
-        """Refuse what will not fit: once a write inside HDF5 has failed, it cannot close a file cleanly."""
+        """Refuse what will not fit, before HDF5 finds out in the middle of its work."""
         free = shutil.disk_usage(self._path.parent).free
         if free < nbytes + _RESERVE:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
 
-    def finish(self, status: str, summary: Mapping[str, Any] | None) -> None:
-        """Record how the run ended. The file stays open."""
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Remember a failure of HDF5: what it takes to be in the file need not be there from then on."""
+        try:
+            yield
+        except BaseException:
+            self._broken = True
+            raise
+
+    def close(self, status: str, summary: Mapping[str, Any] | None) -> None:
+        """Record how the run ended, close, and take HDF5's mark "open for writing" away.
+
+        After a failed write the status is all that is recorded. Raises as `append` does; the file is closed
+        then too, but may still be marked.
+        """
+        if self._pool is not None:
+            self._pool.shutdown()
+        try:
+            if not self._broken:
+                with self._watched():
+                    self._write_end(status, summary)
+        finally:
+            if self._broken and os.name == "posix":
+                self._detach(status)
+            self._file.close()
+
+    def _write_end(self, status: str, summary: Mapping[str, Any] | None) -> None:
         self._file["psim/status"][()] = np.array(status.encode(), STATUS)
         if summary:
             text = json.dumps(dict(summary), ensure_ascii=False).encode()
             _extend(self._file["psim/summary"], np.frombuffer(text, np.uint8))
+        self._file.flush()
 
-    def close(self) -> None:
-        """Close the file and take HDF5's mark "open for writing" away."""
-        if self._pool is not None:
-            self._pool.shutdown()
-        self._file.close()
+    def _detach(self, status: str) -> None:
+        """Let HDF5 do the rest of its writing into a file that is thrown away.
+
+        It cannot give up a file: what it could not write, it tries again when the file closes, and if that
+        fails too it crashes the process later (h5py issue 914). What is on the disk by now is what readers
+        will see.
+        """
+        descriptor: int = self._file.id.get_vfd_handle()
+        text = status.encode().ljust(STATUS.itemsize, b"\0")
+        with suppress(OSError):
+            os.pwrite(descriptor, text, self._file["psim/status"].id.get_offset())
+        with tempfile.TemporaryFile() if sys.platform != "linux" else _memory_file() as sink:
+            os.dup2(sink.fileno(), descriptor)
+
+
+def _memory_file() -> IO[bytes]:
+    """An unnamed file in memory: the disk may be full."""
+    return os.fdopen(os.memfd_create("trajectory"), "w+b")
 
 
 def _extend(dataset: h5py.Dataset, values: npt.NDArray[Any]) -> None:

@@ -35,13 +35,17 @@ def recover(path: Path) -> bool:
     """
     path = Path(path)
     marked = check_readable(path).marked
-    with open_file(path) as file:
-        if not marked and file["psim/status"][()] != b"running":
-            return False
-    if is_being_written(path):
+    # Asked first: a writer that ends in between has then left its status, which must not be overwritten.
+    if marked and is_being_written(path):
         raise UsageError(f"{path} is being written by a running simulation", "Wait for it, or stop it.")
     try:
-        if marked:
+        with open_file(path) as file:
+            if not (check_readable(path).marked or _unfinished(file)):
+                return False
+    except (OSError, RuntimeError, KeyError) as error:
+        raise damaged(path, error) from error
+    try:
+        if check_readable(path).marked:
             clear_mark(path)
         file = h5py.File(path, "r+", libver=LIBVER)
     except OSError as error:
@@ -52,10 +56,21 @@ def recover(path: Path) -> bool:
     try:
         with file:
             _cut_back(file)
-            file["psim/status"][()] = np.array(b"interrupted", STATUS)
+            if file["psim/status"][()] == b"running":
+                file["psim/status"][()] = np.array(b"interrupted", STATUS)
     except (OSError, RuntimeError, KeyError) as error:
         raise damaged(path, error) from error
     return True
+
+
+def _unfinished(file: h5py.File) -> bool:
+    """Whether the end of the run, or of its last frame, was not recorded."""
+    frames = len(finished_frames(file["psim/frames"]))
+    return (
+        file["psim/status"][()] == b"running"
+        or file["VTKHDF/Steps"].attrs["NSteps"] != frames
+        or any(len(file[name]) != frames for name in _PER_FRAME if name in file)
+    )
 
 
 def _cut_back(file: h5py.File) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -55,12 +57,14 @@ def replacing(path: Path) -> Iterator[Path]:
 def write_error(path: Path, error: BaseException) -> InputOutputError:
     """What to tell about a failed write of `path`."""
     text = str(error)
-    if getattr(error, "errno", None) == 28 or "errno = 28" in text or "No space left" in text:
+    if getattr(error, "errno", None) == errno.ENOSPC or f"errno = {errno.ENOSPC}," in text:
         return InputOutputError(
             f"the disk is full: {path} could not be written further",
             "What was finished is kept. Free some space, record fewer fields or frames, or write elsewhere.",
         )
-    reason = getattr(error, "strerror", None) or text
+    # HDF5 puts the system's message into a long text of file positions.
+    inside = re.search(r"error message = '([^']*)'", text)
+    reason = getattr(error, "strerror", None) or (inside[1] if inside else text)
     return InputOutputError(f"writing {path} failed: {reason}", "What was finished before is kept.")
 
 

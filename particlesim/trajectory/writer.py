@@ -21,7 +21,8 @@ from particlesim.trajectory.lock import WriterLock, is_being_written
 from particlesim.trajectory.superblock import clear_mark, read_superblock
 from particlesim.trajectory.target import check_target, replacing, write_error
 
-_BATCH_BYTES = 16 << 20
+# Small frames share a flush. No more of them: when a write fails, those of its batch are lost.
+_BATCH_BYTES = 256 << 10
 
 
 class TrajectoryWriter:
@@ -219,7 +220,7 @@ class TrajectoryWriter:
             self._release(batch)
 
     def _next_batch(self) -> list[FrameData | EventData]:
-        """What is queued, up to some megabytes, so that many small frames share a flush; empty at the end."""
+        """What is queued, up to a limit, so that many small frames share a flush; empty at the end."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._queue) or self._ending)
             batch: list[FrameData | EventData] = []
@@ -243,13 +244,9 @@ class TrajectoryWriter:
             self._changed.notify_all()
 
     def _finish(self, status: str, summary: Mapping[str, Any] | None) -> None:
-        """Status, summary, close; each is tried even when the one before failed."""
+        """Close the file, and make it readable whatever happened."""
         try:
-            self._file.finish(status, summary)
-        except Exception as error:
-            self._error = self._error or error
-        try:
-            self._file.close()
+            self._file.close(status, summary)
         except Exception as error:
             self._error = self._error or error
         self._lock.release()

@@ -65,12 +65,12 @@ def test_reading_while_another_process_writes(tmp_path, synthetic, start_writer)
     process = start_writer(path, pause=0.004, frames=120)
     process.stdout.readline()
     seen = []
+    with pytest.raises(UsageError, match="being written"):
+        recover(path)
     with reader.open(path) as trajectory:
         while trajectory.status == "running":
             seen.append(len(trajectory))
             synthetic.check(trajectory, counts_of_victim(len(trajectory), 100))
-            with pytest.raises(UsageError, match="being written"):
-                recover(path)
             trajectory.refresh()
         assert process.wait(timeout=20) == 0
         trajectory.refresh()
@@ -167,11 +167,23 @@ from pathlib import Path
 sys.path.insert(0, {folder!r})
 from conftest import open_writer, synthetic_columns, synthetic_ledger
 from particlesim.errors import InputOutputError
-resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+from particlesim.trajectory import frame_file
+
+def limit(size):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+def unlimited_memory_file(make=frame_file._memory_file):
+    limit(resource.RLIM_INFINITY)  # the limit stands for a full disk, and memory is none
+    return make()
+
+frame_file._memory_file = unlimited_memory_file
+limit({limit})
 try:
     with open_writer(Path({path!r}), compression={compression!r}) as writer:
         for k in range(10000):
             writer.append(k / 10, 5 * k, synthetic_columns(k, 400), synthetic_ledger(k))
+            while writer.frames_written < min(k, 3):
+                time.sleep(0.001)
 except InputOutputError as error:
     print(writer.frames_written, error.message)
 """
