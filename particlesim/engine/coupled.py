@@ -408,3 +408,10 @@ def step_island(
     return steps
 
 
+
+
+@kernel
+def island_forces(parts: Any, bonds: Any, c: Any, total: Any, t: Any) -> None:
+    """Total force on every particle of an island, into total [3, n]."""
+    add_forces(parts, c, total, t)
+    add_bonds(bonds, c, total)

@@ -13,8 +13,9 @@ from particlesim.bonds import Springs
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.columns import Clock, Columns, Thermal
-from particlesim.engine.coupled import Bonds, Part, scratch, staged, step_island
+from particlesim.engine.coupled import Bonds, Part, island_forces, scratch, staged, step_island
 from particlesim.engine.independent import BLOCK, Program, step_range
+from particlesim.engine.measure import sum_forces
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record, group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.engine.team import Team
@@ -76,6 +77,13 @@ class IndependentIsland:
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
         return [self.state.columns(**self._columns_of)]
+
+    def forces(self, time: float) -> NDArray[np.floating[Any]]:
+        """Total force on every particle at a time [N], shape [3, n]."""
+        out = np.zeros((3, self.state.count))
+        if self.state.count:
+            sum_forces(self.program.forces, self.columns()[0], time, 0, self.state.count, out)
+        return out
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
@@ -276,6 +284,12 @@ class CoupledIsland:
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
         return self._all.columns(radius=self._radius, thermal=self._thermal)
+
+    def forces(self, time: float) -> NDArray[np.floating[Any]]:
+        """Total force on every particle at a time [N], shape [3, n]."""
+        total = np.zeros_like(self._work.force)
+        island_forces(self.parts, self.bonds, self.island_columns(), total, time)
+        return total
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""

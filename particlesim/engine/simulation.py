@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.islands import Births, CoupledIsland, Fault, IndependentIsland
-from particlesim.engine.measure import MOTION, bond_energy, measure, sum_forces
+from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
@@ -91,8 +92,8 @@ class Simulation:
         """Particles alive."""
         return sum(state.count for state in self.states)
 
-    def advance_to(self, step: int) -> None:
-        """Move on to the beginning of a step.
+    def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
+        """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
 
         Raises DivergenceError when a number stops being finite; the state is then that of the step's beginning for the
         particles concerned.
@@ -104,6 +105,8 @@ class Simulation:
             for island in self._islands:
                 self._advance(island, self.step, last)
             self.step = last
+            if between is not None and last < step:
+                between()
 
     def _advance(self, island: IndependentIsland | CoupledIsland, first: int, last: int) -> None:
         while first < last:
@@ -176,15 +179,13 @@ class Simulation:
                     total[f"potential.{names[springs]}"] += energy
         return total
 
-    def forces_on(self, state: GroupState) -> NDArray[np.float64]:
-        """Sum of the one-particle forces on every particle of a group [N], shape [n, 3]."""
-        out = np.zeros((3, state.count))
+    def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
+        """Sum of all forces on every particle of a group [N], shape [n, 3]."""
         for island in self._islands:
-            for k, member in enumerate(island.states):
-                if member is state and state.count:
-                    program = island.program if isinstance(island, IndependentIsland) else island.parts[k]
-                    sum_forces(program.forces, island.columns()[k], self.time, 0, state.count, out)
-        return out.T
+            if any(member is state for member in island.states):
+                names = [member.name for member in island.states]
+                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
+        raise ValueError(f"{state.name} is no group of this simulation")
 
     def _divergence(self, island: IndependentIsland | CoupledIsland, fault: Fault) -> DivergenceError:
         """Which particle, when, where, and the force that did most."""
