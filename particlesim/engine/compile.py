@@ -1,4 +1,8 @@
-"""Teaches the compiler the generics of `particlesim.laws`: the record's type selects the law, which is inlined."""
+"""Teaches the compiler the generics of `particlesim.laws`: the record's type selects the law, which is inlined.
+
+The forces are imported here so that their generics and helpers are declared before they are taught, whichever module a
+program imports first.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+import particlesim.forces  # noqa: F401
 from particlesim.engine.cache import INLINE
 from particlesim.laws import GENERICS, HELPERS, Generic
 
