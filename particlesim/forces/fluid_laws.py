@@ -144,14 +144,15 @@ def constant_drag_slope(f: Constant, q: Particle) -> float:
     return f.value
 
 
-# With Re = 2 r |u| / ν, 24/Re |u| = 12 ν/r: no division by the speed is left.
+# With Re = 2 r |u| / ν, 24/Re |u| = 12 ν/r: no division by the speed is left. A point (r = 0) has no cross-section.
+_POINT = 1e-100
 
 
 @law(drag_speed, SchillerNaumann)
 def schiller_naumann(f: SchillerNaumann, q: Particle) -> float:
     u = speed(q)
     re = 2 * q.r * u / f.nu
-    return 12 * f.nu / q.r * (1 + 0.15 * re**0.687) if re < 1000 else 0.44 * u
+    return 12 * f.nu / max(q.r, _POINT) * (1 + 0.15 * re**0.687) if re < 1000 else 0.44 * u
 
 
 @law(drag_slope, SchillerNaumann)

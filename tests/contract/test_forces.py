@@ -194,6 +194,13 @@ def test_drag_at_rest_relative_to_the_fluid(model: Force) -> None:
         assert force(model.record(), slow)[0] == pytest.approx(-slope * 1e-18, rel=1e-9)
 
 
+@pytest.mark.parametrize("coefficient", [0.47, "schiller_naumann"])
+def test_drag_on_a_point_vanishes(coefficient: Any) -> None:
+    record = Drag(fluid="air", coefficient=coefficient).record()
+    for p in PARTICLES:
+        assert scale(force(record, p._replace(r=0.0))) == 0
+
+
 @pytest.mark.parametrize(
     ("altitude", "expected"), [(0.0, 1.2250), (2000.0, 1.00655), (11000.0, 0.36391), (20000.0, 0.08803)]
 )
