@@ -90,6 +90,7 @@ _ARGUMENTS = {
     "asin": ("x/3",),
     "acos": ("y/3",),
     "log": ("z + 3",),
+    "tan": ("x*y/4",),
     "sqrt": ("z + 3",),
 }
 _TWO = ("atan2", "hypot", "min", "max")
