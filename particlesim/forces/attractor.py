@@ -176,7 +176,9 @@ def power_law_potential(f: PowerLawRecord, p: Particle) -> float:
 def power_law_dx(f: PowerLawRecord, p: Particle) -> Matrix:
     dx, dy, dz, s = offset(f, p)
     k = f.mu * p.m * s ** (-f.half)
-    return central_dx(dx, dy, dz, k, 2 * f.half * k / s)
+    # A spring (n = −1) and steeper wells are regular at the center, where q l lᵀ vanishes.
+    q = 2 * f.half * k / s if s > 0 else 0.0
+    return central_dx(dx, dy, dz, k, q)
 
 
 def _no_dv(f: Any, p: Particle) -> Matrix:

@@ -6,6 +6,7 @@ the central difference of its exact gradient, with a relative error of about 10â
 
 from __future__ import annotations
 
+import keyword
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import StringConstraints, model_validator
@@ -13,6 +14,7 @@ from pydantic import StringConstraints, model_validator
 from particlesim.crossfield import invalid
 from particlesim.forces.base import Force
 from particlesim.forces.expression import (
+    FUNCTIONS,
     VARIABLES,
     VX,
     VY,
@@ -54,8 +56,7 @@ class Field(Force):
         if (self.force is None) == (self.potential is None):
             raise invalid("needs either force or potential", allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"')
         for name in self.constants:
-            if name in VARIABLES:
-                raise invalid(f"{name!r} is a variable of every expression", at=("constants", name), hint="choose another name")
+            _check_constant(name)
         for path, text in self._texts():
             try:
                 node = parse(text, self.constants)
@@ -92,6 +93,18 @@ class Field(Force):
     def reads_velocity(self) -> bool:
         """Whether a component depends on the velocity."""
         return any(self._velocity(node) for node in self._nodes())
+
+
+def _check_constant(name: str) -> None:
+    """Refuse a constant that no expression could name, or that would hide something else."""
+    place = ("constants", name)
+    if name in VARIABLES:
+        raise invalid(f"{name!r} is a variable of every expression", at=place, hint="choose another name")
+    if name in FUNCTIONS:
+        raise invalid(f"{name!r} is a function of every expression", at=place, hint="choose another name")
+    if not name.isidentifier() or keyword.iskeyword(name):
+        hint = "use letters, digits and _, and no word of Python's grammar such as 'in'"
+        raise invalid(f"{name!r} cannot be written in an expression", at=place, hint=hint)
 
 
 class FieldRecord(NamedTuple):
