@@ -27,7 +27,7 @@ from particlesim.integrators import METHODS
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
 
-WORTH_THREADS = 20_000
+WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
 
 
