@@ -28,7 +28,6 @@ from particlesim.engine.columns import (
 from particlesim.engine.compile import inline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.steppers import Newtonian, advance, derivative, restart
-from particlesim.laws import PASS
 
 BLOCK = 512
 """Particles in a block: 7 columns of 4 KiB stay in a 32 KiB cache."""
@@ -56,7 +55,9 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
             for i in range(c.x.size):
                 begin, hi = span(c.clock, i, t, end, h)
                 p = fetch(c, i, begin)
-                q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+                q, memory = advance(
+                    program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i)
+                )
                 r, outcome = meet(program.contacts.colliders, q)
                 idle = still(c.clock, hi)
                 store(c, i, chosen(idle, p, r))
@@ -83,7 +84,13 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
                 if hi > 0:
                     p = fetch(c, i, begin)
                     q, memory, outcome = trace(
-                        program.method, program.dynamics, program.forces, program.contacts, p, hi, recall(c.memory, i)
+                        program.method,
+                        program.dynamics,
+                        program.forces,
+                        program.contacts,
+                        p,
+                        hi,
+                        recall(c.memory, i),
                     )
                     store(c, i, q)
                     remember(c.memory, i, True, memory)
@@ -150,7 +157,7 @@ def step_range(
             # x − x is 0 for every finite x, NaN otherwise
             drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
             drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
-            broken |= not (drop == 0)
+            broken |= drop != 0
         if broken:
             faults[lo] = True
             c.x[:] = keep[0, :n]

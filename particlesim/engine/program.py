@@ -74,7 +74,7 @@ def group_program(
         tuple(force.record() for force in forces),
         contacts_record(planes, group, dtype),
     )
-    return as_precision(program, dtype)  # type: ignore[no-any-return]
+    return as_precision(program, dtype)
 
 
 def memory_size(method: str) -> int:

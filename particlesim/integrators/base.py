@@ -137,9 +137,13 @@ class Composition(Method):
             sequence.pop()
         while sequence[0] == 0:
             sequence.pop(0)
-        mirrored = all(math.isclose(x, y, abs_tol=1e-14) for x, y in zip(sequence, reversed(sequence), strict=True))
+        mirrored = all(
+            math.isclose(x, y, abs_tol=1e-14) for x, y in zip(sequence, reversed(sequence), strict=True)
+        )
         if self.reversible != (mirrored and len(sequence) % 2 == 1):
-            raise ValueError(f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise")
+            raise ValueError(
+                f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise"
+            )
 
     @property
     def evaluations(self) -> int:
