@@ -1,14 +1,16 @@
-"""The decorator of every compiled function of the renderer.
+"""The decorators of the renderer's compiled functions.
 
-`fastmath` may reorder sums and use reciprocals: a picture has 8 bits per channel. The order of operations is fixed
-when a kernel is compiled, so the same machine gives the same bits for any number of threads. NaN and infinity keep
-their meaning (no nnan, no ninf).
+The order of operations is fixed when a kernel is compiled, so the same machine gives the same bits for any number of
+threads. NaN and infinity keep their meaning (no nnan, no ninf).
 """
 
 from __future__ import annotations
 
 import numba
 
-kernel = numba.njit(
-    nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp", "afn"}
-)
+from particlesim.engine.cache import INLINE, kernel
+
+inlined = numba.njit(**INLINE)
+"""For what a kernel calls per sample: a call would copy every array descriptor of the records it passes."""
+
+__all__ = ["inlined", "kernel"]

@@ -77,11 +77,11 @@ def raster_depth(disc: Float32s, box: Ints, items: Array, row0: int, scale: floa
 
 @kernel
 def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Float32s) -> None:
-    """Heights (−depth, `base` where nothing stands), their squares, both blurred twice by a box of 2 k + 1 texels."""
+    """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k + 1 texels."""
     size = len(depth)
     for y in range(size):
         for x in range(size):
-            h = -depth[y, x] if depth[y, x] < np.inf else base
+            h = max(-depth[y, x] - base, 0.0)
             mean[y, x] = h
             square[y, x] = h * h
     for _ in range(2):

@@ -182,7 +182,7 @@ class Renderer:
         light = self.light
         if not self.settings.shadows or not len(particles.world):
             axes = _map_axes(light.direction)
-            return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 1.0)
+            return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
         reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
         reach = max(reach, 0.3) + 2 * self.radius / self.scale
         typical = max(self.radius / self.scale, 1e-3)
@@ -193,8 +193,9 @@ class Renderer:
         depth = self._depth_map(particles, axes, SKY_SIZE, reach)
         blur = int(np.clip(round(1.2 * typical * scale), 2, 24))
         mean, square = np.empty_like(depth), np.empty_like(depth)
-        raster.sky_moments(depth, self._lowest(), blur, mean, square)
-        return shadow, SkyMap(mean, square, axes, scale, max(2.0 * typical, 2.0 * blur / scale))
+        base = self._lowest()
+        raster.sky_moments(depth, base, blur, mean, square)
+        return shadow, SkyMap(mean, square, axes, scale, base, max(2.0 * typical, 2.0 * blur / scale))
 
     def _lowest(self) -> float:
         """Height of the floor, or of the scene's bottom [scene units]."""

@@ -6,7 +6,7 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import kernel
+from particlesim.render.compiled import inlined, kernel
 from particlesim.render.project import BAND
 from particlesim.render.stage import (
     Array,
@@ -23,13 +23,25 @@ from particlesim.render.stage import (
 )
 
 RGB = tuple[float, float, float]
+Triple = tuple[float, float, float]
 
 
-@kernel
+@inlined
+def _row(array: Float32s, k: int) -> Triple:
+    """A row of three as scalars: a slice would count references, in an atomic that the threads share."""
+    return array[k, 0], array[k, 1], array[k, 2]
+
+
+@inlined
+def _ball(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
+    return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
+
+
+@inlined
 def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width 3."""
-    size = len(shadow.depth)
-    a = shadow.axes
+    depth, a = shadow.depth, shadow.axes
+    size = len(depth)
     u = 0.5 * size + shadow.scale * (a[0, 0] * x + a[0, 1] * y + a[0, 2] * z) - 0.5
     v = 0.5 * size - shadow.scale * (a[1, 0] * x + a[1, 1] * y + a[1, 2] * z) - 0.5
     if not (1.0 <= u < size - 3 and 1.0 <= v < size - 3):
@@ -39,18 +51,15 @@ def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     d = a[2, 0] * x + a[2, 1] * y + a[2, 2] * z
     total = 0.0
     for q in range(4):
-        row = shadow.depth[j - 1 + q]
-        n = 0.0
-        n += (1.0 - fu) * (row[i - 1] >= d)
-        n += row[i] >= d
-        n += row[i + 1] >= d
-        n += fu * (row[i + 2] >= d)
+        row = j - 1 + q
+        n = (1.0 - fu) * (depth[row, i - 1] >= d) + fu * (depth[row, i + 2] >= d)
+        n += (depth[row, i] >= d) + (depth[row, i + 1] >= d)
         weight = 1.0 - fv if q == 0 else (fv if q == 3 else 1.0)
         total += weight * n
     return total * (1.0 / 9.0)
 
 
-@kernel
+@inlined
 def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     """Share of the sky that a point sees.
 
@@ -72,16 +81,17 @@ def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     m, s = sky.mean, sky.square
     mu = w00 * m[j, i] + w01 * m[j, i + 1] + w10 * m[j + 1, i] + w11 * m[j + 1, i + 1]
     sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
-    h = -(a[2, 0] * x + a[2, 1] * y + a[2, 2] * z)
+    h = -(a[2, 0] * x + a[2, 1] * y + a[2, 2] * z) - sky.base
     rise = mu - h
-    if rise <= 1e-5:
+    if rise <= 5e-4:
         return 1.0
     spread = max(sq - 2.0 * h * mu + h * h, rise * rise)
     away = spread / rise / sky.reach
-    return 1.0 - rise * rise / spread / (1.0 + 0.25 * away * away)
+    sure = min((rise - 5e-4) / (0.03 * sky.reach), 1.0)  # the moments carry rounding errors
+    return 1.0 - 0.9 * sure * rise * rise / spread / (1.0 + 0.25 * away * away)
 
 
-@kernel
+@inlined
 def _lines(x: float, footprint: float, width: float) -> float:
     """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference quotient."""
     w = max(footprint, 1e-4)
@@ -91,10 +101,10 @@ def _lines(x: float, footprint: float, width: float) -> float:
     return (ia - ib) / w
 
 
-@kernel
-def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Array, down: Array) -> float:
+@inlined
+def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
     """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right and down."""
-    u, v = planes.u[k], planes.v[k]
+    u, v = _row(planes.u, k), _row(planes.v, k)
     inv = 1.0 / planes.spacing
     gu = (px * u[0] + py * u[1] + pz * u[2]) * inv
     gv = (px * v[0] + py * v[1] + pz * v[2]) * inv
@@ -111,7 +121,7 @@ def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Array,
     return min(0.42 * fine + 0.5 * bold, 1.0)
 
 
-@kernel
+@inlined
 def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     """A vertical gradient that darkens a little towards the corners."""
     sx, sy = (x + 0.5) / view.width - 0.5, (y + 0.5) / view.height
@@ -125,12 +135,12 @@ def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     )
 
 
-@kernel
+@inlined
 def _hit(planes: Planes, eye: Float32s, dx: float, dy: float, dz: float) -> tuple[int, float]:
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
     for k in range(len(planes.point)):
-        n, p = planes.normal[k], planes.point[k]
+        n, p = _row(planes.normal, k), _row(planes.point, k)
         slope = n[0] * dx + n[1] * dy + n[2] * dz
         if not planes.facing[k] or slope > -1e-7:
             continue
@@ -140,14 +150,14 @@ def _hit(planes: Planes, eye: Float32s, dx: float, dy: float, dz: float) -> tupl
     return best, t_best
 
 
-@kernel
-def _plane_share(planes: Planes, k: int, p: Array, along: Array, down: Array) -> tuple[float, float]:
+@inlined
+def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
     """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the others."""
     cover, crease = 1.0, 1.0
     for j in range(len(planes.point)):
         if j == k:
             continue
-        n, q = planes.normal[j], planes.point[j]
+        n, q = _row(planes.normal, j), _row(planes.point, j)
         away = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
         step = abs(n[0] * along[0] + n[1] * along[1] + n[2] * along[2]) + abs(
             n[0] * down[0] + n[1] * down[1] + n[2] * down[2]
@@ -159,7 +169,7 @@ def _plane_share(planes: Planes, k: int, p: Array, along: Array, down: Array) ->
     return min(max(cover, 0.0), 1.0), crease
 
 
-@kernel
+@inlined
 def _behind(
     view: View,
     planes: Planes,
@@ -172,15 +182,13 @@ def _behind(
     dx: float,
     dy: float,
     dz: float,
-    along: Array,
-    down: Array,
 ) -> RGB:
     """Colour of planes and background in a sample whose ray is (dx, dy, dz)."""
     r, g, b = _backdrop(backdrop, view, x, y)
     k, t = _hit(planes, view.eye, dx, dy, dz)
     if k < 0:
         return r, g, b
-    n, e = planes.normal[k], view.eye
+    n, e = _row(planes.normal, k), view.eye
     p = (e[0] + t * dx, e[1] + t * dy, e[2] + t * dz)
     far = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
     fade = exp(-max(sqrt(far) - 1.2, 0.0) ** 2 * 0.16)
@@ -191,8 +199,8 @@ def _behind(
     a, s = view.axes, t / view.focal
     na = (n[0] * a[0, 0] + n[1] * a[0, 1] + n[2] * a[0, 2]) * inv
     nd = (n[0] * a[1, 0] + n[1] * a[1, 1] + n[2] * a[1, 2]) * inv
-    along[0], along[1], along[2] = s * (a[0, 0] - dx * na), s * (a[0, 1] - dy * na), s * (a[0, 2] - dz * na)
-    down[0], down[1], down[2] = s * (a[1, 0] - dx * nd), s * (a[1, 1] - dy * nd), s * (a[1, 2] - dz * nd)
+    along = (s * (a[0, 0] - dx * na), s * (a[0, 1] - dy * na), s * (a[0, 2] - dz * na))
+    down = (s * (a[1, 0] - dx * nd), s * (a[1, 1] - dy * nd), s * (a[1, 2] - dz * nd))
     cover, crease = _plane_share(planes, k, p, along, down)
     cover *= fade
     if cover <= 0.0:
@@ -218,14 +226,14 @@ def _behind(
     return rgb[0] + cover * (r - rgb[0]), rgb[1] + cover * (g - rgb[1]), rgb[2] + cover * (b - rgb[2])
 
 
-@kernel
+@inlined
 def _sphere(
     view: View,
     light: Light,
     shadow: ShadowMap,
     sky: SkyMap,
-    c: Float32s,
-    albedo: Float32s,
+    c: tuple[float, float, float, float],
+    albedo: Triple,
     vx: float,
     vy: float,
 ) -> tuple[float, float, float, float]:
@@ -308,7 +316,6 @@ def shade_band(
     """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first sphere."""
     inv = 1.0 / view.focal
     a = view.axes
-    along, down = np.empty(3), np.empty(3)
     trails = len(paths.alpha) > 0
     for y in range(min(BAND, view.height - row0)):
         vy = (0.5 * view.height - (row0 + y + 0.5)) * inv
@@ -318,7 +325,7 @@ def shade_band(
             cr, cg, cb, cover = 0.0, 0.0, 0.0, 0.0
             if near >= 0:
                 cr, cg, cb, cover = _sphere(
-                    view, light, shadow, sky, sphere[near], palette[color[near]], vx, vy
+                    view, light, shadow, sky, _ball(sphere, near), _row(palette, color[near]), vx, vy
                 )
             trail = paths.alpha[y, x] if trails else np.float32(0.0)
             over = trail > 0.0 and paths.depth[y, x] < layers.near[y, x]
@@ -336,26 +343,24 @@ def shade_band(
                     a[0, 0] * vx + a[1, 0] * vy + a[2, 0],
                     a[0, 1] * vx + a[1, 1] * vy + a[2, 1],
                     a[0, 2] * vx + a[1, 2] * vy + a[2, 2],
-                    along,
-                    down,
                 )
                 if trail > 0.0 and not over:
-                    r, g, b = _mix(r, g, b, palette[paths.color[y, x]], trail)
+                    r, g, b = _mix(r, g, b, _row(palette, paths.color[y, x]), trail)
                 if far >= 0:
                     fr, fg, fb, fc = _sphere(
-                        view, light, shadow, sky, sphere[far], palette[color[far]], vx, vy
+                        view, light, shadow, sky, _ball(sphere, far), _row(palette, color[far]), vx, vy
                     )
                     # Behind an outline more spheres than these two may lie: the second counts in full sooner.
                     fc = min(1.5 * fc, 1.0)
                     r, g, b = r + fc * (fr - r), g + fc * (fg - g), b + fc * (fb - b)
             r, g, b = r + cover * (cr - r), g + cover * (cg - g), b + cover * (cb - b)
             if over:
-                r, g, b = _mix(r, g, b, palette[paths.color[y, x]], trail)
+                r, g, b = _mix(r, g, b, _row(palette, paths.color[y, x]), trail)
             image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
 
 
-@kernel
-def _mix(r: float, g: float, b: float, over: Float32s, share: float) -> RGB:
+@inlined
+def _mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 
@@ -382,7 +387,7 @@ def draw_dots(
         f = view.focal / z
         cx, cy, rad = 0.5 * view.width + sphere[i, 0] * f, 0.5 * view.height - sphere[i, 1] * f, sphere[i, 3] * f
         fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
-        c = palette[color[i]]
+        c = _row(palette, color[i])
         r, g, b = c[0] + fog * (haze[0] - c[0]), c[1] + fog * (haze[1] - c[1]), c[2] + fog * (haze[2] - c[2])
         reach2, inv2 = (rad + 0.5) ** 2, 0.28 / (rad * rad)
         for y in range(max(box[i, 2] - row0, 0), min(box[i, 3] - row0 + 1, rows)):
@@ -407,7 +412,9 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
     paths.alpha[:] = 0.0
     width = paths.alpha.shape[1]
     for s in range(len(segments)):
-        x0, y0, z0, a0, x1, y1, z1, a1, w = segments[s]
+        x0, y0, z0, a0 = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
+        x1, y1, z1, a1 = segments[s, 4], segments[s, 5], segments[s, 6], segments[s, 7]
+        w = segments[s, 8]
         dx, dy = x1 - x0, y1 - y0
         inv = 1.0 / max(dx * dx + dy * dy, 1e-12)
         top, bottom = int(floor(min(y0, y1) - w - 1)), int(floor(max(y0, y1) + w + 1))

@@ -67,12 +67,13 @@ class ShadowMap(NamedTuple):
 
 
 class SkyMap(NamedTuple):
-    """Blurred mean and mean square of the height of what stands above each texel (seen from above)."""
+    """Seen from above: blurred mean and mean square of the heights over `base`. `reach`: how far above still darkens."""
 
     mean: Float32s
     square: Float32s
     axes: Float32s
     scale: float
+    base: float
     reach: float
 
 
