@@ -1,1 +1,35 @@
+"""Forces on single particles. To add one, write its file and add its class to `FORCES` and `AnyForce`."""
 
+from typing import Annotated
+
+from pydantic import Field as _Field
+
+from particlesim.forces.attractor import Attractor
+from particlesim.forces.base import Force
+from particlesim.forces.buoyancy import Buoyancy
+from particlesim.forces.drag import Drag
+from particlesim.forces.field import Field
+from particlesim.forces.gravity import Gravity
+from particlesim.forces.linear_drag import LinearDrag
+from particlesim.forces.point_spring import PointSpring
+from particlesim.forces.rotating_frame import RotatingFrame
+from particlesim.forces.stokes_drag import StokesDrag
+
+AnyForce = Annotated[
+    Gravity | LinearDrag | StokesDrag | Drag | Buoyancy | PointSpring | Attractor | RotatingFrame | Field,
+    _Field(discriminator="type"),
+]
+
+FORCES: tuple[type[Force], ...] = (
+    Gravity,
+    LinearDrag,
+    StokesDrag,
+    Drag,
+    Buoyancy,
+    PointSpring,
+    Attractor,
+    RotatingFrame,
+    Field,
+)
+
+__all__ = ["FORCES", "AnyForce", "Force"]

@@ -1,1 +1,32 @@
+"""Time integrators: one method per file, each a table of coefficients that checks itself at import.
 
+To add a method, write its file and add one line to `METHODS`.
+"""
+
+from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.explicit_euler import EXPLICIT_EULER
+from particlesim.integrators.heun import HEUN
+from particlesim.integrators.midpoint import MIDPOINT
+from particlesim.integrators.rk3 import RK3
+from particlesim.integrators.rk4 import RK4
+from particlesim.integrators.stormer_verlet import STORMER_VERLET
+from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
+from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
+from particlesim.integrators.yoshida4 import YOSHIDA4
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        SYMPLECTIC_EULER,
+        EXPLICIT_EULER,
+        MIDPOINT,
+        HEUN,
+        RK3,
+        RK4,
+        STORMER_VERLET,
+        VELOCITY_VERLET,
+        YOSHIDA4,
+    )
+}
+
+__all__ = ["METHODS", "Composition", "Method", "RungeKutta", "Verlet"]

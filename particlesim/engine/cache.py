@@ -1,0 +1,85 @@
+"""Compiled kernels kept on disk, in a directory named by a digest of the package's own sources.
+
+Numba's own check looks only at the file of the cached function, not at the laws it inlines; with the digest in the path
+a stale kernel can never be found. A directory that cannot be written costs a recompile in every process, nothing else.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+
+# contract: a·b + c in one rounding; nsz: −0 may become 0; arcp: x/m, y/m, z/m share one reciprocal.
+# Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
+FAST = {"contract", "nsz", "arcp"}
+INLINE: dict[str, Any] = {"forceinline": True, "fastmath": FAST, "error_model": "numpy"}
+
+_KERNEL: dict[str, Any] = {"nogil": True, "fastmath": FAST, "error_model": "numpy"}
+
+problem: str | None = None
+"""Why kernels are not kept on disk, or None when they are."""
+
+
+@functools.cache
+def source_digest() -> str:
+    """Digest of every Python file of the package: the name of the cache directory."""
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    digest.update(f"{numba.__version__} {sys.version}".encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Where kernels are kept: $PSIM_CACHE_DIR, else the user's cache directory."""
+    if chosen := os.environ.get("PSIM_CACHE_DIR"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "psim"
+
+
+@functools.cache
+def cache_directory() -> Path | None:
+    """The directory of this version's kernels, made if need be; None (and `problem` set) when it cannot be written."""
+    global problem
+    try:
+        path = cache_root() / source_digest()
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home directory
+        problem = f"kernels are compiled anew in every process: {error}; set PSIM_CACHE_DIR to a writable directory"
+        return None
+    return path
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function for the hot path: releases the GIL, kept on disk, arithmetic as in `FAST`."""
+    dispatcher = numba.njit(**_KERNEL)(function)
+    directory = cache_directory()
+    if directory is not None:
+        # Numba reads the directory when caching is switched on. Its setting is global, so it is given back at once:
+        # other users of Numba in this process keep their own.
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(directory)
+        try:
+            dispatcher.enable_caching()
+        finally:
+            config.CACHE_DIR = before
+    return dispatcher

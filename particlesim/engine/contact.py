@@ -1,0 +1,216 @@
+"""Contact inside a step: projection after it (discrete), or the time of impact within it (continuous).
+
+`meet` applies every collider once, in order; particles that overlap nothing pass unchanged. One collider, or several at
+right angles to each other, need nothing more (`Simple`), and the loop over a block stays vectorised. Otherwise
+(`Careful`) the few particles that end a step inside a collider are stepped again one by one by `trace`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.extending import overload
+
+from particlesim.engine.cache import FAST
+from particlesim.engine.compile import inline, stub
+from particlesim.engine.steppers import advance, restart
+from particlesim.laws import PASS, Particle, contact, gap
+
+MAX_IMPACTS = 16
+"""Impacts followed within one step; a particle with more is resting (Zeno) and finishes the step without rebound."""
+MAX_STALLS = 3
+"""Impacts that take no time before a particle counts as resting."""
+MAX_SWEEPS = 8
+"""Passes over the colliders of a corner before the particle goes back to where its step began."""
+MAX_HALVINGS = 80
+"""Bound on the search for the time of impact; bisection alone would end after 53."""
+
+
+class Simple(NamedTuple):
+    """Colliders met once after each step: none, one, or several that are perpendicular or parallel."""
+
+    colliders: tuple[Any, ...]
+
+
+class Careful(NamedTuple):
+    """Colliders that need more: a time of impact (continuous), or several passes in a corner.
+
+    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position.
+    """
+
+    continuous: tuple[Any, ...]
+    resting: tuple[Any, ...]
+    discrete: tuple[Any, ...]
+    tolerance: float
+
+
+def meet(colliders: Any, p: Any) -> Any:
+    """The particle after every collider in turn, and the strongest outcome."""
+    return stub()
+
+
+@inline(meet)
+def _meet(colliders: Any, p: Any) -> Callable[..., Any]:
+    if len(colliders) == 0:
+        return lambda colliders, p: (p, PASS)
+    if len(colliders) == 1:
+        return lambda colliders, p: contact(colliders[0], p)
+
+    def more(colliders: Any, p: Any) -> Any:
+        q, first = contact(colliders[0], p)
+        r, rest = meet(colliders[1:], q)
+        return r, max(first, rest)
+
+    return more
+
+
+def nearest(colliders: Any, p: Any) -> Any:
+    """The smallest gap to any collider [m]; positive where there are none."""
+    return stub()
+
+
+@inline(nearest)
+def _nearest(colliders: Any, p: Any) -> Callable[..., Any]:
+    if len(colliders) == 0:
+        return lambda colliders, p: 1.0
+    if len(colliders) == 1:
+        return lambda colliders, p: gap(colliders[0], p)
+    return lambda colliders, p: min(gap(colliders[0], p), nearest(colliders[1:], p))
+
+
+def overlapped(contacts: Any, p: Any) -> Any:
+    """Whether `trace` must step this particle again; never for simple contacts."""
+    return stub()
+
+
+@inline(overlapped)
+def _overlapped(contacts: Any, p: Any) -> Callable[..., Any]:
+    if contacts.instance_class is Simple:
+        return lambda contacts, p: False
+    return lambda contacts, p: min(nearest(contacts.continuous, p), nearest(contacts.discrete, p)) < 0
+
+
+def respond(contacts: Any, p: Any) -> Any:
+    """Simple contacts at the end of a step; careful ones leave the particle to `trace`."""
+    return stub()
+
+
+@inline(respond)
+def _respond(contacts: Any, p: Any) -> Callable[..., Any]:
+    if contacts.instance_class is Simple:
+        return lambda contacts, p: meet(contacts.colliders, p)
+    return lambda contacts, p: (p, PASS)
+
+
+def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
+    """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place."""
+    return stub()
+
+
+@overload(_separate, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Callable[..., Any]:
+    def impl(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
+        slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+        q, outcome = meet(colliders, p)
+        sweeps = 1
+        while nearest(colliders, q) < slack and sweeps < MAX_SWEEPS:
+            q, more = meet(colliders, q)
+            outcome = max(outcome, more)
+            sweeps += 1
+        if nearest(colliders, q) < slack:
+            q = Particle(legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.m, q.r, q.T, q.t)
+        return q, outcome
+
+    return impl
+
+
+def _time_of_impact(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
+    return stub()
+
+
+@overload(_time_of_impact, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+def _time_of_impact_overload(
+    method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
+) -> Callable[..., Any]:
+    # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
+    # third turn bisects, so that the bracket is sure to close.
+    def impl(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+        early, late = h - h, h
+        above = max(nearest(colliders, p), h - h)
+        below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
+        side = 0
+        for turn in range(MAX_HALVINGS):
+            middle = early + (late - early) / 2
+            if not (early < middle < late):
+                break
+            if turn % 3 != 2 and above > 0:
+                guess = (late * above - early * below) / (above - below)
+                middle = guess if early < guess < late else middle
+            value = nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0])
+            if value < 0:
+                late, below = middle, value
+                above = above / 2 if side == -1 else above
+                side = -1
+            else:
+                early, above = middle, value
+                below = below / 2 if side == 1 else below
+                side = 1
+        return late
+
+    return impl
+
+
+def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """One step of one particle from impact to impact: the particle, the method's memory, the outcome.
+
+    The particle's time is where its step ended: before t + h when it stuck or died.
+    """
+    return stub()
+
+
+@overload(trace, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+def _trace(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
+) -> Callable[..., Any] | None:
+    if contacts.instance_class is Simple:
+        return lambda method, dynamics, forces, contacts, p, h, memory: (p, memory, PASS)
+    has_continuous = not (isinstance(contacts.types[0], types.Tuple) and len(contacts.types[0]) == 0)
+
+    def impl(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+        left = h
+        outcome = PASS
+        legal = p
+        if has_continuous:
+            impacts = 0
+            stalls = 0
+            p, outcome = _separate(contacts.continuous, p, p, contacts.tolerance)
+            legal = p
+            while outcome == PASS:
+                q, after = advance(method, dynamics, forces, p, left, memory)
+                if not nearest(contacts.continuous, q) < 0:
+                    p, memory = q, after
+                    break
+                if impacts == MAX_IMPACTS or stalls == MAX_STALLS:
+                    p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
+                    memory = restart(memory)
+                    break
+                tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
+                stalls = stalls + 1 if tau < h / 1048576 else 0
+                impacts += 1
+                q, after = advance(method, dynamics, forces, p, tau, memory)
+                p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
+                memory = restart(memory)
+                left = left - tau
+                legal = p
+        else:
+            q, after = advance(method, dynamics, forces, p, left, memory)
+            p, memory = q, after
+        if outcome == PASS and nearest(contacts.discrete, p) < 0:
+            p, outcome = _separate(contacts.discrete, p, legal, contacts.tolerance)
+            memory = restart(memory)
+        return p, memory, outcome
+
+    return impl

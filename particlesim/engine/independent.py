@@ -1,0 +1,161 @@
+"""The block kernel: particles that nothing forces to be at the same time take all their steps block by block.
+
+A block fits into the first-level cache, so an interval of many steps reads and writes main memory once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.engine.cache import kernel
+from particlesim.engine.columns import (
+    block_of,
+    chosen,
+    fetch,
+    held,
+    note,
+    recall,
+    remember,
+    span,
+    still,
+    store,
+    type_of,
+    unless,
+)
+from particlesim.engine.compile import inline, stub
+from particlesim.engine.contact import Simple, meet, overlapped, trace
+from particlesim.engine.steppers import Newtonian, advance, derivative, restart
+from particlesim.laws import PASS
+
+BLOCK = 512
+"""Particles in a block: 7 columns of 4 KiB stay in a 32 KiB cache."""
+
+
+class Program(NamedTuple):
+    """What is compiled: method, dynamics, forces and contacts, as records."""
+
+    method: tuple[Any, ...]
+    dynamics: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    contacts: tuple[Any, ...]
+
+
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Any:
+    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision."""
+    return stub()
+
+
+@inline(step_block)
+def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Callable[..., Any]:
+    if program.types[3].instance_class is Simple:
+
+        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
+            for i in range(c.x.size):
+                begin, hi = span(c.clock, i, t, end, h)
+                p = fetch(c, i, begin)
+                q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+                r, outcome = meet(program.contacts.colliders, q)
+                idle = still(c.clock, hi)
+                store(c, i, chosen(idle, p, r))
+                touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
+                remember(c.memory, i, not touched, memory)
+                remember(c.memory, i, touched, restart(memory))
+                note(c.clock, i, unless(idle, outcome), end)
+
+        return simple
+
+    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
+        # The few particles that end inside a collider keep their state here, and are traced one by one below.
+        for i in range(c.x.size):
+            begin, hi = span(c.clock, i, t, end, h)
+            p = fetch(c, i, begin)
+            q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+            inside = overlapped(program.contacts, q)
+            marks[i] = inside
+            store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
+            remember(c.memory, i, not inside, memory)
+        for i in range(c.x.size):
+            if marks[i]:
+                begin, hi = span(c.clock, i, t, end, h)
+                if hi > 0:
+                    p = fetch(c, i, begin)
+                    q, memory, outcome = trace(
+                        program.method, program.dynamics, program.forces, program.contacts, p, hi, recall(c.memory, i)
+                    )
+                    store(c, i, q)
+                    remember(c.memory, i, True, memory)
+                    note(c.clock, i, outcome, q.t)
+
+    return careful
+
+
+def refresh(program: Any, c: Any, t: Any) -> Any:
+    """Give particles without inertia the velocity of their place, for the record; others have it already."""
+    return stub()
+
+
+@inline(refresh)
+def _refresh(program: Any, c: Any, t: Any) -> Callable[..., Any]:
+    if program.types[1].instance_class is Newtonian:
+        return lambda program, c, t: None
+
+    def impl(program: Any, c: Any, t: Any) -> None:
+        for i in range(c.x.size):
+            rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
+            fixed = held(c.clock, i)
+            c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
+            c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
+            c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
+
+    return impl
+
+
+@kernel
+def step_range(
+    program: Any,
+    columns: Any,
+    first_step: Any,
+    steps: Any,
+    dt: Any,
+    first: Any,
+    last: Any,
+    block: Any,
+    faults: Any,
+) -> None:
+    """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
+
+    A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
+    first particle k, so that the caller can look for the step and the particle.
+    """
+    keep = np.empty((6, block), columns.x.dtype)
+    marks = np.empty(block, np.bool_)
+    for lo in range(first, last, block):
+        c = block_of(columns, lo, min(last, lo + block))
+        n = c.x.size
+        h = type_of(c.x[0], dt)
+        keep[0, :n] = c.x
+        keep[1, :n] = c.y
+        keep[2, :n] = c.z
+        keep[3, :n] = c.vx
+        keep[4, :n] = c.vy
+        keep[5, :n] = c.vz
+        for s in range(steps):
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
+        refresh(program, c, (first_step + steps) * dt)
+        broken = False
+        for i in range(n):
+            # x − x is 0 for every finite x, NaN otherwise
+            drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
+            drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
+            broken |= not (drop == 0)
+        if broken:
+            faults[lo] = True
+            c.x[:] = keep[0, :n]
+            c.y[:] = keep[1, :n]
+            c.z[:] = keep[2, :n]
+            c.vx[:] = keep[3, :n]
+            c.vy[:] = keep[4, :n]
+            c.vz[:] = keep[5, :n]

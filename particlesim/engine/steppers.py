@@ -1,0 +1,264 @@
+"""One step of one particle, for every family of methods and both kinds of dynamics; inlined into the block kernel.
+
+`advance(method, dynamics, forces, p, h, memory)` returns the particle after a step of h and the method's memory.
+The coefficients come from `particlesim.integrators`; here is what a kick, a drift and a Runge–Kutta stage are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from numba import types
+
+from particlesim.engine.compile import inline, stub
+from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
+from particlesim.laws import Particle, force, velocity
+
+Impl = Callable[..., Any]
+
+
+class Newtonian(NamedTuple):
+    """Second-order dynamics: x' = v, v' = f/m."""
+
+
+class Overdamped(NamedTuple):
+    """First-order dynamics without inertia: x' = w(x, t) + f/γ, with γ the drag coefficient [kg/s], w the fluid's velocity."""
+
+    gamma: float
+    flow: tuple[Any, ...]
+
+
+class Tracer(NamedTuple):
+    """A particle that moves with the fluid: x' = w(x, t)."""
+
+    flow: tuple[Any, ...]
+
+
+class Rate(NamedTuple):
+    """Time derivative of a particle's position and velocity."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+
+
+def restart(memory: Any) -> Any:
+    """A method's memory after something else changed the velocity: forgotten."""
+    return stub()
+
+
+@inline(restart)
+def _restart(memory: Any) -> Impl:
+    if len(memory) == 0:
+        return lambda memory: memory
+    return lambda memory: (memory[0], memory[1], memory[2], memory[3] - memory[3])
+
+
+def derivative(dynamics: Any, forces: Any, p: Any) -> Any:
+    """Rate of change of a particle under its forces."""
+    return stub()
+
+
+@inline(derivative)
+def _derivative(dynamics: Any, forces: Any, p: Any) -> Impl:
+    if dynamics.instance_class is Newtonian:
+
+        def newtonian(dynamics: Any, forces: Any, p: Any) -> Any:
+            fx, fy, fz = force(forces, p)
+            return Rate(p.vx, p.vy, p.vz, fx / p.m, fy / p.m, fz / p.m)
+
+        return newtonian
+    if dynamics.instance_class is Overdamped:
+
+        def overdamped(dynamics: Any, forces: Any, p: Any) -> Any:
+            fx, fy, fz = force(forces, p)
+            wx, wy, wz = velocity(dynamics.flow, p)
+            g = dynamics.gamma
+            return Rate(wx + fx / g, wy + fy / g, wz + fz / g, g - g, g - g, g - g)
+
+        return overdamped
+
+    def tracer(dynamics: Any, forces: Any, p: Any) -> Any:
+        wx, wy, wz = velocity(dynamics.flow, p)
+        return Rate(wx, wy, wz, wx - wx, wy - wy, wz - wz)
+
+    return tracer
+
+
+def moved(p: Any, h: Any, r: Any, t: Any) -> Any:
+    """The particle after h times a rate, at time t; a rate of None leaves it in place."""
+    return stub()
+
+
+@inline(moved)
+def _moved(p: Any, h: Any, r: Any, t: Any) -> Impl:
+    if isinstance(r, types.NoneType):
+        return lambda p, h, r, t: Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, t)
+    return lambda p, h, r, t: Particle(
+        p.x + h * r.x,
+        p.y + h * r.y,
+        p.z + h * r.z,
+        p.vx + h * r.vx,
+        p.vy + h * r.vy,
+        p.vz + h * r.vz,
+        p.m,
+        p.r,
+        p.T,
+        t,
+    )
+
+
+def accumulate(w: Any, r: Any, rest: Any) -> Any:
+    """w r + rest, where rest may be None."""
+    return stub()
+
+
+@inline(accumulate)
+def _accumulate(w: Any, r: Any, rest: Any) -> Impl:
+    if isinstance(rest, types.NoneType):
+        return lambda w, r, rest: Rate(w * r.x, w * r.y, w * r.z, w * r.vx, w * r.vy, w * r.vz)
+    return lambda w, r, rest: Rate(
+        rest.x + w * r.x,
+        rest.y + w * r.y,
+        rest.z + w * r.z,
+        rest.vx + w * r.vx,
+        rest.vy + w * r.vy,
+        rest.vz + w * r.vz,
+    )
+
+
+def weigh(row: Any, slopes: Any) -> Any:
+    """Σ row_j slopes_j, None where the whole row is None."""
+    return stub()
+
+
+@inline(weigh)
+def _weigh(row: Any, slopes: Any) -> Impl:
+    if len(row) == 0:
+        return lambda row, slopes: None
+    if isinstance(row[-1], types.NoneType):
+        return lambda row, slopes: weigh(row[:-1], slopes[:-1])
+    return lambda row, slopes: accumulate(row[-1], slopes[-1], weigh(row[:-1], slopes[:-1]))
+
+
+def stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
+    """The slopes of all stages: k_i = f(t + c_i h, y + h Σ_j a_ij k_j)."""
+    return stub()
+
+
+@inline(stages)
+def _stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Impl:
+    if len(a) == 0:
+        return lambda a, c, dynamics, forces, p, h, slopes: slopes
+
+    def more(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
+        q = moved(p, h, weigh(a[0], slopes), p.t + c[0] * h)
+        slope = derivative(dynamics, forces, q)
+        return stages(a[1:], c[1:], dynamics, forces, p, h, (*slopes, slope))
+
+    return more
+
+
+def kick(fraction: Any, forces: Any, p: Any, h: Any) -> Any:
+    """v += fraction h f/m."""
+    return stub()
+
+
+@inline(kick)
+def _kick(fraction: Any, forces: Any, p: Any, h: Any) -> Impl:
+    if isinstance(fraction, types.NoneType):
+        return lambda fraction, forces, p, h: p
+
+    def impl(fraction: Any, forces: Any, p: Any, h: Any) -> Any:
+        fx, fy, fz = force(forces, p)
+        k = fraction * h / p.m
+        return Particle(p.x, p.y, p.z, p.vx + k * fx, p.vy + k * fy, p.vz + k * fz, p.m, p.r, p.T, p.t)
+
+    return impl
+
+
+def drift(fraction: Any, p: Any, h: Any) -> Any:
+    """x += fraction h v, t += fraction h."""
+    return stub()
+
+
+@inline(drift)
+def _drift(fraction: Any, p: Any, h: Any) -> Impl:
+    if isinstance(fraction, types.NoneType):
+        return lambda fraction, p, h: p
+
+    def impl(fraction: Any, p: Any, h: Any) -> Any:
+        s = fraction * h
+        return Particle(p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t + s)
+
+    return impl
+
+
+def compose(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Any:
+    """Kick, drift, kick, drift ... in the order of the composition."""
+    return stub()
+
+
+@inline(compose)
+def _compose(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Impl:
+    if len(kicks) == 0:
+        return lambda kicks, drifts, forces, p, h: p
+
+    def more(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Any:
+        q = drift(drifts[0], kick(kicks[0], forces, p, h), h)
+        return compose(kicks[1:], drifts[1:], forces, q, h)
+
+    return more
+
+
+def advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """One step of h: the particle after it, and the method's memory."""
+    return stub()
+
+
+@inline(advance)
+def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl:
+    if method.instance_class is CompositionRecord:
+
+        def composition(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+            return compose(method.kicks, method.drifts, forces, p, h), memory
+
+        return composition
+    if method.instance_class is RungeKuttaRecord:
+
+        def runge_kutta(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+            slopes = stages(method.a, method.c, dynamics, forces, p, h, ())
+            return moved(p, h, weigh(method.b, slopes), p.t + h), memory
+
+        return runge_kutta
+    assert method.instance_class is VerletRecord
+
+    def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+        fx, fy, fz = force(forces, p)
+        k = h / p.m
+        ax, ay, az = k * fx, k * fy, k * fz
+        ux, uy, uz, known = memory
+        # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0
+        ux = ux if known == h else p.vx - method.half * ax
+        uy = uy if known == h else p.vy - method.half * ay
+        uz = uz if known == h else p.vz - method.half * az
+        ux, uy, uz = ux + ax, uy + ay, uz + az
+        q = Particle(
+            p.x + h * ux,
+            p.y + h * uy,
+            p.z + h * uz,
+            ux + method.half * ax,
+            uy + method.half * ay,
+            uz + method.half * az,
+            p.m,
+            p.r,
+            p.T,
+            p.t + h,
+        )
+        return q, (ux, uy, uz, h)
+
+    return verlet

@@ -1,0 +1,49 @@
+"""What a force is: a table of a scenario, and the record that its laws take.
+
+A force file holds, side by side: the formula and its source, the model (what the scenario file says), the record (what
+kernels see), and the laws `force`, `force_dx` = ∂f/∂x, `force_dv` = ∂f/∂v and, if the force derives from one,
+`potential` U with F = −∇U. `tests/contract` holds every registered force to this.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from particlesim.model import Model, Name
+
+
+class Force(Model):
+    """A force on single particles."""
+
+    name: Name | None = None
+    """Name by which overrides, the ledger and messages speak of this force; its type unless given."""
+    on: tuple[Name, ...] | None = Field(default=None, min_length=1)
+    """Groups it acts on; all unless given."""
+
+    formula: ClassVar[str]
+    """The law in one line, with the symbols of the parameters."""
+    energy: ClassVar[str]
+    """Potential energy U in one line, or 'none: ' and the reason."""
+    needs_velocity: ClassVar[bool] = False
+    """Whether the force depends on the velocity, which a particle without inertia does not have."""
+
+    type: str
+
+    @property
+    def label(self) -> str:
+        """Name for people and for the ledger."""
+        return self.name or self.type
+
+    def record(self) -> tuple[Any, ...]:
+        """The parameters as kernels take them."""
+        raise NotImplementedError
+
+    def needs_radius(self) -> bool:
+        """Whether the law reads the particle's radius."""
+        return False
+
+    def needs_temperature(self) -> bool:
+        """Whether the law reads the particle's temperature."""
+        return False

@@ -1,0 +1,193 @@
+"""Aerodynamic drag: f = −½ ρ c_d A |u| u with u = v − w the velocity relative to the fluid.
+
+ρ is a number, a fluid's density, or the standard atmosphere by altitude; c_d a number or Schiller and Naumann's law for
+spheres, which joins Stokes drag at low Reynolds number to the constant 0.44 above Re = 1000; A = π r² unless given.
+
+Jacobian: ∂f/∂v = −½ ρ A [c_d (|u| 1 + u uᵀ/|u|) + (dc_d/d|u|) u uᵀ], which is 0 at u = 0 for constant c_d.
+Source: Landau, Lifshitz, Fluid Mechanics, § 45; L. Schiller, A. Naumann, VDI-Zeitschrift 77, 318 (1933).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
+
+from particlesim.crossfield import invalid
+from particlesim.flows import AnyFlow
+from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.forces.base import Force
+from particlesim.forces.fluid_laws import (
+    Constant,
+    SchillerNaumann,
+    Sphere,
+    StandardAtmosphere,
+    cross_section,
+    density,
+    density_slope,
+    drag_coefficient,
+    drag_slope,
+)
+from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, velocity, velocity_dx
+from particlesim.model import Model
+from particlesim.units import Kelvin, KilogramsPerCubicMetre, Metres, Number, PascalSeconds, SquareMetres
+
+
+class Atmosphere(Model):
+    """The International Standard Atmosphere by altitude (y), with offsets."""
+
+    type: Literal["standard_atmosphere"] = "standard_atmosphere"
+    sea_level: Metres = 0.0
+    """The y of sea level."""
+    temperature_offset: Kelvin = 0.0
+    """Difference from the standard temperature, in kelvin."""
+    humidity: Annotated[Number, Ge(0), Le(1)] = 0.0
+    """Relative humidity, 0 to 1."""
+
+
+class Drag(Force):
+    """Aerodynamic (quadratic) drag relative to the flow."""
+
+    type: Literal["drag"] = "drag"
+    fluid: FluidName | None = None
+    """Fluid from the table, for its density and viscosity."""
+    density: Annotated[KilogramsPerCubicMetre, Gt(0)] | Atmosphere | None = None
+    """Density ρ of the fluid: a number, or the standard atmosphere by altitude; the fluid's unless given."""
+    viscosity: Annotated[PascalSeconds, Gt(0)] | None = None
+    """Dynamic viscosity η, for the Reynolds number of "schiller_naumann"; the fluid's unless given."""
+    coefficient: Annotated[Number, Ge(0)] | Literal["schiller_naumann"] = 0.47
+    """Drag coefficient c_d (sphere 0.47, cube 1.05, streamlined 0.01 to 0.05), or a sphere's law by Reynolds number."""
+    area: Annotated[SquareMetres, Gt(0)] | None = None
+    """Cross-section A; π r² of the particle's radius unless given."""
+    flow: tuple[AnyFlow, ...] = ()
+    """Flows of the fluid, added up; at rest unless given."""
+
+    formula: ClassVar[str] = "f = −½ ρ c_d A |u| u, u = v − w"
+    energy: ClassVar[str] = "none: dissipative"
+    needs_velocity: ClassVar[bool] = True
+
+    @model_validator(mode="after")
+    def _complete(self) -> Drag:
+        if self.fluid is None and self.density is None:
+            raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
+        if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
+            raise invalid(f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well")
+        if self.coefficient == "schiller_naumann":
+            if self.fluid is None and self.viscosity is None:
+                raise invalid("schiller_naumann needs the viscosity", at=("coefficient",), allowed="fluid or viscosity")
+            if isinstance(self.density, Atmosphere):
+                raise invalid(
+                    "schiller_naumann needs one density everywhere",
+                    at=("coefficient",),
+                    also=[(("density",), "this one changes with altitude")],
+                )
+        elif self.viscosity is not None:
+            raise invalid('viscosity acts only with coefficient = "schiller_naumann"', at=("viscosity",))
+        return self
+
+    @property
+    def rho(self) -> float:
+        """Density of the fluid [kg/m³], at sea level for the standard atmosphere."""
+        if isinstance(self.density, Atmosphere):
+            return FLUIDS["air"].density or math.nan
+        if self.density is not None:
+            return self.density
+        return FLUIDS[self.fluid or ""].density or math.nan
+
+    def record(self) -> DragRecord:
+        rho: Constant | StandardAtmosphere = Constant(self.rho)
+        if isinstance(self.density, Atmosphere):
+            rho = StandardAtmosphere(self.density.sea_level, self.density.temperature_offset, self.density.humidity)
+        c_d: Constant | SchillerNaumann
+        if self.coefficient == "schiller_naumann":
+            eta = self.viscosity if self.viscosity is not None else FLUIDS[self.fluid or ""].viscosity
+            c_d = SchillerNaumann(eta / self.rho)
+        else:
+            c_d = Constant(float(self.coefficient))
+        area = Sphere(math.pi) if self.area is None else Constant(self.area)
+        return DragRecord(0.5, rho, c_d, area, tuple(flow.record() for flow in self.flow))
+
+    def needs_radius(self) -> bool:
+        return self.area is None or self.coefficient == "schiller_naumann"
+
+
+class DragRecord(NamedTuple):
+    """½, and the records of density, drag coefficient, cross-section and flows."""
+
+    half: float
+    density: tuple[Any, ...]
+    coefficient: tuple[Any, ...]
+    area: tuple[Any, ...]
+    flow: tuple[Any, ...]
+
+
+@helper
+def relative(flow: Any, p: Particle) -> Particle:
+    """The particle with its velocity relative to the fluid."""
+    wx, wy, wz = velocity(flow, p)
+    return Particle(p.x, p.y, p.z, p.vx - wx, p.vy - wy, p.vz - wz, p.m, p.r, p.T, p.t)
+
+
+@helper
+def drag_dv(f: Any, p: Particle) -> Matrix:
+    """∂f/∂v of aerodynamic drag."""
+    q = relative(f.flow, p)
+    speed = np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+    k = -f.half * density(f.density, p) * cross_section(f.area, p)
+    c = drag_coefficient(f.coefficient, q)
+    d = k * c * speed
+    e = k * (c / speed + drag_slope(f.coefficient, q)) if speed > 0 else 0.0
+    return (
+        d + e * q.vx * q.vx,
+        e * q.vx * q.vy,
+        e * q.vx * q.vz,
+        e * q.vy * q.vx,
+        d + e * q.vy * q.vy,
+        e * q.vy * q.vz,
+        e * q.vz * q.vx,
+        e * q.vz * q.vy,
+        d + e * q.vz * q.vz,
+    )
+
+
+@helper
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """Matrix product."""
+    return (
+        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
+        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
+        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
+        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
+        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
+        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
+        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
+        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
+        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
+    )
+
+
+@helper
+@law(force, DragRecord)
+def drag_force(f: DragRecord, p: Particle) -> Vector:
+    q = relative(f.flow, p)
+    # Constant factors come first: the compiler takes their product out of the loop.
+    k = f.half * density(f.density, p) * drag_coefficient(f.coefficient, q) * cross_section(f.area, p)
+    s = -k * np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+    return s * q.vx, s * q.vy, s * q.vz
+
+
+@law(force_dx, DragRecord)
+def drag_dx(f: DragRecord, p: Particle) -> Matrix:
+    # Through the flow, −∂f/∂v ∂w/∂x, and through the density, f (dρ/dy)/ρ in the column of y.
+    a = product(drag_dv(f, p), velocity_dx(f.flow, p))
+    fx, fy, fz = drag_force(f, p)
+    s = density_slope(f.density, p) / density(f.density, p)
+    return -a[0], s * fx - a[1], -a[2], -a[3], s * fy - a[4], -a[5], -a[6], s * fz - a[7], -a[8]
+
+
+@law(force_dv, DragRecord)
+def drag_by_velocity(f: DragRecord, p: Particle) -> Matrix:
+    return drag_dv(f, p)

@@ -1,0 +1,581 @@
+"""Expressions written in a scenario, such as "-k*x + 0.1*sin(2*pi*t)", as trees of records.
+
+Python's own parser reads the text; a whitelist turns its tree into records, one type per operation. Nothing is ever
+evaluated as Python: like every law, an expression is compiled from the types of its records. Each operation gives its
+`value` and, for gradients and Jacobians, its `slope` along a direction (forward differentiation).
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.laws import Particle, evaluate, generic, law
+
+MAX_LENGTH = 2000
+"""Characters in an expression; longer ones are refused before they are parsed."""
+
+Node = tuple[Any, ...]
+
+
+class ExpressionError(ValueError):
+    """A text that is no expression: what is wrong, where (0-based, in characters), how long, and what is allowed."""
+
+    def __init__(self, message: str, offset: int, length: int = 1, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.offset = offset
+        self.length = length
+        self.hint = hint
+
+
+class Ray(NamedTuple):
+    """A particle, and a direction in which to differentiate."""
+
+    p: Particle
+    d: Particle
+
+
+@generic(1)
+def value(f: Any, p: Particle) -> float:
+    """Value of an expression at a particle."""
+    return evaluate(value, f, p)  # type: ignore[no-any-return]
+
+
+@generic(1)
+def slope(f: Any, p: Ray) -> float:
+    """Derivative of an expression along a direction."""
+    return evaluate(slope, f, p)  # type: ignore[no-any-return,arg-type]
+
+
+class Constant(NamedTuple):
+    """A number."""
+
+    number: float
+
+
+law(value, Constant)(lambda f, p: f.number)
+law(slope, Constant)(lambda f, p: f.number - f.number)
+
+
+class X(NamedTuple):
+    """Position x."""
+
+
+class Y(NamedTuple):
+    """Position y."""
+
+
+class Z(NamedTuple):
+    """Position z."""
+
+
+class VX(NamedTuple):
+    """Velocity along x."""
+
+
+class VY(NamedTuple):
+    """Velocity along y."""
+
+
+class VZ(NamedTuple):
+    """Velocity along z."""
+
+
+class Mass(NamedTuple):
+    """Mass."""
+
+
+class Radius(NamedTuple):
+    """Radius."""
+
+
+class Temperature(NamedTuple):
+    """Temperature."""
+
+
+class Time(NamedTuple):
+    """Time."""
+
+
+law(value, X)(lambda f, p: p.x)
+law(slope, X)(lambda f, p: p.d.x)
+law(value, Y)(lambda f, p: p.y)
+law(slope, Y)(lambda f, p: p.d.y)
+law(value, Z)(lambda f, p: p.z)
+law(slope, Z)(lambda f, p: p.d.z)
+law(value, VX)(lambda f, p: p.vx)
+law(slope, VX)(lambda f, p: p.d.vx)
+law(value, VY)(lambda f, p: p.vy)
+law(slope, VY)(lambda f, p: p.d.vy)
+law(value, VZ)(lambda f, p: p.vz)
+law(slope, VZ)(lambda f, p: p.d.vz)
+law(value, Mass)(lambda f, p: p.m)
+law(slope, Mass)(lambda f, p: p.d.m)
+law(value, Radius)(lambda f, p: p.r)
+law(slope, Radius)(lambda f, p: p.d.r)
+law(value, Temperature)(lambda f, p: p.T)
+law(slope, Temperature)(lambda f, p: p.d.T)
+law(value, Time)(lambda f, p: p.t)
+law(slope, Time)(lambda f, p: p.d.t)
+
+VARIABLES: dict[str, Node] = {
+    "x": X(),
+    "y": Y(),
+    "z": Z(),
+    "vx": VX(),
+    "vy": VY(),
+    "vz": VZ(),
+    "t": Time(),
+    "m": Mass(),
+    "r": Radius(),
+    "T": Temperature(),
+}
+"""What an expression may name beside its constants."""
+
+
+class Negate(NamedTuple):
+    """−a."""
+
+    a: Any
+
+
+class Add(NamedTuple):
+    """a + b."""
+
+    a: Any
+    b: Any
+
+
+class Subtract(NamedTuple):
+    """a − b."""
+
+    a: Any
+    b: Any
+
+
+class Multiply(NamedTuple):
+    """a b."""
+
+    a: Any
+    b: Any
+
+
+class Divide(NamedTuple):
+    """a / b."""
+
+    a: Any
+    b: Any
+
+
+class Square(NamedTuple):
+    """a²."""
+
+    a: Any
+
+
+class Power(NamedTuple):
+    """aᵇ with a constant exponent b."""
+
+    a: Any
+    b: float
+
+
+class GeneralPower(NamedTuple):
+    """aᵇ for a > 0, where b varies."""
+
+    a: Any
+    b: Any
+
+
+law(value, Negate)(lambda f, p: -value(f.a, p))
+law(slope, Negate)(lambda f, p: -slope(f.a, p))
+law(value, Add)(lambda f, p: value(f.a, p) + value(f.b, p))
+law(slope, Add)(lambda f, p: slope(f.a, p) + slope(f.b, p))
+law(value, Subtract)(lambda f, p: value(f.a, p) - value(f.b, p))
+law(slope, Subtract)(lambda f, p: slope(f.a, p) - slope(f.b, p))
+law(value, Multiply)(lambda f, p: value(f.a, p) * value(f.b, p))
+law(slope, Multiply)(lambda f, p: slope(f.a, p) * value(f.b, p.p) + value(f.a, p.p) * slope(f.b, p))
+law(value, Divide)(lambda f, p: value(f.a, p) / value(f.b, p))
+law(slope, Square)(lambda f, p: 2 * value(f.a, p.p) * slope(f.a, p))
+law(value, Power)(lambda f, p: value(f.a, p) ** f.b)
+law(slope, Power)(lambda f, p: f.b * value(f.a, p.p) ** (f.b - 1) * slope(f.a, p))
+law(value, GeneralPower)(lambda f, p: value(f.a, p) ** value(f.b, p))
+
+
+@law(slope, Divide)
+def _divide_slope(f: Divide, p: Ray) -> float:
+    b = value(f.b, p.p)
+    return (slope(f.a, p) - value(f.a, p.p) / b * slope(f.b, p)) / b
+
+
+@law(value, Square)
+def _square_value(f: Square, p: Particle) -> float:
+    a = value(f.a, p)
+    return a * a
+
+
+@law(slope, GeneralPower)
+def _general_power_slope(f: GeneralPower, p: Ray) -> float:
+    a, b = value(f.a, p.p), value(f.b, p.p)
+    return b * a ** (b - 1) * slope(f.a, p) + a**b * np.log(a) * slope(f.b, p)
+
+
+class Sin(NamedTuple):
+    """sin a."""
+
+    a: Any
+
+
+class Cos(NamedTuple):
+    """cos a."""
+
+    a: Any
+
+
+class Tan(NamedTuple):
+    """tan a."""
+
+    a: Any
+
+
+class Asin(NamedTuple):
+    """asin a."""
+
+    a: Any
+
+
+class Acos(NamedTuple):
+    """acos a."""
+
+    a: Any
+
+
+class Atan(NamedTuple):
+    """atan a."""
+
+    a: Any
+
+
+class Sinh(NamedTuple):
+    """sinh a."""
+
+    a: Any
+
+
+class Cosh(NamedTuple):
+    """cosh a."""
+
+    a: Any
+
+
+class Tanh(NamedTuple):
+    """tanh a."""
+
+    a: Any
+
+
+class Exp(NamedTuple):
+    """exp a."""
+
+    a: Any
+
+
+class Log(NamedTuple):
+    """Natural logarithm of a."""
+
+    a: Any
+
+
+class Sqrt(NamedTuple):
+    """Square root of a."""
+
+    a: Any
+
+
+class Abs(NamedTuple):
+    """|a|."""
+
+    a: Any
+
+
+class Sign(NamedTuple):
+    """−1, 0 or 1 by the sign of a."""
+
+    a: Any
+
+
+class Atan2(NamedTuple):
+    """Angle of the point (b, a)."""
+
+    a: Any
+    b: Any
+
+
+class Hypot(NamedTuple):
+    """√(a² + b²)."""
+
+    a: Any
+    b: Any
+
+
+class Minimum(NamedTuple):
+    """The smaller of a and b."""
+
+    a: Any
+    b: Any
+
+
+class Maximum(NamedTuple):
+    """The larger of a and b."""
+
+    a: Any
+    b: Any
+
+
+class IfLess(NamedTuple):
+    """yes where a < b, else no."""
+
+    a: Any
+    b: Any
+    yes: Any
+    no: Any
+
+
+law(value, Sin)(lambda f, p: np.sin(value(f.a, p)))
+law(slope, Sin)(lambda f, p: np.cos(value(f.a, p.p)) * slope(f.a, p))
+law(value, Cos)(lambda f, p: np.cos(value(f.a, p)))
+law(slope, Cos)(lambda f, p: -np.sin(value(f.a, p.p)) * slope(f.a, p))
+law(value, Tan)(lambda f, p: np.tan(value(f.a, p)))
+law(slope, Tan)(lambda f, p: slope(f.a, p) / np.cos(value(f.a, p.p)) ** 2)
+law(value, Asin)(lambda f, p: np.arcsin(value(f.a, p)))
+law(slope, Asin)(lambda f, p: slope(f.a, p) / np.sqrt(1 - value(f.a, p.p) ** 2))
+law(value, Acos)(lambda f, p: np.arccos(value(f.a, p)))
+law(slope, Acos)(lambda f, p: -slope(f.a, p) / np.sqrt(1 - value(f.a, p.p) ** 2))
+law(value, Atan)(lambda f, p: np.arctan(value(f.a, p)))
+law(slope, Atan)(lambda f, p: slope(f.a, p) / (1 + value(f.a, p.p) ** 2))
+law(value, Sinh)(lambda f, p: np.sinh(value(f.a, p)))
+law(slope, Sinh)(lambda f, p: np.cosh(value(f.a, p.p)) * slope(f.a, p))
+law(value, Cosh)(lambda f, p: np.cosh(value(f.a, p)))
+law(slope, Cosh)(lambda f, p: np.sinh(value(f.a, p.p)) * slope(f.a, p))
+law(value, Tanh)(lambda f, p: np.tanh(value(f.a, p)))
+law(slope, Tanh)(lambda f, p: slope(f.a, p) / np.cosh(value(f.a, p.p)) ** 2)
+law(value, Exp)(lambda f, p: np.exp(value(f.a, p)))
+law(slope, Exp)(lambda f, p: np.exp(value(f.a, p.p)) * slope(f.a, p))
+law(value, Log)(lambda f, p: np.log(value(f.a, p)))
+law(slope, Log)(lambda f, p: slope(f.a, p) / value(f.a, p.p))
+law(value, Sqrt)(lambda f, p: np.sqrt(value(f.a, p)))
+law(slope, Sqrt)(lambda f, p: slope(f.a, p) / (2 * np.sqrt(value(f.a, p.p))))
+law(value, Abs)(lambda f, p: abs(value(f.a, p)))
+law(slope, Abs)(lambda f, p: np.sign(value(f.a, p.p)) * slope(f.a, p))
+law(value, Sign)(lambda f, p: np.sign(value(f.a, p)))
+law(slope, Sign)(lambda f, p: 0.0)
+law(value, Atan2)(lambda f, p: np.arctan2(value(f.a, p), value(f.b, p)))
+law(value, Hypot)(lambda f, p: np.sqrt(value(f.a, p) ** 2 + value(f.b, p) ** 2))
+law(value, Minimum)(lambda f, p: min(value(f.a, p), value(f.b, p)))
+law(slope, Minimum)(lambda f, p: slope(f.a, p) if value(f.a, p.p) < value(f.b, p.p) else slope(f.b, p))
+law(value, Maximum)(lambda f, p: max(value(f.a, p), value(f.b, p)))
+law(slope, Maximum)(lambda f, p: slope(f.b, p) if value(f.a, p.p) < value(f.b, p.p) else slope(f.a, p))
+law(value, IfLess)(lambda f, p: value(f.yes, p) if value(f.a, p) < value(f.b, p) else value(f.no, p))
+law(slope, IfLess)(lambda f, p: slope(f.yes, p) if value(f.a, p.p) < value(f.b, p.p) else slope(f.no, p))
+
+
+@law(slope, Atan2)
+def _atan2_slope(f: Atan2, p: Ray) -> float:
+    a, b = value(f.a, p.p), value(f.b, p.p)
+    return (slope(f.a, p) * b - slope(f.b, p) * a) / (a * a + b * b)
+
+
+@law(slope, Hypot)
+def _hypot_slope(f: Hypot, p: Ray) -> float:
+    a, b = value(f.a, p.p), value(f.b, p.p)
+    return (slope(f.a, p) * a + slope(f.b, p) * b) / np.sqrt(a * a + b * b)
+
+
+FUNCTIONS: dict[str, Callable[..., Node]] = {
+    "sin": Sin,
+    "cos": Cos,
+    "tan": Tan,
+    "asin": Asin,
+    "acos": Acos,
+    "atan": Atan,
+    "sinh": Sinh,
+    "cosh": Cosh,
+    "tanh": Tanh,
+    "exp": Exp,
+    "log": Log,
+    "sqrt": Sqrt,
+    "abs": Abs,
+    "sign": Sign,
+    "atan2": Atan2,
+    "hypot": Hypot,
+    "min": Minimum,
+    "max": Maximum,
+}
+"""Functions that an expression may call."""
+
+BUILTIN_CONSTANTS = {"pi": math.pi, "e": math.e}
+
+_BINARY: dict[type[ast.operator], Callable[..., Node]] = {
+    ast.Add: Add,
+    ast.Sub: Subtract,
+    ast.Mult: Multiply,
+    ast.Div: Divide,
+}
+_PROBE = Particle(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def parse(text: str, constants: Mapping[str, float]) -> Node:
+    """The tree of records of an expression.
+
+    Names are `VARIABLES`, pi, e, and the given constants. Raises ExpressionError with the place inside the text.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"longer than {MAX_LENGTH} characters", 0, 1)
+    stripped = text.strip()
+    if not stripped:
+        raise ExpressionError("an empty expression", 0, 1, hint='write "0" for no force')
+    indent = len(text) - len(text.lstrip())
+    try:
+        tree = ast.parse(stripped, mode="eval").body
+    except SyntaxError as error:
+        offset = indent + max((error.offset or 1) - 1, 0)
+        raise ExpressionError("not an expression", min(offset, len(text) - 1)) from None
+    except (RecursionError, MemoryError, ValueError):
+        raise ExpressionError("nested too deeply", 0, len(text)) from None
+    try:
+        return _Builder(stripped, indent, constants).build(tree)
+    except RecursionError:
+        raise ExpressionError("nested too deeply", 0, len(text)) from None
+
+
+class _Builder:
+    """Turns Python's tree into records, and refuses whatever is not on the list."""
+
+    def __init__(self, text: str, indent: int, constants: Mapping[str, float]) -> None:
+        self.bytes = text.encode()
+        self.lines = [len(line) for line in self.bytes.splitlines(keepends=True)]
+        self.indent = indent
+        self.constants = {**BUILTIN_CONSTANTS, **constants}
+
+    def build(self, node: ast.expr) -> Node:
+        """The record of a node."""
+        if isinstance(node, ast.Constant):
+            return self._number(node)
+        if isinstance(node, ast.Name):
+            return self._name(node)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd):
+            return self.build(node.operand)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            return _folded(Negate(self.build(node.operand)))
+        if isinstance(node, ast.BinOp):
+            return self._binary(node)
+        if isinstance(node, ast.Call):
+            return self._call(node)
+        if isinstance(node, ast.IfExp):
+            return self._choice(node)
+        raise self._error(node, "not allowed in an expression", "numbers, names, + - * / **, functions and a if b < c else d")
+
+    def _number(self, node: ast.Constant) -> Node:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise self._error(node, "not a number", None)
+        try:
+            number = float(node.value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self._error(node, "the number is too large", None)
+        return Constant(number)
+
+    def _name(self, node: ast.Name) -> Node:
+        if node.id in self.constants:
+            return Constant(float(self.constants[node.id]))
+        if node.id in VARIABLES:
+            return VARIABLES[node.id]
+        known = [*VARIABLES, *self.constants]
+        raise self._error(node, f"unknown name {node.id!r}", _nearest(node.id, [*known, *FUNCTIONS], "names", known))
+
+    def _binary(self, node: ast.BinOp) -> Node:
+        if isinstance(node.op, ast.Pow):
+            return self._power(self.build(node.left), self.build(node.right))
+        if type(node.op) not in _BINARY:
+            hint = "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
+            raise self._error(node, "unknown operator", hint)
+        return _folded(_BINARY[type(node.op)](self.build(node.left), self.build(node.right)))
+
+    @staticmethod
+    def _power(base: Node, exponent: Node) -> Node:
+        if not isinstance(exponent, Constant):
+            return _folded(GeneralPower(base, exponent))
+        if exponent.number == 1:
+            return base
+        if exponent.number == 2:
+            return _folded(Square(base))
+        return _folded(Power(base, exponent.number))
+
+    def _call(self, node: ast.Call) -> Node:
+        if not isinstance(node.func, ast.Name):
+            raise self._error(node.func, "only functions can be called", "functions: " + ", ".join(FUNCTIONS))
+        name = node.func.id
+        if name not in FUNCTIONS:
+            hint = _nearest(name, list(FUNCTIONS), "functions", list(FUNCTIONS))
+            raise self._error(node.func, f"unknown function {name!r}", hint)
+        function = FUNCTIONS[name]
+        wanted = len(function._fields)  # type: ignore[attr-defined]
+        if node.keywords or len(node.args) != wanted or any(isinstance(a, ast.Starred) for a in node.args):
+            raise self._error(node, f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}", None)
+        return _folded(function(*(self.build(a) for a in node.args)))
+
+    def _choice(self, node: ast.IfExp) -> Node:
+        test = node.test
+        if not isinstance(test, ast.Compare) or len(test.ops) != 1:
+            raise self._error(test, "a condition is one comparison", "such as: k*x if x < 1 else 0")
+        a, b = self.build(test.left), self.build(test.comparators[0])
+        yes, no = self.build(node.body), self.build(node.orelse)
+        op = type(test.ops[0])
+        if op is ast.Lt:
+            return IfLess(a, b, yes, no)
+        if op is ast.Gt:
+            return IfLess(b, a, yes, no)
+        if op is ast.LtE:
+            return IfLess(b, a, no, yes)
+        if op is ast.GtE:
+            return IfLess(a, b, no, yes)
+        raise self._error(test, "unknown comparison", "<, <=, > and >= are allowed")
+
+    def _error(self, node: ast.expr, message: str, hint: str | None) -> ExpressionError:
+        start = self._characters(node.lineno, node.col_offset)
+        end = self._characters(node.end_lineno or node.lineno, node.end_col_offset or node.col_offset + 1)
+        return ExpressionError(message, self.indent + start, max(end - start, 1), hint)
+
+    def _characters(self, line: int, column: int) -> int:
+        """Python counts bytes within lines; the user counts characters."""
+        return len(self.bytes[: sum(self.lines[: line - 1]) + column].decode(errors="ignore"))
+
+
+def _folded(node: Node) -> Node:
+    """Constants of constants are computed here, once, if the result is a number."""
+    if all(isinstance(part, Constant | float) for part in node):
+        with np.errstate(all="ignore"):
+            try:
+                number = float(value(node, _PROBE))
+            except (ArithmeticError, TypeError, ValueError):
+                return node
+        if math.isfinite(number):
+            return Constant(number)
+    return node
+
+
+def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
+    return (f"did you mean {close[0]!r}? " if close else "") + f"{what}: " + ", ".join(known)
+
+
+def reads(node: Node, variable: type) -> bool:
+    """Whether an expression reads a variable."""
+    return isinstance(node, variable) or any(isinstance(part, tuple) and reads(part, variable) for part in node)

@@ -1,0 +1,167 @@
+"""The families of methods: explicit Runge–Kutta, kick-drift compositions, and Störmer's two-step rule.
+
+A method here is data. The engine compiles it twice from the same numbers: fused, for particles that step alone, and by
+stages, for particles that pull on each other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class RungeKuttaRecord(NamedTuple):
+    """What kernels see of a tableau. Zeros are None, so that the compiler drops their terms."""
+
+    a: tuple[tuple[float | None, ...], ...]
+    b: tuple[float | None, ...]
+    c: tuple[float, ...]
+
+
+class CompositionRecord(NamedTuple):
+    """What kernels see of a composition: kick and drift fractions of the step; None where there is none."""
+
+    kicks: tuple[float | None, ...]
+    drifts: tuple[float | None, ...]
+
+
+class VerletRecord(NamedTuple):
+    """What kernels see of Störmer's rule: one half, in the precision of the run."""
+
+    half: float
+
+
+@dataclass(frozen=True)
+class Method:
+    """What every method tells: its name in scenarios, order, and what is true of it.
+
+    `first_order` names the method that takes its place for particles without inertia, whose state is the position alone
+    (kicks and drifts need both position and velocity).
+    """
+
+    name: str
+    order: int
+    summary: str
+    symplectic: bool = False
+    reversible: bool = False
+    first_order: str | None = None
+
+    @property
+    def evaluations(self) -> int:
+        """Force evaluations per step."""
+        raise NotImplementedError
+
+    def record(self) -> tuple[object, ...]:
+        """The coefficients as kernels take them."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class RungeKutta(Method):
+    """Explicit Runge–Kutta method with Butcher tableau a (strictly lower triangular, row by row), b, c.
+
+    Raises ValueError at import when a row of `a` does not sum to its `c`, or when `b` misses the order conditions up to
+    order 4 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, table II.2.1).
+    """
+
+    a: tuple[tuple[float, ...], ...] = ()
+    b: tuple[float, ...] = ()
+    c: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        s = len(self.b)
+        if len(self.a) != s or len(self.c) != s or any(len(row) != i for i, row in enumerate(self.a)):
+            raise ValueError(f"{self.name}: a tableau of {s} stages needs {s} rows, row i of length i")
+        for i, row in enumerate(self.a):
+            if not math.isclose(sum(row), self.c[i], abs_tol=1e-14):
+                raise ValueError(f"{self.name}: row {i} of a sums to {sum(row)}, c is {self.c[i]}")
+        for order, value, target in self._order_conditions():
+            if order <= self.order and not math.isclose(value, target, abs_tol=1e-14):
+                raise ValueError(f"{self.name}: a condition of order {order} gives {value}, not {target}")
+
+    def _order_conditions(self) -> list[tuple[int, float, float]]:
+        s = range(len(self.b))
+        a = [[*row, *[0.0] * (len(self.b) - len(row))] for row in self.a]
+        b, c = self.b, self.c
+        ac = [sum(a[i][j] * c[j] for j in s) for i in s]
+        return [
+            (1, sum(b), 1.0),
+            (2, sum(b[i] * c[i] for i in s), 1 / 2),
+            (3, sum(b[i] * c[i] ** 2 for i in s), 1 / 3),
+            (3, sum(b[i] * ac[i] for i in s), 1 / 6),
+            (4, sum(b[i] * c[i] ** 3 for i in s), 1 / 4),
+            (4, sum(b[i] * c[i] * ac[i] for i in s), 1 / 8),
+            (4, sum(b[i] * a[i][j] * c[j] ** 2 for i in s for j in s), 1 / 12),
+            (4, sum(b[i] * a[i][j] * ac[j] for i in s for j in s), 1 / 24),
+        ]
+
+    @property
+    def evaluations(self) -> int:
+        return len(self.b)
+
+    def record(self) -> RungeKuttaRecord:
+        return RungeKuttaRecord(
+            tuple(tuple(_none_if_zero(x) for x in row) for row in self.a),
+            tuple(_none_if_zero(x) for x in self.b),
+            self.c,
+        )
+
+    def amplification(self, z: complex) -> complex:
+        """Stability function R(z) of y' = λ y with z = h λ; stable where |R(z)| ≤ 1."""
+        slopes: list[complex] = []
+        for row in self.a:
+            slopes.append(z * (1 + sum(w * k for w, k in zip(row, slopes, strict=True))))
+        return 1 + sum(w * k for w, k in zip(self.b, slopes, strict=True))
+
+
+@dataclass(frozen=True)
+class Composition(Method):
+    """Alternating kicks v += d h f(x, v)/m and drifts x += c h v, in the order kick, drift, kick, drift ...
+
+    Every composition of kicks and drifts is symplectic for forces that derive from a potential; it is time-reversible
+    when it reads the same backwards. Raises ValueError at import when kicks or drifts do not sum to one.
+    """
+
+    kicks: tuple[float, ...] = ()
+    drifts: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.kicks) != len(self.drifts):
+            raise ValueError(f"{self.name}: needs as many drifts as kicks (0 for none)")
+        for what, parts in (("kicks", self.kicks), ("drifts", self.drifts)):
+            if not math.isclose(sum(parts), 1.0, abs_tol=1e-14):
+                raise ValueError(f"{self.name}: the {what} sum to {sum(parts)}, not 1")
+        sequence = [x for pair in zip(self.kicks, self.drifts, strict=True) for x in pair]
+        while sequence[-1] == 0:
+            sequence.pop()
+        while sequence[0] == 0:
+            sequence.pop(0)
+        mirrored = all(math.isclose(x, y, abs_tol=1e-14) for x, y in zip(sequence, reversed(sequence), strict=True))
+        if self.reversible != (mirrored and len(sequence) % 2 == 1):
+            raise ValueError(f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise")
+
+    @property
+    def evaluations(self) -> int:
+        return sum(k != 0 for k in self.kicks)
+
+    def record(self) -> CompositionRecord:
+        return CompositionRecord(
+            tuple(_none_if_zero(x) for x in self.kicks), tuple(_none_if_zero(x) for x in self.drifts)
+        )
+
+
+@dataclass(frozen=True)
+class Verlet(Method):
+    """Störmer's two-step rule on positions; keeps the previous position of every particle."""
+
+    @property
+    def evaluations(self) -> int:
+        return 1
+
+    def record(self) -> VerletRecord:
+        return VerletRecord(0.5)
+
+
+def _none_if_zero(x: float) -> float | None:
+    return None if x == 0 else x

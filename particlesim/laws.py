@@ -1,0 +1,171 @@
+"""Laws: pure scalar functions of a parameter record and a particle.
+
+A *record* is a NamedTuple of numbers (or of further records). A *generic* is a quantity that many laws can give, such
+as the force on a particle; `law` says which function gives it for which record. Kernels see only records: the types in a
+tuple of records select the laws at compile time and inline them, so the tuple of record types is the program.
+
+A generic applied to a plain tuple of records is the sum over them. Everything here also runs in plain Python, without a
+compiler, which is how tests and the stability analysis evaluate single laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+Record = tuple[Any, ...]
+Vector = tuple[float, float, float]
+Matrix = tuple[float, float, float, float, float, float, float, float, float]  # row by row
+
+ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies; it has left the world.
+PASS = 0
+STICK = 1
+KILL = 2
+LEAVE = 3
+
+
+class Particle(NamedTuple):
+    """One particle as a law sees it: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], time [s]."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    m: float
+    r: float
+    T: float
+    t: float
+
+
+class Generic(NamedTuple):
+    """A quantity given by laws: its stub, the laws by record type, and how many numbers it returns (0: laws do not add up)."""
+
+    function: Callable[..., Any]
+    laws: dict[type, Callable[..., Any]]
+    size: int
+
+
+GENERICS: dict[Callable[..., Any], Generic] = {}
+
+
+HELPERS: list[Callable[..., Any]] = []
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def helper(function: F) -> F:
+    """Register the decorated scalar function as one that laws may call; it is inlined into them."""
+    HELPERS.append(function)
+    return function
+
+
+def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register the decorated function as the law that gives `generic` for `record`."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        laws = GENERICS[generic].laws
+        if record in laws:
+            raise ValueError(f"{record.__name__} already has a law for {generic.__name__}")
+        laws[record] = function
+        return function
+
+    return register
+
+
+def has_law(generic: Callable[..., Any], record: Record) -> bool:
+    """Whether a record's type gives this quantity."""
+    return type(record) in GENERICS[generic].laws
+
+
+def generic(size: int) -> Callable[[F], F]:
+    """Declare the decorated function as a generic that returns `size` numbers (0: laws do not add up).
+
+    The function's body serves plain Python: it is `return evaluate(<itself>, record, particle)`.
+    """
+
+    def declare(function: F) -> F:
+        GENERICS[function] = Generic(function, {}, size)
+        return function
+
+    return declare
+
+
+def evaluate(generic: Callable[..., Any], record: Record, p: Particle) -> Any:
+    """A generic of a record, or the sum over a plain tuple of records, in plain Python.
+
+    Raises TypeError when the record has no law for it.
+    """
+    entry = GENERICS[generic]
+    if type(record) is not tuple:
+        if type(record) not in entry.laws:
+            raise TypeError(f"{type(record).__name__} has no law for {generic.__name__}")
+        return entry.laws[type(record)](record, p)
+    terms = [evaluate(generic, r, p) for r in record]
+    if entry.size == 1:
+        return sum(terms, 0.0)
+    return tuple(sum((term[k] for term in terms), 0.0) for k in range(entry.size))
+
+
+@generic(3)
+def force(f: Any, p: Particle) -> Vector:
+    """Force on a particle [N]."""
+    return evaluate(force, f, p)  # type: ignore[no-any-return]
+
+
+@generic(1)
+def potential(f: Any, p: Particle) -> float:
+    """Potential energy of a particle in a conservative force [J]: F = −∇U."""
+    return evaluate(potential, f, p)  # type: ignore[no-any-return]
+
+
+@generic(9)
+def force_dx(f: Any, p: Particle) -> Matrix:
+    """Jacobian of a force by position, ∂f_i/∂x_j [N/m], row by row."""
+    return evaluate(force_dx, f, p)  # type: ignore[no-any-return]
+
+
+@generic(9)
+def force_dv(f: Any, p: Particle) -> Matrix:
+    """Jacobian of a force by velocity, ∂f_i/∂v_j [N s/m], row by row."""
+    return evaluate(force_dv, f, p)  # type: ignore[no-any-return]
+
+
+@generic(3)
+def bond_force(f: Any, b: Any) -> Vector:
+    """Force on the first end of a bond [N]; the second end feels its opposite."""
+    return evaluate(bond_force, f, b)  # type: ignore[no-any-return]
+
+
+@generic(1)
+def bond_potential(f: Any, b: Any) -> float:
+    """Potential energy of a bond [J]."""
+    return evaluate(bond_potential, f, b)  # type: ignore[no-any-return]
+
+
+@generic(3)
+def velocity(f: Any, p: Particle) -> Vector:
+    """Velocity of a fluid at the particle's place and time [m/s]."""
+    return evaluate(velocity, f, p)  # type: ignore[no-any-return]
+
+
+@generic(9)
+def velocity_dx(f: Any, p: Particle) -> Matrix:
+    """Gradient of a fluid's velocity, ∂w_i/∂x_j [1/s], row by row."""
+    return evaluate(velocity_dx, f, p)  # type: ignore[no-any-return]
+
+
+@generic(0)
+def gap(c: Any, p: Particle) -> float:
+    """Distance from a particle's surface to a collider [m]; negative where it overlaps."""
+    return evaluate(gap, c, p)  # type: ignore[no-any-return]
+
+
+@generic(0)
+def contact(c: Any, p: Particle) -> tuple[Particle, int]:
+    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL or LEAVE)."""
+    return evaluate(contact, c, p)  # type: ignore[no-any-return]
