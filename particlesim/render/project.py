@@ -6,7 +6,7 @@ from math import floor, isfinite, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import kernel
+from particlesim.render.compiled import inlined, kernel
 from particlesim.render.stage import Array, Float32s, Ints, Planes, View
 
 BAND = 16
@@ -29,7 +29,7 @@ def to_scene(position: Array, start: int, stop: int, center: Array, scale: float
     return bad
 
 
-@kernel
+@inlined
 def _behind_a_plane(x: float, y: float, z: float, radius: float, planes: Planes) -> bool:
     for k in range(len(planes.point)):
         if not planes.facing[k]:
