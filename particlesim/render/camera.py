@@ -9,7 +9,7 @@ import numpy as np
 
 from particlesim.render.scene import PlaneShape
 from particlesim.render.settings import Camera
-from particlesim.render.stage import Array, View
+from particlesim.render.stage import Array, View, axes_of, triple
 from particlesim.render.survey import Survey
 
 FILL = 0.84
@@ -45,8 +45,8 @@ class Viewpoint:
     def view(self, center: Array, scale: float, width: int, height: int) -> View:
         """The kernels' camera for a picture of width × height samples."""
         focal = 0.5 * height / np.tan(0.5 * np.radians(self.fov))
-        eye = ((self.eye - center) / scale).astype(np.float32)
-        return View(eye, self.axes().astype(np.float32), float(focal), width, height)
+        eye = (self.eye - center) / scale
+        return View(triple(eye), axes_of(self.axes()), float(focal), width, height)
 
 
 def choose_viewpoint(
@@ -67,11 +67,14 @@ def choose_viewpoint(
         return Viewpoint(eye, target, up, camera.fov)
     direction = _direction(low, high, up, bool(planes))
     if camera.orbit:
-        points = _swept(points, middle, up)
+        points = _swept(points, middle if camera.target is None else np.array(camera.target), up)
     margin = max(radius, 0.03 * scene.half_extent)
     start = Viewpoint(middle + direction, middle, up, camera.fov)
-    if camera.target is not None:
-        return _back_off(start, np.array(camera.target), points, margin, aspect)
+    if (
+        camera.target is not None or camera.orbit
+    ):  # an orbit turns about its target, which has to stay on the axis
+        target = middle if camera.target is None else np.array(camera.target)
+        return _back_off(start, target, points, margin, aspect)
     return _fit(start, points, margin, aspect)
 
 
@@ -88,7 +91,10 @@ def _direction(low: Array, high: Array, up: Array, planes: bool) -> Array:
     azimuth, elevation = 32.0, 20.0
     in_line = longest > 0 and np.sort(size)[1] <= 0.02 * longest
     if in_line or (is_flat and abs(k[flat]) < 0.5):
-        azimuth, elevation = (90.0 if not in_line and abs(side[flat]) > 0.5 else 0.0), (9.0 if planes else 0.0)
+        azimuth, elevation = (
+            (90.0 if not in_line and abs(side[flat]) > 0.5 else 0.0),
+            (9.0 if planes else 0.0),
+        )
         if in_line and int(np.argmax(size)) == 2:
             azimuth = 90.0
     elif is_flat:

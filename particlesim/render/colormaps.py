@@ -68,9 +68,9 @@ def group_colors(count: int) -> Array:
 
 
 def _blackbody(count: int) -> Array:
-    """The colour of a body heated from 900 K to 7500 K, its luminance rising from a dim glow to white."""
+    """The colour of a body heated from 900 K to 6500 K, its luminance rising from a dim glow to white."""
     share = np.linspace(0, 1, count)
-    rgb = _planck_rgb(900.0 * (7500.0 / 900.0) ** share)
+    rgb = _planck_rgb(900.0 * (6500.0 / 900.0) ** share)
     rgb = np.clip(rgb, 0.0, None)
     rgb /= rgb.max(axis=1, keepdims=True)
     return to_srgb(rgb * (0.03 + 0.97 * share**1.5)[:, None])

@@ -65,7 +65,7 @@ def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
     return UsageError(
         f"cannot colour by '{color_by}': the trajectory does not record it",
         (f"Did you mean '{close[0]}'? " if close else "")
-        + f"Possible here: {', '.join(choices)}. To record it, add \"{needed}\" to output.fields and run again.",
+        + f'Possible here: {", ".join(choices)}. To record it, add "{needed}" to output.fields and run again.',
     )
 
 

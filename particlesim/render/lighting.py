@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from particlesim.render.camera import Viewpoint
-from particlesim.render.colormaps import to_linear, to_srgb
+from particlesim.render.colormaps import luminance, to_linear, to_srgb
 from particlesim.render.scene import PlaneShape
 from particlesim.render.settings import RenderSettings
-from particlesim.render.stage import Array, Backdrop, Light, Planes
+from particlesim.render.stage import Array, Backdrop, Light, Planes, triple
 
 
 def _f32(values: Any) -> Array:
@@ -29,18 +29,39 @@ def choose_light(settings: RenderSettings, viewpoint: Viewpoint) -> Light:
         level = level / norm if norm > 1e-6 else axes[1]
         direction = 1.0 * up - 0.55 * axes[0] - 0.42 * level
     direction = direction / np.linalg.norm(direction)
-    return Light(_f32(direction), _f32([0.90, 0.86, 0.80]), _f32([0.36, 0.40, 0.47]), _f32([0.15, 0.145, 0.14]), _f32(up))
+    return Light(
+        triple(direction),
+        triple([0.90, 0.86, 0.80]),
+        triple([0.36, 0.40, 0.47]),
+        triple([0.15, 0.145, 0.14]),
+        triple(up),
+    )
 
 
 def choose_theme(settings: RenderSettings) -> Backdrop:
     """Colours of background, ground and grid."""
     if settings.background == "dark":
-        return Backdrop(_f32([0.006, 0.008, 0.013]), _f32([0.028, 0.034, 0.046]), _f32([0.060, 0.068, 0.084]), _f32([0.17, 0.19, 0.23]))
+        return Backdrop(
+            triple([0.006, 0.008, 0.013]),
+            triple([0.028, 0.034, 0.046]),
+            triple([0.052, 0.060, 0.076]),
+            triple([0.15, 0.17, 0.21]),
+        )
     if settings.background == "light":
-        return Backdrop(_f32([0.80, 0.84, 0.89]), _f32([0.90, 0.91, 0.92]), _f32([0.62, 0.63, 0.65]), _f32([0.36, 0.38, 0.42]))
+        return Backdrop(
+            triple([0.80, 0.84, 0.89]),
+            triple([0.90, 0.91, 0.92]),
+            triple([0.62, 0.63, 0.65]),
+            triple([0.36, 0.38, 0.42]),
+        )
     base = to_linear(settings.background)
     lift = 0.05 if base.mean() < 0.2 else -0.12
-    return Backdrop(_f32(base * 0.9), _f32(base), _f32(np.clip(base + lift, 0.01, 1)), _f32(np.clip(base + 4 * lift, 0.02, 1)))
+    return Backdrop(
+        triple(base * 0.9),
+        triple(base),
+        triple(np.clip(base + lift, 0.01, 1)),
+        triple(np.clip(base + 4 * lift, 0.02, 1)),
+    )
 
 
 def is_light(settings: RenderSettings) -> bool:
@@ -50,8 +71,20 @@ def is_light(settings: RenderSettings) -> bool:
     return float(to_linear(settings.background).mean()) > 0.2
 
 
+def readable(colors: Array, on_light: bool, count: int = 512) -> Array:
+    """The stretch of a colour map, resampled to `count` colours, that stands out from the background.
+
+    Of maps that run from black or to white the end that would vanish in it is cut off, at most a third.
+    """
+    y = luminance(colors)
+    good = np.flatnonzero(y < 0.72 if on_light else y > 0.028)
+    third = len(colors) // 3
+    first, last = (0, max(good[-1], 2 * third)) if on_light else (min(good[0], third), len(colors) - 1)
+    return np.asarray(colors[np.linspace(first, last, count).round().astype(int)])
+
+
 def grid_spacing(half_extent: float) -> float:
-    """Distance of grid lines: 1, 2 or 5 times a power of ten, about eight to the half extent (same unit)."""
+    """Distance of grid lines: 1, 2 or 5 times a power of ten, about six to the half extent (same unit)."""
     rough = half_extent / 6.0
     power = 10.0 ** np.floor(np.log10(rough))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if rough <= step * power * (1 + 1e-9)))

@@ -74,7 +74,9 @@ class Overlay:
             mask = text_mask(text, size)
         return self._colored(mask)
 
-    def _bar(self, coloring: Coloring, span: tuple[float, float], palette: Array, width: int) -> npt.NDArray[np.uint8]:
+    def _bar(
+        self, coloring: Coloring, span: tuple[float, float], palette: Array, width: int
+    ) -> npt.NDArray[np.uint8]:
         """Name and unit, the colour bar, ticks at round values."""
         low, high = span
         name = text_mask(coloring.name + (f"  [{coloring.unit}]" if coloring.unit else ""), self.size)
@@ -102,7 +104,9 @@ class Overlay:
         names = [*groups[:12], *([f"and {len(groups) - 12} more"] if len(groups) > 12 else [])]
         masks = [text_mask(name, self.size) for name in names]
         line, dot = round(self.size * 1.5), self.size
-        out = np.zeros((line * len(names), dot + self.size // 2 + max(m.shape[1] for m in masks), 4), np.uint8)
+        out = np.zeros(
+            (line * len(names), dot + self.size // 2 + max(m.shape[1] for m in masks), 4), np.uint8
+        )
         y, x = np.mgrid[:dot, :dot] + 0.5 - dot / 2
         disc = np.clip(0.42 * dot + 0.5 - np.hypot(x, y), 0, 1)
         for k, mask in enumerate(masks):
@@ -139,7 +143,9 @@ def text_mask(text: str, size: int) -> npt.NDArray[np.uint8]:
     image = Image.new("L", (max(math.ceil(width), 1) + 1, round(size * 1.25)))
     pen, x = ImageDraw.Draw(image), 0.0
     for run, raised in runs:
-        pen.text((x, -0.05 * size if raised else 0.05 * size), run, font=small if raised else normal, fill=255)
+        pen.text(
+            (x, -0.05 * size if raised else 0.05 * size), run, font=small if raised else normal, fill=255
+        )
         x += (small if raised else normal).getlength(run)
     return np.asarray(image)
 

@@ -7,7 +7,7 @@ from math import floor, isfinite, sqrt
 import numpy as np
 
 from particlesim.render.compiled import inlined, kernel
-from particlesim.render.stage import Array, Float32s, Ints, Planes, View
+from particlesim.render.stage import Array, Axes, Float32s, Ints, Planes, View
 
 BAND = 16
 """Rows of one band: the piece of work of one thread."""
@@ -67,9 +67,9 @@ def to_view(
     for i in range(start, stop):
         box[i, 0], box[i, 1], box[i, 2], box[i, 3] = 0, -1, 0, -1
         dx, dy, dz = world[i, 0] - view.eye[0], world[i, 1] - view.eye[1], world[i, 2] - view.eye[2]
-        x = a[0, 0] * dx + a[0, 1] * dy + a[0, 2] * dz
-        y = a[1, 0] * dx + a[1, 1] * dy + a[1, 2] * dz
-        z = a[2, 0] * dx + a[2, 1] * dy + a[2, 2] * dz
+        x = a[0][0] * dx + a[0][1] * dy + a[0][2] * dz
+        y = a[1][0] * dx + a[1][1] * dy + a[1][2] * dz
+        z = a[2][0] * dx + a[2][1] * dy + a[2][2] * dz
         r = max(float(radius[i]), least * z / view.focal)
         sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3] = x, y, z, r
         if not z - r > NEAR:
@@ -92,7 +92,7 @@ def to_map(
     sphere: Float32s,
     start: int,
     stop: int,
-    axes: Float32s,
+    axes: Axes,
     scale: float,
     size: int,
     disc: Float32s,
@@ -102,11 +102,11 @@ def to_map(
     for i in range(start, stop):
         box[i, 0], box[i, 1], box[i, 2], box[i, 3] = 0, -1, 0, -1
         x, y, z = world[i, 0], world[i, 1], world[i, 2]
-        u = 0.5 * size + scale * (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z)
-        v = 0.5 * size - scale * (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z)
+        u = 0.5 * size + scale * (axes[0][0] * x + axes[0][1] * y + axes[0][2] * z)
+        v = 0.5 * size - scale * (axes[1][0] * x + axes[1][1] * y + axes[1][2] * z)
         r = max(scale * sphere[i, 3], 0.71)
         disc[i, 0], disc[i, 1], disc[i, 3] = u, v, r
-        disc[i, 2] = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+        disc[i, 2] = axes[2][0] * x + axes[2][1] * y + axes[2][2] * z
         if u + r > 0 and u - r < size and v + r > 0 and v - r < size:
             box[i, 0], box[i, 1] = max(int(u - r), 0), min(int(u + r), size - 1)
             box[i, 2], box[i, 3] = max(int(v - r), 0), min(int(v + r), size - 1)

@@ -27,6 +27,7 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
     q = c − t₀ d, and meets the sphere at t₀ − √((r² − q²) / d²). Computing q first keeps far, small spheres exact. A
     sample within half a sample outside the outline counts, at the depth of the outline: shading weighs it.
     """
+    near, near_id, far, far_id = layers.near, layers.near_id, layers.far, layers.far_id
     rows = min(BAND, view.height - row0)
     inv = 1.0 / view.focal
     for k in range(len(items)):
@@ -46,11 +47,11 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
                 if q2 >= reach2:
                     continue
                 t = t0 - sqrt(max(r2 - q2, 0.0) * inv_d2)
-                if t < layers.near[y, x]:
-                    layers.far[y, x], layers.far_id[y, x] = layers.near[y, x], layers.near_id[y, x]
-                    layers.near[y, x], layers.near_id[y, x] = t, i
-                elif t < layers.far[y, x]:
-                    layers.far[y, x], layers.far_id[y, x] = t, i
+                if t < near[y, x]:
+                    far[y, x], far_id[y, x] = near[y, x], near_id[y, x]
+                    near[y, x], near_id[y, x] = t, i
+                elif t < far[y, x]:
+                    far[y, x], far_id[y, x] = t, i
 
 
 @kernel
@@ -97,7 +98,7 @@ def _blur_rows(image: Float32s, k: int) -> None:
     line = np.empty(size, np.float32)
     for y in range(size):
         line[:] = image[y]
-        total = line[0] * np.float64(k + 1)
+        total = line[0] * np.float64(k)
         for x in range(k):
             total += line[min(x, size - 1)]
         for x in range(size):
@@ -112,7 +113,7 @@ def _blur_columns(image: Float32s, k: int) -> None:
     copy = image.copy()
     total = np.empty(size, np.float64)
     for x in range(size):
-        total[x] = copy[0, x] * np.float64(k + 1)
+        total[x] = copy[0, x] * np.float64(k)
     for y in range(k):
         for x in range(size):
             total[x] += copy[min(y, size - 1), x]

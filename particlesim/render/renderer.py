@@ -12,12 +12,31 @@ from particlesim.errors import UsageError
 from particlesim.render import colormaps, project, raster, shade
 from particlesim.render.camera import Viewpoint, choose_viewpoint
 from particlesim.render.fields import choose_coloring, color_indices
-from particlesim.render.lighting import choose_light, choose_theme, grid_planes, tone_curve
+from particlesim.render.lighting import (
+    choose_light,
+    choose_theme,
+    grid_planes,
+    is_light,
+    readable,
+    tone_curve,
+)
 from particlesim.render.overlay import Overlay
 from particlesim.render.project import BAND
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
 from particlesim.render.settings import RenderSettings
-from particlesim.render.stage import Array, Layers, Light, Paths, Planes, ShadowMap, SkyMap, View
+from particlesim.render.stage import (
+    Array,
+    Axes,
+    Layers,
+    Light,
+    Paths,
+    Planes,
+    ShadowMap,
+    SkyMap,
+    Triple,
+    View,
+    axes_of,
+)
 from particlesim.render.survey import survey
 from particlesim.render.team import Team
 from particlesim.render.trails import AUTOMATIC, collect_trails
@@ -74,11 +93,14 @@ class Renderer:
         groups = getattr(source, "groups", ())
         srgb = self._palette_srgb(len(groups))
         self.palette = colormaps.to_linear(srgb).astype(np.float32)
-        self.overlay = Overlay(settings, self.coloring, self.range, srgb, tuple(groups), title, self.scene.count)
+        self.overlay = Overlay(
+            settings, self.coloring, self.range, srgb, tuple(groups), title, self.scene.count
+        )
         self.curve = tone_curve()
         wanted = settings.trails
         few = self.scene.count <= AUTOMATIC and last > first
-        self.trails = collect_trails(source, first, last) if wanted is True or (wanted == "auto" and few) else None
+        draws = wanted is True or (wanted == "auto" and few)
+        self.trails = collect_trails(source, first, last, self._colors) if draws else None
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()
@@ -90,7 +112,11 @@ class Renderer:
         if self.use_radius and self.scene.radius > 0:
             return self.scene.radius
         crowd = max(self.scene.count, 1) ** (-1 / 3)
-        share = np.clip(0.24 * crowd, 0.0012, 0.03) if self.settings.look == "spheres" else np.clip(0.12 * crowd, 0.001, 0.012)
+        share = (
+            np.clip(0.24 * crowd, 0.0012, 0.03)
+            if self.settings.look == "spheres"
+            else np.clip(0.12 * crowd, 0.001, 0.012)
+        )
         return float(share) * self.scale
 
     def _palette_srgb(self, groups: int) -> Array:
@@ -98,13 +124,13 @@ class Renderer:
             return np.array([colormaps.PLAIN])
         if self.coloring.kind == "group":
             return colormaps.group_colors(max(groups, 12))
-        return colormaps.colormap(self.settings.colormap, 512)
+        return readable(colormaps.colormap(self.settings.colormap, 1024), is_light(self.settings))
 
     @property
     def least(self) -> float:
         """Smallest drawn radius [samples]: a lone ball stays a ball, a million dots stay apart."""
-        crowd = np.clip(np.log10(max(self.scene.count, 1) / 64) / np.log10(1e4 / 64), 0, 1)
-        return float(max((6.5 + crowd * (1.0 - 6.5)) * self.height / 1080, 0.75 * self.samples))
+        at_1080 = np.interp(np.log10(max(self.scene.count, 1)), [0.3, 1.8, 4.0], [11.0, 6.0, 1.0])
+        return float(max(at_1080 * self.height / 1080, 0.75 * self.samples))
 
     def draw(self, frame: Frame, turn: float = 0.0) -> Picture:
         """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its target."""
@@ -116,7 +142,7 @@ class Renderer:
         dots = self.settings.look == "dots"
         order = project.far_to_near(particles.sphere, particles.box) if dots else np.empty(0, np.int32)
         first, items = project.bin_bands(particles.box, order, view.height)
-        segments = self._trail_segments(frame, view, particles.color)
+        segments = self._trail_segments(frame, view)
         width, height = self.settings.size
         out = np.empty((height, width, 3), np.uint8)
 
@@ -139,19 +165,29 @@ class Renderer:
             if dots:
                 haze = self._haze(viewpoint)
                 shade.draw_dots(
-                    row0, view, haze, particles.sphere, particles.color, self.palette, particles.box, mine, image
+                    row0,
+                    view,
+                    haze,
+                    particles.sphere,
+                    particles.color,
+                    self.palette,
+                    particles.box,
+                    mine,
+                    image,
                 )
             top, bottom = row0 // self.samples, (row0 + rows) // self.samples
-            shade.develop(image, bottom - top, self.samples, self.settings.exposure, self.curve, out[top:bottom])
+            shade.develop(
+                image, bottom - top, self.samples, self.settings.exposure, self.curve, out[top:bottom]
+            )
 
         self.team.each(band, len(first) - 1)
         self.overlay.draw(out, float(frame.time))
         return out
 
-    def _haze(self, viewpoint: Viewpoint) -> Array:
+    def _haze(self, viewpoint: Viewpoint) -> tuple[float, float, float, float, float]:
         """Colour and depth range of the fog on dots: from the scene's near side to its far side."""
         away = float(np.linalg.norm(viewpoint.eye - self.center)) / self.scale
-        return np.array([*self.theme.bottom, away - 1.0, 0.5], np.float32)
+        return (*self.theme.bottom, away - 1.0, 0.5)
 
     def _place(self, frame: Frame, view: View, planes: Planes) -> Particles:
         position = np.ascontiguousarray(frame.position)
@@ -173,14 +209,19 @@ class Renderer:
         self.team.each(piece, chunks)
         with self._lock:
             self.bad_positions += sum(bad)
-        color = color_indices(frame, self.coloring, *self.range, len(self.palette))
-        return Particles(world, sphere, box, color)
+        return Particles(world, sphere, box, self._colors(frame))
+
+    def _colors(self, frame: Frame) -> Array:
+        return color_indices(frame, self.coloring, *self.range, len(self.palette))
 
     def _maps(self, particles: Particles) -> tuple[ShadowMap, SkyMap]:
         """Depth seen from the light, and the blurred heights seen from above."""
         flat = np.full((1, 1), np.inf, np.float32)
         light = self.light
-        if not self.settings.shadows or not len(particles.world):
+        dots_alone = self.settings.look == "dots" and not len(
+            self.planes.point
+        )  # nothing shows their shadows
+        if not self.settings.shadows or not len(particles.world) or dots_alone:
             axes = _map_axes(light.direction)
             return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
         reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
@@ -199,12 +240,16 @@ class Renderer:
 
     def _lowest(self) -> float:
         """Height of the floor, or of the scene's bottom [scene units]."""
-        up = self.light.up.astype(float)
+        up = np.array(self.light.up)
         heights = self.planes.point.astype(float) @ up
         floors = heights[(self.planes.normal @ up) > 0.7]
-        return float(floors.max()) if len(floors) else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
+        return (
+            float(floors.max())
+            if len(floors)
+            else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
+        )
 
-    def _depth_map(self, particles: Particles, axes: Array, size: int, reach: float) -> Array:
+    def _depth_map(self, particles: Particles, axes: Axes, size: int, reach: float) -> Array:
         n, scale = len(particles.world), 0.5 * size / reach
         disc, box = np.empty((n, 4), np.float32), np.empty((n, 4), np.int32)
 
@@ -222,12 +267,12 @@ class Renderer:
         self.team.each(band, len(first) - 1)
         return depth
 
-    def _trail_segments(self, frame: Frame, view: View, color: Array) -> tuple[Array, Array] | None:
+    def _trail_segments(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
         if self.trails is None:
             return None
-        width = max(3.2 * self.height / 1080, 1.5 * self.samples)
+        width = max(3.6 * self.height / 1080, 1.5 * self.samples)
         segments = self.trails.segments(
-            float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id), color
+            float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id)
         )
         return segments if len(segments[0]) else None
 
@@ -255,13 +300,13 @@ class Particles:
 
 def _towards(planes: Planes, view: View) -> Planes:
     """The planes with those marked that have the camera on their legal side."""
-    height = np.einsum("ij,ij->i", view.eye - planes.point, planes.normal)
+    height = np.einsum("ij,ij->i", np.array(view.eye) - planes.point, planes.normal)
     return planes._replace(facing=height > 1e-6)
 
 
-def _map_axes(towards: Array) -> Array:
-    """Axes of a map seen from `towards`: right, up, and away from there; float32 [3, 3]."""
-    forward = -np.asarray(towards, float)
+def _map_axes(towards: Triple) -> Axes:
+    """Axes of a map seen from `towards`: right, up, and away from there."""
+    forward = -np.array(towards)
     side = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    return np.stack([side, np.cross(side, forward), forward]).astype(np.float32)
+    return axes_of([side, np.cross(side, forward), forward])

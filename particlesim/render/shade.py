@@ -19,11 +19,11 @@ from particlesim.render.stage import (
     Planes,
     ShadowMap,
     SkyMap,
+    Triple,
     View,
 )
 
-RGB = tuple[float, float, float]
-Triple = tuple[float, float, float]
+RGB = Triple
 
 
 @inlined
@@ -42,13 +42,13 @@ def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width 3."""
     depth, a = shadow.depth, shadow.axes
     size = len(depth)
-    u = 0.5 * size + shadow.scale * (a[0, 0] * x + a[0, 1] * y + a[0, 2] * z) - 0.5
-    v = 0.5 * size - shadow.scale * (a[1, 0] * x + a[1, 1] * y + a[1, 2] * z) - 0.5
+    u = 0.5 * size + shadow.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
+    v = 0.5 * size - shadow.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
     if not (1.0 <= u < size - 3 and 1.0 <= v < size - 3):
         return 1.0
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
-    d = a[2, 0] * x + a[2, 1] * y + a[2, 2] * z
+    d = a[2][0] * x + a[2][1] * y + a[2][2] * z
     total = 0.0
     for q in range(4):
         row = j - 1 + q
@@ -71,8 +71,8 @@ def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     if size < 2:
         return 1.0
     a = sky.axes
-    u = 0.5 * size + sky.scale * (a[0, 0] * x + a[0, 1] * y + a[0, 2] * z) - 0.5
-    v = 0.5 * size - sky.scale * (a[1, 0] * x + a[1, 1] * y + a[1, 2] * z) - 0.5
+    u = 0.5 * size + sky.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
+    v = 0.5 * size - sky.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
     if not (0.0 <= u < size - 1 and 0.0 <= v < size - 1):
         return 1.0
     i, j = int(u), int(v)
@@ -81,7 +81,7 @@ def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     m, s = sky.mean, sky.square
     mu = w00 * m[j, i] + w01 * m[j, i + 1] + w10 * m[j + 1, i] + w11 * m[j + 1, i + 1]
     sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
-    h = -(a[2, 0] * x + a[2, 1] * y + a[2, 2] * z) - sky.base
+    h = -(a[2][0] * x + a[2][1] * y + a[2][2] * z) - sky.base
     rise = mu - h
     if rise <= 5e-4:
         return 1.0
@@ -116,8 +116,8 @@ def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple
         abs(along[0] * v[0] + along[1] * v[1] + along[2] * v[2])
         + abs(down[0] * v[0] + down[1] * v[1] + down[2] * v[2])
     ) * inv
-    fine = max(_lines(gu, fu, 0.022), _lines(gv, fv, 0.022))
-    bold = max(_lines(0.2 * gu, 0.2 * fu, 0.0075), _lines(0.2 * gv, 0.2 * fv, 0.0075))
+    fine = max(_lines(gu, fu, 0.016), _lines(gv, fv, 0.016))
+    bold = max(_lines(0.2 * gu, 0.2 * fu, 0.0042), _lines(0.2 * gv, 0.2 * fv, 0.0042))
     return min(0.42 * fine + 0.5 * bold, 1.0)
 
 
@@ -136,7 +136,7 @@ def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
 
 
 @inlined
-def _hit(planes: Planes, eye: Float32s, dx: float, dy: float, dz: float) -> tuple[int, float]:
+def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[int, float]:
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
     for k in range(len(planes.point)):
@@ -191,16 +191,16 @@ def _behind(
     n, e = _row(planes.normal, k), view.eye
     p = (e[0] + t * dx, e[1] + t * dy, e[2] + t * dz)
     far = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
-    fade = exp(-max(sqrt(far) - 1.2, 0.0) ** 2 * 0.16)
+    fade = exp(-(max(sqrt(far) - 1.2, 0.0) ** 2) * 0.16)
     if fade < 0.004:
         return r, g, b
     # The point p = e + t d stays on the plane when the ray turns: dp = t (dd − d (n·dd) / (n·d)).
     inv = 1.0 / (n[0] * dx + n[1] * dy + n[2] * dz)
     a, s = view.axes, t / view.focal
-    na = (n[0] * a[0, 0] + n[1] * a[0, 1] + n[2] * a[0, 2]) * inv
-    nd = (n[0] * a[1, 0] + n[1] * a[1, 1] + n[2] * a[1, 2]) * inv
-    along = (s * (a[0, 0] - dx * na), s * (a[0, 1] - dy * na), s * (a[0, 2] - dz * na))
-    down = (s * (a[1, 0] - dx * nd), s * (a[1, 1] - dy * nd), s * (a[1, 2] - dz * nd))
+    na = (n[0] * a[0][0] + n[1] * a[0][1] + n[2] * a[0][2]) * inv
+    nd = (n[0] * a[1][0] + n[1] * a[1][1] + n[2] * a[1][2]) * inv
+    along = (s * (a[0][0] - dx * na), s * (a[0][1] - dy * na), s * (a[0][2] - dz * na))
+    down = (s * (a[1][0] - dx * nd), s * (a[1][1] - dy * nd), s * (a[1][2] - dz * nd))
     cover, crease = _plane_share(planes, k, p, along, down)
     cover *= fade
     if cover <= 0.0:
@@ -252,12 +252,12 @@ def _sphere(
     nx, ny, nz = nx * s, ny * s, nz * s
     facing = -(nx * vx + ny * vy + nz) * inv_d
     a, e, direction = view.axes, view.eye, light.direction
-    wx = a[0, 0] * nx + a[1, 0] * ny + a[2, 0] * nz
-    wy = a[0, 1] * nx + a[1, 1] * ny + a[2, 1] * nz
-    wz = a[0, 2] * nx + a[1, 2] * ny + a[2, 2] * nz
-    px = e[0] + a[0, 0] * c[0] + a[1, 0] * c[1] + a[2, 0] * c[2] + r * wx
-    py = e[1] + a[0, 1] * c[0] + a[1, 1] * c[1] + a[2, 1] * c[2] + r * wy
-    pz = e[2] + a[0, 2] * c[0] + a[1, 2] * c[1] + a[2, 2] * c[2] + r * wz
+    wx = a[0][0] * nx + a[1][0] * ny + a[2][0] * nz
+    wy = a[0][1] * nx + a[1][1] * ny + a[2][1] * nz
+    wz = a[0][2] * nx + a[1][2] * ny + a[2][2] * nz
+    px = e[0] + a[0][0] * c[0] + a[1][0] * c[1] + a[2][0] * c[2] + r * wx
+    py = e[1] + a[0][1] * c[0] + a[1][1] * c[1] + a[2][1] * c[2] + r * wy
+    pz = e[2] + a[0][2] * c[0] + a[1][2] * c[1] + a[2][2] * c[2] + r * wz
     lambert = wx * direction[0] + wy * direction[1] + wz * direction[2]
     shine = 0.0
     if lambert > 0.0:
@@ -269,9 +269,9 @@ def _sphere(
             py + off * wy + to * direction[1],
             pz + off * wz + to * direction[2],
         )
-        dx = a[0, 0] * vx + a[1, 0] * vy + a[2, 0]
-        dy = a[0, 1] * vx + a[1, 1] * vy + a[2, 1]
-        dz = a[0, 2] * vx + a[1, 2] * vy + a[2, 2]
+        dx = a[0][0] * vx + a[1][0] * vy + a[2][0]
+        dy = a[0][1] * vx + a[1][1] * vy + a[2][1]
+        dz = a[0][2] * vx + a[1][2] * vy + a[2][2]
         hx, hy, hz = direction[0] - dx * inv_d, direction[1] - dy * inv_d, direction[2] - dz * inv_d
         gloss = (wx * hx + wy * hy + wz * hz) / sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
         gloss = max(gloss, 0.0) ** 2
@@ -287,11 +287,14 @@ def _sphere(
     ambient = _open_sky(sky, px, py, pz)
     shine += 0.16 * rim * up * ambient
     return (
-        albedo[0] * (light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0])))
+        albedo[0]
+        * (light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0])))
         + shine * light.key[0],
-        albedo[1] * (light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1])))
+        albedo[1]
+        * (light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1])))
         + shine * light.key[1],
-        albedo[2] * (light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2])))
+        albedo[2]
+        * (light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2])))
         + shine * light.key[2],
         cover,
     )
@@ -316,19 +319,21 @@ def shade_band(
     """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first sphere."""
     inv = 1.0 / view.focal
     a = view.axes
-    trails = len(paths.alpha) > 0
+    near_depth, near_id, far_id = layers.near, layers.near_id, layers.far_id
+    trail_alpha, trail_depth, trail_color = paths.alpha, paths.depth, paths.color
+    trails = len(trail_alpha) > 0
     for y in range(min(BAND, view.height - row0)):
         vy = (0.5 * view.height - (row0 + y + 0.5)) * inv
         for x in range(view.width):
             vx = (x + 0.5 - 0.5 * view.width) * inv
-            near, far = layers.near_id[y, x], layers.far_id[y, x]
+            near, far = near_id[y, x], far_id[y, x]
             cr, cg, cb, cover = 0.0, 0.0, 0.0, 0.0
             if near >= 0:
                 cr, cg, cb, cover = _sphere(
                     view, light, shadow, sky, _ball(sphere, near), _row(palette, color[near]), vx, vy
                 )
-            trail = paths.alpha[y, x] if trails else np.float32(0.0)
-            over = trail > 0.0 and paths.depth[y, x] < layers.near[y, x]
+            trail = trail_alpha[y, x] if trails else np.float32(0.0)
+            over = trail > 0.0 and trail_depth[y, x] < near_depth[y, x]
             r, g, b = 0.0, 0.0, 0.0
             if cover < 1.0:
                 r, g, b = _behind(
@@ -340,12 +345,12 @@ def shade_band(
                     sky,
                     x,
                     row0 + y,
-                    a[0, 0] * vx + a[1, 0] * vy + a[2, 0],
-                    a[0, 1] * vx + a[1, 1] * vy + a[2, 1],
-                    a[0, 2] * vx + a[1, 2] * vy + a[2, 2],
+                    a[0][0] * vx + a[1][0] * vy + a[2][0],
+                    a[0][1] * vx + a[1][1] * vy + a[2][1],
+                    a[0][2] * vx + a[1][2] * vy + a[2][2],
                 )
                 if trail > 0.0 and not over:
-                    r, g, b = _mix(r, g, b, _row(palette, paths.color[y, x]), trail)
+                    r, g, b = _mix(r, g, b, _row(palette, trail_color[y, x]), trail)
                 if far >= 0:
                     fr, fg, fb, fc = _sphere(
                         view, light, shadow, sky, _ball(sphere, far), _row(palette, color[far]), vx, vy
@@ -355,7 +360,7 @@ def shade_band(
                     r, g, b = r + fc * (fr - r), g + fc * (fg - g), b + fc * (fb - b)
             r, g, b = r + cover * (cr - r), g + cover * (cg - g), b + cover * (cb - b)
             if over:
-                r, g, b = _mix(r, g, b, _row(palette, paths.color[y, x]), trail)
+                r, g, b = _mix(r, g, b, _row(palette, trail_color[y, x]), trail)
             image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
 
 
@@ -368,7 +373,7 @@ def _mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
 def draw_dots(
     row0: int,
     view: View,
-    haze: Float32s,
+    haze: tuple[float, float, float, float, float],
     sphere: Float32s,
     color: Array,
     palette: Float32s,
@@ -385,7 +390,11 @@ def draw_dots(
         i = items[k]
         z = np.float64(sphere[i, 2])
         f = view.focal / z
-        cx, cy, rad = 0.5 * view.width + sphere[i, 0] * f, 0.5 * view.height - sphere[i, 1] * f, sphere[i, 3] * f
+        cx, cy, rad = (
+            0.5 * view.width + sphere[i, 0] * f,
+            0.5 * view.height - sphere[i, 1] * f,
+            sphere[i, 3] * f,
+        )
         fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
         c = _row(palette, color[i])
         r, g, b = c[0] + fog * (haze[0] - c[0]), c[1] + fog * (haze[1] - c[1]), c[2] + fog * (haze[2] - c[2])
@@ -409,8 +418,9 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
 
     The strongest segment of a sample wins, so overlapping joints leave no beads.
     """
-    paths.alpha[:] = 0.0
-    width = paths.alpha.shape[1]
+    best = paths.alpha
+    best[:] = 0.0
+    width = best.shape[1]
     for s in range(len(segments)):
         x0, y0, z0, a0 = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
         x1, y1, z1, a1 = segments[s, 4], segments[s, 5], segments[s, 6], segments[s, 7]
@@ -429,8 +439,8 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
                 if cover <= 0.0:
                     continue
                 alpha = min(cover, 1.0) * (a0 + t * (a1 - a0))
-                if alpha > paths.alpha[y, x]:
-                    paths.alpha[y, x] = alpha
+                if alpha > best[y, x]:
+                    best[y, x] = alpha
                     paths.color[y, x] = color[s]
                     paths.depth[y, x] = z0 + t * (z1 - z0)
 

@@ -13,13 +13,27 @@ import numpy.typing as npt
 Float32s = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Array = npt.NDArray[Any]
+Triple = tuple[float, float, float]
+Axes = tuple[Triple, Triple, Triple]
+
+
+def triple(values: npt.ArrayLike) -> Triple:
+    """Three numbers for a record: plain scalars, because counting references to arrays costs kernels half their time."""
+    x, y, z = np.asarray(values, np.float32).tolist()
+    return x, y, z
+
+
+def axes_of(rows: npt.ArrayLike) -> Axes:
+    """Three rows of three numbers for a record."""
+    right, up, forward = np.asarray(rows)
+    return triple(right), triple(up), triple(forward)
 
 
 class View(NamedTuple):
     """A pinhole camera: `axes` rows are right, up and forward; `focal` is in (super)samples."""
 
-    eye: Float32s
-    axes: Float32s
+    eye: Triple
+    axes: Axes
     focal: float
     width: int
     height: int
@@ -42,27 +56,27 @@ class Planes(NamedTuple):
 class Light(NamedTuple):
     """Linear RGB of the key light (from `direction`, a unit vector), of the sky above and the ground below."""
 
-    direction: Float32s
-    key: Float32s
-    sky: Float32s
-    bounce: Float32s
-    up: Float32s
+    direction: Triple
+    key: Triple
+    sky: Triple
+    bounce: Triple
+    up: Triple
 
 
 class Backdrop(NamedTuple):
     """Linear RGB of the background's top and bottom, of the planes and of their grid lines."""
 
-    top: Float32s
-    bottom: Float32s
-    ground: Float32s
-    line: Float32s
+    top: Triple
+    bottom: Triple
+    ground: Triple
+    line: Triple
 
 
 class ShadowMap(NamedTuple):
     """Distance from the light's plane to the nearest sphere, [size, size]; a map of size 1 casts no shadow."""
 
     depth: Float32s
-    axes: Float32s
+    axes: Axes
     scale: float
 
 
@@ -71,7 +85,7 @@ class SkyMap(NamedTuple):
 
     mean: Float32s
     square: Float32s
-    axes: Float32s
+    axes: Axes
     scale: float
     base: float
     reach: float

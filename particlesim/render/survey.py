@@ -39,7 +39,7 @@ class Survey:
     def half_extent(self) -> float:
         """Half the longest side of the bounds [m]; positive also when nothing moves or nothing is there."""
         half = 0.5 * float(np.max(self.high - self.low))
-        floor = max(4.0 * self.largest, 1e-7 * float(np.abs(self.center).max()))
+        floor = max(4.0 * self.largest, 1e-13 * float(np.abs(self.center).max()))
         return max(half, floor) or 1.0
 
 

@@ -22,7 +22,11 @@ def video_speed(times: npt.NDArray[np.floating], settings: RenderSettings) -> fl
     if len(times) < 2 or times[-1] <= times[0]:
         return 1.0
     interval = float(times[-1] - times[0]) / (len(times) - 1)
-    return 1.0 if 0.5 <= interval * settings.fps * (1 + 1e-9) and interval * settings.fps <= 4 else interval * settings.fps
+    return (
+        1.0
+        if 0.5 <= interval * settings.fps * (1 + 1e-9) and interval * settings.fps <= 4
+        else interval * settings.fps
+    )
 
 
 def timeline(times: npt.NDArray[np.floating], settings: RenderSettings) -> npt.NDArray[np.intp]:

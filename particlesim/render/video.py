@@ -47,7 +47,9 @@ def render_frame(
     A negative index counts from the end. Raises UsageError for a frame or a field that does not exist.
     """
     if not -len(source) <= index < len(source):
-        raise UsageError(f"there is no frame {index}", f"The trajectory holds the frames 0 to {len(source) - 1}.")
+        raise UsageError(
+            f"there is no frame {index}", f"The trajectory holds the frames 0 to {len(source) - 1}."
+        )
     index %= len(source)
     with Team(threads) as team:
         renderer = Renderer(source, settings, planes=tuple(planes), title=title, team=team)
@@ -95,7 +97,9 @@ def render_video(
             raise
     warnings = []
     if renderer.bad_positions:
-        warnings.append(f"{renderer.bad_positions} positions are not finite and were left out of the pictures")
+        warnings.append(
+            f"{renderer.bad_positions} positions are not finite and were left out of the pictures"
+        )
     if not renderer.scene.count:
         warnings.append("there is no particle in the trajectory")
     return RenderReport(len(shown), time.perf_counter() - started, path, tuple(warnings))

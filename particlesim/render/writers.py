@@ -59,7 +59,8 @@ def check_place(out: Path, overwrite: bool) -> None:
         handle, probe = tempfile.mkstemp(prefix=".psim-", dir=folder)
     except OSError as error:
         raise UsageError(
-            f"cannot write into the folder '{folder}': {error.strerror}", "Choose another folder for the output."
+            f"cannot write into the folder '{folder}': {error.strerror}",
+            "Choose another folder for the output.",
         ) from error
     os.close(handle)
     Path(probe).unlink()
@@ -72,10 +73,13 @@ def numbered(out: Path, frames: int) -> list[Path]:
             names = [out.name % (k + 1) for k in range(frames)]
         except (TypeError, ValueError) as error:
             raise UsageError(
-                f"'{out.name}' is no pattern for file numbers", "Use one such as 'frame-%04d.png', or a plain name."
+                f"'{out.name}' is no pattern for file numbers",
+                "Use one such as 'frame-%04d.png', or a plain name.",
             ) from error
         if len(set(names)) != len(names):
-            raise UsageError(f"'{out.name}' gives the same name to several frames", "Use one such as 'frame-%04d.png'.")
+            raise UsageError(
+                f"'{out.name}' gives the same name to several frames", "Use one such as 'frame-%04d.png'."
+            )
         return [out.with_name(name) for name in names]
     if frames == 1:
         return [out]
@@ -98,13 +102,16 @@ def _moved(part: Path, out: Path) -> Path:
     try:
         part.replace(out)
     except OSError as error:
-        raise InputOutputError(f"cannot write '{out}': {error.strerror}", "Check the folder and run again.") from error
+        raise InputOutputError(
+            f"cannot write '{out}': {error.strerror}", "Check the folder and run again."
+        ) from error
     return out
 
 
 def _failed(out: Path, error: OSError) -> InputOutputError:
     return InputOutputError(
-        f"writing '{out}' failed: {error.strerror or error}", "Check the free space of the disk and run again."
+        f"writing '{out}' failed: {error.strerror or error}",
+        "Check the free space of the disk and run again.",
     )
 
 
@@ -128,7 +135,11 @@ class Mp4Writer:
         self.log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `_close`
         try:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self.log, start_new_session=True
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=self.log,
+                start_new_session=True,
             )
         except OSError as error:
             self.log.close()
@@ -160,7 +171,9 @@ class Mp4Writer:
         self.log.seek(0)
         lines = self.log.read().decode(errors="replace").strip().splitlines()[-5:]
         said = "\n".join(lines) or f"it ended with status {self.process.returncode}"
-        return InputOutputError(f"ffmpeg could not write '{self.out}':\n{said}", "Check the free space of the disk.")
+        return InputOutputError(
+            f"ffmpeg could not write '{self.out}':\n{said}", "Check the free space of the disk."
+        )
 
     def discard(self) -> None:
         if self.process.poll() is None:
