@@ -1,0 +1,16 @@
+"""The decorators of the renderer's compiled functions.
+
+The order of operations is fixed when a kernel is compiled, so the same machine gives the same bits for any number of
+threads. NaN and infinity keep their meaning (no nnan, no ninf).
+"""
+
+from __future__ import annotations
+
+import numba
+
+from particlesim.engine.cache import INLINE, kernel
+
+inlined = numba.njit(**INLINE)
+"""For what a kernel calls per sample: a call would copy every array descriptor of the records it passes."""
+
+__all__ = ["inlined", "kernel"]
