@@ -43,7 +43,7 @@ class Particle(NamedTuple):
 
 
 class Generic(NamedTuple):
-    """A quantity given by laws: its stub, the laws by record type, and how many numbers it returns (0: laws do not add up)."""
+    """A quantity given by laws: its stub, the laws by record type, how many numbers it returns (0: laws do not add up)."""
 
     function: Callable[..., Any]
     laws: dict[type, Callable[..., Any]]

@@ -6,11 +6,17 @@ threads. NaN and infinity keep their meaning (no nnan, no ninf).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numba
 
 from particlesim.engine.cache import INLINE, kernel
 
-inlined = numba.njit(**INLINE)
-"""For what a kernel calls per sample: a call would copy every array descriptor of the records it passes."""
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """For what a kernel calls per sample: a call would copy every array descriptor of the records it passes."""
+    return numba.njit(**INLINE)(function)
+
 
 __all__ = ["inlined", "kernel"]
