@@ -1,0 +1,124 @@
+"""What the documentation shows must work: the reference is current, scenarios validate, marked Python runs, links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import particlesim as ps
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+# What a fragment leaves out, so that it can be validated: only sections that are not in it are added.
+SIMULATION = "\n[simulation]\nduration = 1.0\ndt = 0.01\n"
+PARTICLES = '\n[[particles]]\nname = "ball"\nlayout = { type = "points", position = [[0, 1, 0]] }\nradius = 0.1\n'
+
+
+class Block(NamedTuple):
+    """A fenced block of a page: the words after the fence, the text, and where it is."""
+
+    info: str
+    text: str
+    place: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    text = page.read_text(encoding="utf-8")
+    for found in FENCE.finditer(text):
+        line = text.count("\n", 0, found.start()) + 1
+        yield Block(found[1].strip(), found[2], f"{page.relative_to(ROOT)}:{line}")
+
+
+def all_blocks(info: str) -> list[Block]:
+    return [block for page in PAGES for block in blocks(page) if block.info == info]
+
+
+def named(block: Block) -> str | None:
+    """The file name in the first line of a scenario, '# sparks.toml'."""
+    found = re.match(r"# (\w+\.toml)\n", block.text)
+    return found[1] if found else None
+
+
+def complete(text: str) -> str:
+    """A fragment of a scenario with what it needs to stand alone."""
+    keys = tomllib.loads(text)
+    if "simulation" not in keys:
+        text += SIMULATION
+    if not {"particles", "emitters"} & set(keys):
+        text += PARTICLES
+    return text
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors that GitHub gives to the headings of a page."""
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+def test_the_reference_is_current() -> None:
+    done = subprocess.run(
+        [sys.executable, ROOT / "docs/generate_reference.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": f"{ROOT}", "PATH": ""},
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_there_is_something_to_test() -> None:
+    assert len(all_blocks("toml")) >= 12
+    assert len(all_blocks("python run")) >= 3
+
+
+@pytest.mark.parametrize("block", all_blocks("toml"), ids=lambda block: block.place)
+def test_scenarios_validate(block: Block) -> None:
+    scenario = ps.loads(complete(block.text))
+    if named(block) is None:
+        return
+    assert scenario.title, "a complete scenario has a title"
+    assert complete(block.text) == block.text, "a named scenario is complete"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of a page run in order, in a folder that holds its named scenarios."""
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page):
+        if block.info == "toml" and (name := named(block)) is not None:
+            (tmp_path / name).write_text(block.text, encoding="utf-8")
+    names: dict[str, object] = {}
+    for block in blocks(page):
+        if block.info == "python run":
+            exec(compile(block.text, block.place, "exec"), names)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if target.startswith(("http://", "https://", "mailto:")):
+            continue
+        name, _, anchor = target.partition("#")
+        other = page.parent / name if name else page
+        assert other.exists(), f"{page.name} links to {target}, which does not exist"
+        if anchor:
+            assert anchor in anchors(other), f"{page.name} links to {target}, which has no such heading"
+
+
+@pytest.mark.parametrize(
+    "broken", ['[[forces]]\ntype = "gravty"\n', "[simulation]\nduration = 1.0\ndt = 0.3\n"]
+)
+def test_a_broken_example_would_be_noticed(broken: str) -> None:
+    with pytest.raises(ps.ScenarioError):
+        ps.loads(complete(broken))
