@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import pytest
 
 import particlesim as ps
+from particlesim.laws import Particle, force, force_dx, potential
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -77,7 +79,7 @@ def test_the_reference_is_current() -> None:
 
 
 def test_there_is_something_to_test() -> None:
-    assert len(all_blocks("toml")) >= 12
+    assert len(all_blocks("toml")) >= 10
     assert len(all_blocks("python run")) >= 3
 
 
@@ -101,6 +103,32 @@ def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     for block in blocks(page):
         if block.info == "python run":
             exec(compile(block.text, block.place, "exec"), names)
+
+
+def test_the_example_of_a_force_is_right(tmp_path: Path) -> None:
+    """The file that architecture.md shows: F = −∇U and ∂F/∂x, by central differences of h = 10⁻⁵ (error h² ≈ 10⁻¹⁰)."""
+    shown = next(b for b in blocks(ROOT / "docs/architecture.md") if "class AxisPull" in b.text)
+    path = tmp_path / "axis_pull.py"
+    path.write_text(shown.text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("axis_pull", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["axis_pull"] = module
+    try:
+        spec.loader.exec_module(module)
+        record = module.AxisPull(pull="2 N").record()
+    finally:
+        del sys.modules["axis_pull"]
+    p, h = Particle(0.3, -0.2, 0.7, 1.0, 2.0, 3.0, 1.5, 0.1, 293.0, 0.0), 1e-5
+    f, jacobian = force(record, p), force_dx(record, p)
+    for column, axis in enumerate("xyz"):
+        ahead, behind = (p._replace(**{axis: getattr(p, axis) + step}) for step in (h, -h))
+        slope = (potential(record, ahead) - potential(record, behind)) / (2 * h)
+        assert f[column] == pytest.approx(-slope, abs=1e-8)
+        change = [(a - b) / (2 * h) for a, b in zip(force(record, ahead), force(record, behind), strict=True)]
+        assert jacobian[column::3] == pytest.approx(change, abs=1e-8)
+    assert force(record, p._replace(x=0.0, z=0.0)) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
