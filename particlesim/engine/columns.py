@@ -86,6 +86,39 @@ def _block_of(c: Any, lo: Any, hi: Any) -> Impl:
     return lambda c, lo, hi: (c[0][lo:hi], *block_of(c[1:], lo, hi))
 
 
+def copy_of(c: Any) -> Any:
+    """Copies of a method's memory, or of a clock."""
+    return stub()
+
+
+@inline(copy_of)
+def _copy_of(c: Any) -> Impl:
+    if isinstance(c, types.NoneType):
+        return lambda c: None
+    if getattr(c, "instance_class", None) is Clock:
+        return lambda c: Clock(c.start.copy(), c.stop.copy(), c.outcome.copy())
+    if len(c) == 0:
+        return lambda c: ()
+    return lambda c: (c[0].copy(), *copy_of(c[1:]))
+
+
+def put_back(c: Any, kept: Any) -> Any:
+    """Overwrite a method's memory, or a clock, with a copy of an earlier state."""
+    return stub()
+
+
+@inline(put_back)
+def _put_back(c: Any, kept: Any) -> Impl:
+    if isinstance(c, types.NoneType) or len(c) == 0:
+        return lambda c, kept: None
+
+    def impl(c: Any, kept: Any) -> None:
+        c[0][:] = kept[0]
+        put_back(c[1:], kept[1:])
+
+    return impl
+
+
 def load(column: Any, i: Any, like: Any) -> Any:
     """Value of an optional column; zero in the precision of `like` when it is absent."""
     return stub()

@@ -14,8 +14,10 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
     block_of,
     chosen,
+    copy_of,
     fetch,
     note,
+    put_back,
     recall,
     remember,
     span,
@@ -140,6 +142,8 @@ def step_range(
         keep[3, :n] = c.vx
         keep[4, :n] = c.vy
         keep[5, :n] = c.vz
+        memory = copy_of(c.memory)
+        clock = copy_of(c.clock)
         for s in range(steps):
             step_block(program, c, (first_step + s) * dt, h, dt, marks)
         refresh(program, c, (first_step + steps) * dt)
@@ -157,3 +161,5 @@ def step_range(
             c.vx[:] = keep[3, :n]
             c.vy[:] = keep[4, :n]
             c.vz[:] = keep[5, :n]
+            put_back(c.memory, memory)
+            put_back(c.clock, clock)
