@@ -14,6 +14,7 @@ from numba import types
 from numba.extending import overload
 
 from particlesim.engine.cache import FAST
+from particlesim.engine.columns import type_of
 from particlesim.engine.compile import inline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
@@ -138,12 +139,13 @@ def _time_of_impact_overload(
     # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
     # third turn bisects, so that the bracket is sure to close.
     def impl(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+        half = type_of(h, 0.5)  # the number 2 would make double precision of single
         early, late = h - h, h
         above = max(nearest(colliders, p), h - h)
         below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
         side = 0
         for turn in range(MAX_HALVINGS):
-            middle = early + (late - early) / 2
+            middle = early + (late - early) * half
             if not (early < middle < late):
                 break
             if turn % 3 != 2 and above > 0:
@@ -152,11 +154,11 @@ def _time_of_impact_overload(
             value = nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0])
             if value < 0:
                 late, below = middle, value
-                above = above / 2 if side == -1 else above
+                above = above * half if side == -1 else above
                 side = -1
             else:
                 early, above = middle, value
-                below = below / 2 if side == 1 else below
+                below = below * half if side == 1 else below
                 side = 1
         return late
 
@@ -204,12 +206,12 @@ def _trace(
                 p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
                 memory = restart(memory)
                 left = left - tau
-                legal = p
         else:
             q, after = advance(method, dynamics, forces, p, left, memory)
             p, memory = q, after
         if outcome == PASS and nearest(contacts.discrete, p) < 0:
-            p, outcome = _separate(contacts.discrete, p, legal, contacts.tolerance)
+            # Out of one collider must not mean into another, and only the beginning of the step is legal for them all.
+            p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
             memory = restart(memory)
         return p, memory, outcome
 
