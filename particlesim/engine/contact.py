@@ -19,10 +19,13 @@ from particlesim.engine.compile import inline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
 
-MAX_IMPACTS = 16
-"""Impacts followed within one step; a particle with more is resting (Zeno) and finishes the step without rebound."""
+MAX_IMPACTS = 1024
+"""Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work: a
+fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 3
-"""Impacts that take no time before a particle counts as resting."""
+"""Impacts in a row that take no time before a particle counts as resting."""
+INSTANT = 2.0**-20
+"""Part of a step that counts as no time."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
@@ -128,7 +131,10 @@ def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Ca
 
 
 def _time_of_impact(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
-    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
+    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method.
+
+    A particle that lies on a collider is found there at once: the search ends within an instant of the beginning.
+    """
     return stub()
 
 
@@ -146,7 +152,7 @@ def _time_of_impact_overload(
         side = 0
         for turn in range(MAX_HALVINGS):
             middle = early + (late - early) * half
-            if not (early < middle < late):
+            if not (early < middle < late) or late < h * INSTANT:
                 break
             if turn % 3 != 2 and above > 0:
                 guess = (late * above - early * below) / (above - below)
@@ -200,7 +206,7 @@ def _trace(
                     memory = restart(memory)
                     break
                 tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
-                stalls = stalls + 1 if tau < h / 1048576 else 0
+                stalls = stalls + 1 if tau < h * INSTANT else 0
                 impacts += 1
                 q, after = advance(method, dynamics, forces, p, tau, memory)
                 p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)

@@ -134,6 +134,16 @@ def test_an_elastic_box_keeps_the_energy() -> None:
     np.testing.assert_allclose(position(c)[0], folded, rtol=0, atol=1e-9)
 
 
+def test_many_impacts_in_one_step() -> None:
+    # 100 m/s between walls 2 m apart: 50 impacts in 1 s, back where it began
+    walls = [PlaneXRecord(side, -1.0, 2.0, 1.0, PASS) for side in (1.0, -1.0)]
+    walls += [kind(side, -1.0, 2.0, 1.0, PASS) for kind in (PlaneYRecord, PlaneZRecord) for side in (1.0, -1.0)]
+    c = columns([[0.0, 0, 0]], [[100.0, 0, 0]], radius=0.05)
+    run(program("velocity_verlet", NO_GRAVITY, careful(continuous=walls)), c, 1, 1.9)
+    assert c.vx[0] == 100
+    assert c.x[0] == pytest.approx(0, abs=1e-9)
+
+
 def test_oblique_elastic_planes_keep_the_energy() -> None:
     # A closed tetrahedron needs four planes: three from this program and gravity's pull back to them.
     planes = [plane((math.cos(a), 0.8, math.sin(a))) for a in (0.0, 2.1, 4.2)]
