@@ -224,7 +224,9 @@ def test_order_of_convergence(name: str, problem: str) -> None:
 # Geometry
 
 
-@pytest.mark.parametrize("name", [n for n, m in METHODS.items() if m.reversible and isinstance(m, Composition)])
+@pytest.mark.parametrize(
+    "name", [n for n, m in METHODS.items() if m.reversible and isinstance(m, Composition)]
+)
 def test_reversible_methods_find_their_way_back(name: str) -> None:
     # Only rounding is lost: about √n ε, times the growth of perturbations, which is linear in time here.
     laws = forces(pull=1.0, pendulum=0.2)
