@@ -135,6 +135,15 @@ def bin_bands(box: Ints, order: Ints, height: int) -> tuple[Array, Ints]:
 
 
 @kernel
+def gather(table: Float32s, items: Array, rows: Float32s) -> None:
+    """`rows[k] = table[items[k]]`: a short loop, so that many cache misses are under way at once."""
+    for k in range(len(items)):
+        i = items[k]
+        for c in range(4):
+            rows[k, c] = table[i, c]
+
+
+@kernel
 def far_to_near(sphere: Float32s, box: Ints) -> Ints:
     """Indices by falling view depth: a stable counting sort of the depth in 65 536 steps."""
     low, high = np.inf, -np.inf

@@ -146,6 +146,8 @@ class Renderer:
         width, height = self.settings.size
         out = np.empty((height, width, 3), np.uint8)
 
+        haze = self._haze(viewpoint)
+
         def band(b: int) -> None:
             row0 = b * BAND
             rows = min(BAND, view.height - row0)
@@ -163,18 +165,9 @@ class Renderer:
                 self.palette, layers, paths, image,
             )  # fmt: skip
             if dots:
-                haze = self._haze(viewpoint)
-                shade.draw_dots(
-                    row0,
-                    view,
-                    haze,
-                    particles.sphere,
-                    particles.color,
-                    self.palette,
-                    particles.box,
-                    mine,
-                    image,
-                )
+                spheres = np.empty((len(mine), 4), np.float32)
+                project.gather(particles.sphere, mine, spheres)
+                shade.draw_dots(row0, view, haze, spheres, mine, particles.color, self.palette, image)
             top, bottom = row0 // self.samples, (row0 + rows) // self.samples
             shade.develop(
                 image, bottom - top, self.samples, self.settings.exposure, self.curve, out[top:bottom]
@@ -262,7 +255,10 @@ class Renderer:
         depth = np.empty((size, size), np.float32)
 
         def band(b: int) -> None:
-            raster.raster_depth(disc, box, items[first[b] : first[b + 1]], b * BAND, scale, depth)
+            mine = items[first[b] : first[b + 1]]
+            discs = np.empty((len(mine), 4), np.float32)
+            project.gather(disc, mine, discs)
+            raster.raster_depth(discs, b * BAND, scale, depth)
 
         self.team.each(band, len(first) - 1)
         return depth

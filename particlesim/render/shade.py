@@ -6,7 +6,7 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, kernel
+from particlesim.render.compiled import inlined, lean
 from particlesim.render.project import BAND
 from particlesim.render.stage import (
     Array,
@@ -300,7 +300,7 @@ def _sphere(
     )
 
 
-@kernel
+@lean
 def shade_band(
     row0: int,
     view: View,
@@ -369,50 +369,45 @@ def _mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 
-@kernel
+@lean
 def draw_dots(
     row0: int,
     view: View,
     haze: tuple[float, float, float, float, float],
-    sphere: Float32s,
+    spheres: Float32s,
+    items: Array,
     color: Array,
     palette: Float32s,
-    box: Ints,
-    items: Array,
     image: Float32s,
 ) -> None:
-    """Blend round dots over `image`, in the sequence of `items` (far to near).
+    """Blend round dots over `image`: `spheres` are those of `items`, far to near.
 
     `haze` is r, g, b and the depth range over which dots sink into it by at most a third.
     """
-    rows = min(BAND, view.height - row0)
+    rows, width = min(BAND, view.height - row0), view.width
     for k in range(len(items)):
-        i = items[k]
-        z = np.float64(sphere[i, 2])
+        z = np.float64(spheres[k, 2])
         f = view.focal / z
-        cx, cy, rad = (
-            0.5 * view.width + sphere[i, 0] * f,
-            0.5 * view.height - sphere[i, 1] * f,
-            sphere[i, 3] * f,
-        )
+        cx, cy = 0.5 * width + spheres[k, 0] * f, 0.5 * view.height - spheres[k, 1] * f - row0
+        rad = spheres[k, 3] * f
         fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
-        c = _row(palette, color[i])
-        r, g, b = c[0] + fog * (haze[0] - c[0]), c[1] + fog * (haze[1] - c[1]), c[2] + fog * (haze[2] - c[2])
-        reach2, inv2 = (rad + 0.5) ** 2, 0.28 / (rad * rad)
-        for y in range(max(box[i, 2] - row0, 0), min(box[i, 3] - row0 + 1, rows)):
-            dy = row0 + y + 0.5 - cy
-            for x in range(box[i, 0], box[i, 1] + 1):
+        c = _row(palette, color[items[k]])
+        r, g, b = _mix(c[0], c[1], c[2], (haze[0], haze[1], haze[2]), fog)
+        reach, falloff = rad + 0.5, 0.28 / (rad * rad)
+        for y in range(max(int(cy - reach), 0), min(int(cy + reach) + 1, rows)):
+            dy = y + 0.5 - cy
+            for x in range(max(int(cx - reach), 0), min(int(cx + reach) + 1, width)):
                 dx = x + 0.5 - cx
                 d2 = dx * dx + dy * dy
-                if d2 < reach2:
-                    cover = min(rad + 0.5 - sqrt(d2), 1.0)
-                    tone = 1.08 - d2 * inv2
-                    image[y, x, 0] += cover * (r * tone - image[y, x, 0])
-                    image[y, x, 1] += cover * (g * tone - image[y, x, 1])
-                    image[y, x, 2] += cover * (b * tone - image[y, x, 2])
+                if d2 < reach * reach:
+                    cover = min(reach - sqrt(d2), 1.0)
+                    tone = cover * (1.08 - d2 * falloff)
+                    image[y, x, 0] += r * tone - cover * image[y, x, 0]
+                    image[y, x, 1] += g * tone - cover * image[y, x, 1]
+                    image[y, x, 2] += b * tone - cover * image[y, x, 2]
 
 
-@kernel
+@lean
 def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Paths) -> None:
     """Trails: `segments` rows are x0, y0, z0, alpha0, x1, y1, z1, alpha1, half width, all in samples but z.
 
@@ -445,7 +440,7 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
                     paths.depth[y, x] = z0 + t * (z1 - z0)
 
 
-@kernel
+@lean
 def develop(image: Float32s, rows: int, samples: int, exposure: float, curve: Float32s, out: Array) -> None:
     """Average samples², tone-map and encode as sRGB by `curve` (indexed by √(light / 4)), dither, write 8 bits.
 
