@@ -32,9 +32,9 @@ class Label:
 class Diagnostic:
     """One mistake in a scenario.
 
-    `path` is the dotted address of the value ("forces.air.coefficient"), `span` its place in `source` (None when
-    the value came from an override or from Python), `labels` further places that take part in the mistake,
-    `allowed` what would be accepted, `hint` what to try (for example "did you mean 'gravity'?").
+    `path` is the dotted address of the value ("forces.air.coefficient"), `span` its place in `source`, which
+    is the text of `file` or of an override (None when nothing is written there), `labels` further places that
+    take part in the mistake, `allowed` what would be accepted, `hint` what to try ("did you mean 'drag'?").
     """
 
     message: str
@@ -62,7 +62,7 @@ class PsimError(Exception):
 
 
 class UsageError(PsimError):
-    """A wrong argument, a missing or unusable file, an output that exists: nothing was computed or written."""
+    """A wrong argument, a missing or unusable file, an output that exists. Nothing was written."""
 
     exit_code = 2
 
@@ -94,9 +94,9 @@ class Interrupted(PsimError):
 
 
 def _one_line(d: Diagnostic) -> str:
-    """'scenario.toml:12:3: forces.air.coefficient: must be finite (allowed: ...)' for logs and Python users."""
+    """'scenario.toml:12:3: forces.air.coefficient: must be finite (allowed: ...)' for logs and Python."""
     place = str(d.file) if d.file is not None else ""
-    if d.span is not None:
+    if d.file is not None and d.span is not None:
         place += f":{d.span.line}:{d.span.column}"
     parts = [p for p in (place, d.path) if p]
     text = ": ".join([*parts, d.message])

@@ -91,7 +91,7 @@ class Unit:
         if isinstance(value, str):
             return self._from_text(value)
         if isinstance(value, bool) or not isinstance(value, Real):
-            raise ValueError(f"{self._expected()}, got {_shown(value)}")
+            raise ValueError(f"{self._expected()}, got {shown(value)}")
         try:
             number = float(value)
         except OverflowError:
@@ -103,20 +103,20 @@ class Unit:
     def _from_text(self, text: str) -> float:
         found = _TEXT.fullmatch(text.strip()) if len(text) <= _LONGEST_TEXT else None
         if found is None:
-            raise ValueError(f"{self._expected()}, got {_shown(text)}")
+            raise ValueError(f"{self._expected()}, got {shown(text)}")
         digits, symbol = found.groups()
         if not symbol:
             advice = f'write {digits} without quotes, or add a unit, such as "{self.example}"'
-            raise ValueError(f"the text {_shown(text)} has no unit: {advice}")
+            raise ValueError(f"the text {shown(text)} has no unit: {advice}")
         registry = _registry()
         unit = _unit(registry, symbol)
         target = registry.parse_units(self.symbol)
         if _dimension(registry, unit) != _dimension(registry, target):
-            raise ValueError(f"{self._expected()}, got {_shown(text)}{_kind_of(registry, unit)}")
+            raise ValueError(f"{self._expected()}, got {shown(text)}{_kind_of(registry, unit)}")
         try:
             return float(registry.Quantity(Fraction(digits), unit).to(target).magnitude)
         except OverflowError:
-            raise ValueError(f"{_shown(text)} is too large") from None
+            raise ValueError(f"{shown(text)} is too large") from None
 
     def _expected(self) -> str:
         return f'expected {self.kind} such as 0.5 or "{self.example}"'
@@ -144,7 +144,7 @@ class Unit:
         }
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """`value` as the file would write it, in at most 40 characters."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -168,7 +168,7 @@ def _unit(registry: pint.UnitRegistry[Any], symbol: str) -> pint.Unit:
     """The unit written as `symbol`. Raises ValueError with the nearest familiar unit when there is none."""
     text = " ".join(symbol.split())
     if _UNIT.fullmatch(text) is None:
-        raise ValueError(f'{_shown(symbol)} is not a unit; write units such as "m/s", "kg/m^3" or "N s/m"')
+        raise ValueError(f'{shown(symbol)} is not a unit; write units such as "m/s", "kg/m^3" or "N s/m"')
     try:
         return registry.parse_units("1" + text if text.startswith("/") else text)
     except _PINT_ERRORS:
@@ -176,8 +176,8 @@ def _unit(registry: pint.UnitRegistry[Any], symbol: str) -> pint.Unit:
     for name in re.findall(_NAME, text):
         if not _known(registry, name):
             near = _nearest(name)
-            raise ValueError(f"unknown unit {_shown(name)}" + (f'; did you mean "{near}"?' if near else ""))
-    raise ValueError(f"unknown unit {_shown(symbol)}")
+            raise ValueError(f"unknown unit {shown(name)}" + (f'; did you mean "{near}"?' if near else ""))
+    raise ValueError(f"unknown unit {shown(symbol)}")
 
 
 def _known(registry: pint.UnitRegistry[Any], name: str) -> bool:

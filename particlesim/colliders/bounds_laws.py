@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from particlesim.laws import KILL, PASS, Particle, contact, gap, law
+from particlesim.laws import LEAVE, PASS, Particle, contact, gap, law
 
 
 class BoundsRecord(NamedTuple):
@@ -26,4 +26,4 @@ def bounds_gap(c: BoundsRecord, p: Particle) -> float:
 @law(contact, BoundsRecord)
 def bounds_contact(c: BoundsRecord, p: Particle) -> tuple[Particle, int]:
     inside = (p.x >= c.x0) & (p.y >= c.y0) & (p.z >= c.z0) & (p.x <= c.x1) & (p.y <= c.y1) & (p.z <= c.z1)
-    return p, PASS if inside else KILL
+    return p, PASS if inside else LEAVE

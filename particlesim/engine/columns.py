@@ -278,21 +278,21 @@ def _remember(memory: Any, i: Any, condition: Any, values: Any) -> Impl:
     return impl
 
 
-def span(clock: Any, i: Any, t: Any, h: Any, dt: Any) -> Any:
-    """Begin and length of the part of the step [t, t + dt] in which particle i moves; h is dt in the run's precision."""
+def span(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Any:
+    """Begin and length of the part of the step [t, end] in which particle i moves; a whole step has the length h."""
     return stub()
 
 
 @inline(span)
-def _span(clock: Any, i: Any, t: Any, h: Any, dt: Any) -> Impl:
+def _span(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Impl:
     if isinstance(clock, types.NoneType):
-        return lambda clock, i, t, h, dt: (t, h)
+        return lambda clock, i, t, end, h: (t, h)
 
-    def impl(clock: Any, i: Any, t: Any, h: Any, dt: Any) -> Any:
+    def impl(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Any:
         start, stop = clock.start[i], clock.stop[i]
         begin = max(t, start)
-        length = max(min(t + dt, stop) - begin, 0.0)
-        whole = (start <= t) & (stop >= t + dt)
+        length = max(min(end, stop) - begin, 0.0)
+        whole = (start <= t) & (stop >= end)
         return begin, h if whole else type_of(h, length)
 
     return impl
@@ -321,7 +321,7 @@ def _note(clock: Any, i: Any, outcome: Any, t: Any) -> Impl:
 
     def impl(clock: Any, i: Any, outcome: Any, t: Any) -> None:
         clock.start[i] = np.inf if outcome == STICK else clock.start[i]
-        clock.stop[i] = t if outcome == KILL else clock.stop[i]
+        clock.stop[i] = t if outcome >= KILL else clock.stop[i]
         clock.outcome[i] = max(clock.outcome[i], np.int8(outcome))
 
     return impl
@@ -349,3 +349,15 @@ def _unless(idle: Any, outcome: Any) -> Impl:
     if isinstance(idle, types.NoneType):
         return lambda idle, outcome: outcome
     return lambda idle, outcome: PASS if idle else outcome
+
+
+def held(clock: Any, i: Any) -> Any:
+    """Whether particle i is pinned or stuck."""
+    return stub()
+
+
+@inline(held)
+def _held(clock: Any, i: Any) -> Impl:
+    if isinstance(clock, types.NoneType):
+        return lambda clock, i: False
+    return lambda clock, i: clock.start[i] == np.inf

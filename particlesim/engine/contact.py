@@ -11,21 +11,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from numba import types
-from numba.extending import overload
 
-from particlesim.engine.cache import FAST
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inline, stub
+from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
 
 MAX_IMPACTS = 1024
-"""Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work: a
-fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
-MAX_STALLS = 3
+"""Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
+a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
+MAX_STALLS = 2
 """Impacts in a row that take no time before a particle counts as resting."""
-INSTANT = 2.0**-20
-"""Part of a step that counts as no time."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
@@ -84,6 +80,28 @@ def _nearest(colliders: Any, p: Any) -> Callable[..., Any]:
     return lambda colliders, p: min(gap(colliders[0], p), nearest(colliders[1:], p))
 
 
+def rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """Whether a step from p to q is rest: p touches a collider that takes energy, does not move into it, and yet ends
+    inside. Any hop between is shorter than the step, and so are all that would follow."""
+    return stub()
+
+
+@inline(rests)
+def _rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Callable[..., Any]:
+    if len(colliders) == 0:
+        return lambda colliders, p, q, h, slack: False
+
+    def impl(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+        c = colliders[0]
+        coasting = Particle(
+            p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t
+        )
+        here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
+        return here | rests(colliders[1:], p, q, h, slack)
+
+    return impl
+
+
 def overlapped(contacts: Any, p: Any) -> Any:
     """Whether `trace` must step this particle again; never for simple contacts."""
     return stub()
@@ -93,7 +111,7 @@ def overlapped(contacts: Any, p: Any) -> Any:
 def _overlapped(contacts: Any, p: Any) -> Callable[..., Any]:
     if contacts.instance_class is Simple:
         return lambda contacts, p: False
-    return lambda contacts, p: min(nearest(contacts.continuous, p), nearest(contacts.discrete, p)) < 0
+    return lambda contacts, p: (nearest(contacts.continuous, p) < 0) | (nearest(contacts.discrete, p) < 0)
 
 
 def respond(contacts: Any, p: Any) -> Any:
@@ -113,7 +131,7 @@ def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
     return stub()
 
 
-@overload(_separate, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_separate)
 def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Callable[..., Any]:
     def impl(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
         slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
@@ -130,29 +148,32 @@ def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Ca
     return impl
 
 
-def _time_of_impact(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
-    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method.
-
-    A particle that lies on a collider is found there at once: the search ends within an instant of the beginning.
-    """
+def _time_of_impact(
+    method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
+) -> Any:
+    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
     return stub()
 
 
-@overload(_time_of_impact, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_time_of_impact)
 def _time_of_impact_overload(
     method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any]:
     # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
     # third turn bisects, so that the bracket is sure to close.
     def impl(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
-        half = type_of(h, 0.5)  # the number 2 would make double precision of single
+        half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
         early, late = h - h, h
         above = max(nearest(colliders, p), h - h)
         below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
+        # A particle that touches and sinks at once hits now: resting contact must not cost a search.
+        now = h * type_of(h, 2.0**-30)
+        if nearest(colliders, advance(method, dynamics, forces, p, now, memory)[0]) < 0:
+            return now
         side = 0
         for turn in range(MAX_HALVINGS):
             middle = early + (late - early) * half
-            if not (early < middle < late) or late < h * INSTANT:
+            if not (early < middle < late):
                 break
             if turn % 3 != 2 and above > 0:
                 guess = (late * above - early * below) / (above - below)
@@ -179,7 +200,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     return stub()
 
 
-@overload(trace, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(trace)
 def _trace(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any] | None:
@@ -201,12 +222,14 @@ def _trace(
                 if not nearest(contacts.continuous, q) < 0:
                     p, memory = q, after
                     break
-                if impacts == MAX_IMPACTS or stalls == MAX_STALLS:
+                slack = contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+                resting = impacts == 0 and rests(contacts.continuous, p, q, left, slack)
+                if resting or impacts == MAX_IMPACTS or stalls == MAX_STALLS:
                     p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
                     memory = restart(memory)
                     break
                 tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
-                stalls = stalls + 1 if tau < h * INSTANT else 0
+                stalls = stalls + 1 if tau < h / 1048576 else 0
                 impacts += 1
                 q, after = advance(method, dynamics, forces, p, tau, memory)
                 p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
@@ -216,7 +239,7 @@ def _trace(
             q, after = advance(method, dynamics, forces, p, left, memory)
             p, memory = q, after
         if outcome == PASS and nearest(contacts.discrete, p) < 0:
-            # Out of one collider must not mean into another, and only the beginning of the step is legal for them all.
+            # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
             p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
             memory = restart(memory)
         return p, memory, outcome

@@ -16,6 +16,7 @@ from particlesim.engine.columns import (
     block_of,
     chosen,
     fetch,
+    held,
     keep,
     note,
     put_back,
@@ -30,7 +31,6 @@ from particlesim.engine.columns import (
 from particlesim.engine.compile import inline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.steppers import Newtonian, advance, derivative, restart
-from particlesim.laws import PASS
 
 BLOCK = 512
 """Particles in a block: 7 columns of 4 KiB stay in a 32 KiB cache."""
@@ -45,34 +45,36 @@ class Program(NamedTuple):
     contacts: tuple[Any, ...]
 
 
-def step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Any:
-    """One step, from t to t + dt, of all particles of a block. h is dt in the run's precision."""
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Any:
+    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision."""
     return stub()
 
 
 @inline(step_block)
-def _step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Callable[..., Any]:
+def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Callable[..., Any]:
     if program.types[3].instance_class is Simple:
 
-        def simple(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> None:
+        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
             for i in range(c.x.size):
-                begin, hi = span(c.clock, i, t, h, dt)
+                begin, hi = span(c.clock, i, t, end, h)
                 p = fetch(c, i, begin)
-                q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+                q, memory = advance(
+                    program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i)
+                )
                 r, outcome = meet(program.contacts.colliders, q)
                 idle = still(c.clock, hi)
                 store(c, i, chosen(idle, p, r))
                 touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
                 remember(c.memory, i, not touched, memory)
                 remember(c.memory, i, touched, restart(memory))
-                note(c.clock, i, unless(idle, outcome), t + dt)
+                note(c.clock, i, unless(idle, outcome), end)
 
         return simple
 
-    def careful(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> None:
+    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
         # The few particles that end inside a collider keep their state here, and are traced one by one below.
         for i in range(c.x.size):
-            begin, hi = span(c.clock, i, t, h, dt)
+            begin, hi = span(c.clock, i, t, end, h)
             p = fetch(c, i, begin)
             q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
             inside = overlapped(program.contacts, q)
@@ -81,11 +83,17 @@ def _step_block(program: Any, c: Any, t: Any, h: Any, dt: Any, marks: Any) -> Ca
             remember(c.memory, i, not inside, memory)
         for i in range(c.x.size):
             if marks[i]:
-                begin, hi = span(c.clock, i, t, h, dt)
+                begin, hi = span(c.clock, i, t, end, h)
                 if hi > 0:
                     p = fetch(c, i, begin)
                     q, memory, outcome = trace(
-                        program.method, program.dynamics, program.forces, program.contacts, p, hi, recall(c.memory, i)
+                        program.method,
+                        program.dynamics,
+                        program.forces,
+                        program.contacts,
+                        p,
+                        hi,
+                        recall(c.memory, i),
                     )
                     store(c, i, q)
                     remember(c.memory, i, True, memory)
@@ -107,9 +115,10 @@ def _refresh(program: Any, c: Any, t: Any) -> Callable[..., Any]:
     def impl(program: Any, c: Any, t: Any) -> None:
         for i in range(c.x.size):
             rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
-            c.vx[i] = rate.x
-            c.vy[i] = rate.y
-            c.vz[i] = rate.z
+            fixed = held(c.clock, i)
+            c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
+            c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
+            c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
 
     return impl
 
@@ -140,14 +149,14 @@ def step_range(
         for i in range(n):
             keep(c, kept, i)
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, h, dt, marks)
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):
             # x − x is 0 for every finite x, NaN otherwise
             drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
             drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
-            broken |= not (drop == 0)
+            broken |= drop != 0
         if broken:
             faults[lo] = True
             for i in range(n):

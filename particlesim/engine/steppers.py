@@ -23,7 +23,7 @@ class Newtonian(NamedTuple):
 
 
 class Overdamped(NamedTuple):
-    """First-order dynamics without inertia: x' = w(x, t) + f/γ, with γ the drag coefficient [kg/s], w the fluid's velocity."""
+    """Dynamics without inertia: x' = w(x, t) + f/γ, with γ the drag coefficient [kg/s], w the fluid's velocity."""
 
     gamma: float
     flow: tuple[Any, ...]
@@ -193,7 +193,9 @@ def _drift(fraction: Any, p: Any, h: Any) -> Impl:
 
     def impl(fraction: Any, p: Any, h: Any) -> Any:
         s = fraction * h
-        return Particle(p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t + s)
+        return Particle(
+            p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t + s
+        )
 
     return impl
 

@@ -146,7 +146,9 @@ class Composition(Method):
             sequence.pop(0)
         mirrored = all(_equal(x, y) for x, y in zip(sequence, reversed(sequence), strict=True))
         if self.reversible != (mirrored and len(sequence) % 2 == 1):
-            raise ValueError(f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise")
+            raise ValueError(
+                f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise"
+            )
         self._check_order(self._order_conditions())
 
     def _order_conditions(self) -> list[tuple[int, float, float]]:

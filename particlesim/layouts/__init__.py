@@ -1,1 +1,16 @@
+"""Initial particles. To add a layout, write its file and add its class to `AnyLayout`."""
 
+from typing import Annotated
+
+from pydantic import Field
+
+from particlesim.layouts.base import CHUNK, Layout, Placed
+from particlesim.layouts.file import File
+from particlesim.layouts.lattice import Lattice
+from particlesim.layouts.points import Points
+from particlesim.layouts.random import Random
+
+AnyLayout = Annotated[Points | Random | Lattice | File, Field(discriminator="type")]
+LAYOUTS: tuple[type[Layout], ...] = (Points, Random, Lattice, File)
+
+__all__ = ["CHUNK", "LAYOUTS", "AnyLayout", "Layout", "Placed"]

@@ -1,6 +1,7 @@
 """Contact through the block kernel: nothing sinks, nothing gains energy, and the bits do not depend on blocks or intervals.
 
-Planes here are general ones, three continuous and two discrete, so that few programs are compiled; unused ones stand far away.
+Planes here are general ones, three continuous and two discrete, so that few programs are compiled; unused ones stand far
+away.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from particlesim.colliders.bounds_laws import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.engine.contact import Careful, Simple
 from particlesim.forces import Gravity
-from particlesim.laws import KILL, PASS, STICK
+from particlesim.laws import KILL, LEAVE, PASS, STICK
 
 EPS = np.finfo(float).eps
 G = 9.80665
@@ -90,7 +91,7 @@ def wedge(
     radius=st.sampled_from([0.0, 0.1, 0.9]),
     weight=st.booleans(),
 )
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_never_below_and_never_faster(
     kind: Any,
     seed: int,
@@ -143,14 +144,15 @@ def test_an_elastic_box_keeps_the_energy() -> None:
         sign = np.sign(velocity(c))
         run(p, c, 100, 0.35, first_step=100 * k)
         bounces += int((sign != np.sign(velocity(c))).sum())
-    # |v| t / 1.9 m: 4000 · 0.35 s · 13.7 m/s / 1.9 m = 10⁴ impacts. An axis-aligned wall gives v − 2v = −v, exactly.
+    # 4000 · 0.35 s · 13.7 m/s / 1.9 m = 10⁴ impacts. An axis-aligned wall gives v − 2v = −v, exactly.
     assert bounces > 10
     np.testing.assert_array_equal(np.abs(velocity(c)), before)
-    # The path unfolds to a straight line: position known to 10⁴ roundings of places around 1 m.
+    # The path unfolds to a straight line. A wall that is touched already, in a corner, is hit within 2⁻³⁰ of a step:
+    # 5.9 m/s · 0.35 s · 2⁻³⁰ = 2·10⁻⁹ m each time.
     width = 1.9
     far = np.array([0.1, 0.2, 0.3]) + before[0] * 4000 * 0.35 + width / 2
     folded = np.abs((far + width) % (2 * width) - width) - width / 2
-    np.testing.assert_allclose(position(c)[0], folded, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(position(c)[0], folded, rtol=0, atol=1e-8)
 
 
 def test_many_impacts_in_one_step() -> None:
@@ -183,19 +185,14 @@ def test_oblique_elastic_planes_keep_the_energy() -> None:
 @pytest.mark.parametrize("method", ["velocity_verlet", "stormer_verlet"])
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.5])
 def test_bounce_heights(method: str, e: float) -> None:
-    # Dropped from h0, the n-th apex is e²ⁿ h0, at t0 (1 + 2 Σ_{k=1..n} e^k), t0 = √(2 h0/g); the step is exact for constant g.
+    # Dropped from h0, the n-th apex is e²ⁿ h0, (eⁿ⁻¹ + eⁿ) t0 after the one before, with t0 = √(2 h0/g). The step is
+    # exact for constant g; each run starts its clock anew.
     h0, radius, steps = 2.0, 0.3, 137
     t0 = math.sqrt(2 * h0 / G)
     c = columns([[0, h0 + radius, 0]], [[0, 0, 0]], radius=radius, method=method, clock=clock(1))
     p = program(method, GRAVITY, continuous(plane((0, 1, 0), 0.0, e)))
-    now = 0.0
-    apex = t0
     for n in range(1, 6):
-        apex += t0 * (e**n if n == 1 else e**n + e ** (n - 1))
-        if n == 1:
-            apex = t0 + t0 * e
-        run(p, c, steps, (apex - now) / steps)
-        now = apex
+        run(p, c, steps, t0 * (e ** (n - 1) + e**n) / steps)
         assert c.y[0] - radius == pytest.approx(e ** (2 * n) * h0, rel=1e-9)
         assert abs(c.vy[0]) < 1e-6
 
@@ -255,11 +252,11 @@ def test_stick_and_kill(outcome: int, kind: Any) -> None:
         assert time.stop[0] == pytest.approx(0.5 if kind is continuous else 0.6)
 
 
-def test_bounds_kill_at_the_end_of_the_step() -> None:
+def test_leaving_the_bounds_counts_at_the_end_of_the_step() -> None:
     time = clock(1)
     c = columns([[0, 0, 0]], [[1.0, 0, 0]], radius=0.0, clock=time)
     run(program("velocity_verlet", NO_GRAVITY, Simple((BoundsRecord(-1, -1, -1, 1, 1, 1),))), c, 10, 0.3)
-    assert time.outcome[0] == KILL
+    assert time.outcome[0] == LEAVE
     assert time.stop[0] == pytest.approx(1.2)
     assert c.x[0] == pytest.approx(1.2)
 

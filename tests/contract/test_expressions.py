@@ -324,7 +324,7 @@ def check_harmless(text: str) -> None:
     try:
         node = parse(text, {"k": 2.0})
     except ExpressionError as error:
-        assert 0 <= error.offset <= max(len(text) - 1, 0)
+        assert 0 <= error.offset <= max(len(text) - 1, 0)  # noqa: PT017
     else:
         assert isinstance(node, tuple)
 

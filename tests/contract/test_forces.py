@@ -256,7 +256,7 @@ def test_documented(cls: Any) -> None:
 )
 def test_sources_are_named(cls: type[Force]) -> None:
     doc = sys.modules[cls.__module__].__doc__ or ""
-    assert "Source:" in doc or "(" in doc and any(char.isdigit() for char in doc)
+    assert "Source:" in doc or ("(" in doc and any(char.isdigit() for char in doc))
 
 
 def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:

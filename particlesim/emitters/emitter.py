@@ -1,0 +1,203 @@
+"""What a scenario says of an emitter, and the particles it gives birth to."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+
+from particlesim.crossfield import invalid
+from particlesim.distributions import Distribution, Sampled, draw, smallest
+from particlesim.groups import Group
+from particlesim.model import Model, Name
+from particlesim.shapes import AnyShape
+from particlesim.streams import Streams
+from particlesim.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
+from particlesim.vectors import perpendicular, unit
+
+Floats = NDArray[np.float64]
+
+
+class Burst(Model):
+    """Many particles at once."""
+
+    count: Annotated[int, Field(ge=1, le=10**10, strict=True)]
+    """Number of particles."""
+    at: Seconds
+    """Time of the burst."""
+
+
+class Die(Model):
+    """What ends a particle, beside its lifetime and planes that kill."""
+
+    temperature_below: Annotated[Kelvin, Gt(0)] | None = None
+    """Temperature below which a cooling particle dies."""
+    outside: tuple[Vector[Metres], Vector[Metres]] | None = None
+    """Corners of a box outside of which particles die."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Die:
+        if self.outside is not None and any(b <= a for a, b in zip(*self.outside, strict=True)):
+            raise invalid("the second corner must be greater than the first in x, y and z", at=("outside", 1))
+        return self
+
+
+class Emitter(Group):
+    """A source of particles, at a rate, in bursts, or both."""
+
+    name: Name = "emitter"
+    """Name of the group of its particles, by which forces, planes and messages speak of it."""
+    rate: Annotated[PerSecond, Gt(0)] | None = None
+    """Particles per second."""
+    burst: Burst | tuple[Burst, ...] = ()
+    """One burst or a list of them."""
+    start: Annotated[Seconds, Ge(0)] = 0.0
+    """When the rate begins; the first particle is born then."""
+    stop: Annotated[Seconds, Ge(0)] | None = None
+    """When the rate ends; never unless given."""
+    timing: Literal["regular", "jittered"] = "regular"
+    """Births at equal distances in time, or at a random moment of each."""
+    shape: AnyShape
+    """Where particles are born."""
+    direction: Vector[float] | Literal["outward"] = (0.0, 1.0, 0.0)
+    """Axis of the cone of initial velocities; "outward" points away from the shape's center."""
+    spread: Annotated[Degrees, Ge(0), Le(180)] = 0.0
+    """Half angle of the cone in degrees; 180 is all directions alike."""
+    speed: Sampled[MetresPerSecond] = 0.0
+    """Initial speed along the direction."""
+    velocity: Vector[MetresPerSecond] = (0.0, 0.0, 0.0)
+    """Velocity of the emitter, added to that of each particle."""
+    lifetime: Sampled[Annotated[Seconds, Gt(0)]] | None = None
+    """How long a particle lives; for ever unless given."""
+    die: Die | None = None
+    """What else ends a particle."""
+    limit: Annotated[int, Field(ge=1, le=10**9, strict=True)] | None = None
+    """Most particles alive at once; no limit unless given."""
+    when_full: Literal["recycle", "wait"] = "recycle"
+    """At the limit the oldest particle's slot is recycled, or emission waits for a free one."""
+
+    @field_validator("direction")
+    @classmethod
+    def _has_direction(cls, direction: tuple[float, float, float] | str) -> tuple[float, float, float] | str:
+        if not isinstance(direction, str):
+            unit(direction)
+        return direction
+
+    @model_validator(mode="after")
+    def _emits(self) -> Emitter:
+        if self.rate is None and not self.bursts():
+            raise invalid(
+                "emits nothing", allowed="rate = 150, or burst = { count = 500, at = 1.0 }, or both"
+            )
+        if self.rate is None and self.stop is not None:
+            raise invalid("stop ends the rate, and there is none", at=("stop",))
+        if self.stop is not None and self.stop <= self.start:
+            raise invalid("stops before it starts", at=("stop",), also=[(("start",), "starts here")])
+        for k, burst in enumerate(self.bursts()):
+            if burst.at < 0:
+                at = ("burst", k, "at") if isinstance(self.burst, tuple) else ("burst", "at")
+                raise invalid("a burst before the beginning", at=at)
+        if isinstance(self.lifetime, Distribution) and not smallest(self.lifetime) > 0:
+            raise invalid(
+                "this distribution can give a lifetime that is not greater than 0",
+                at=("lifetime",),
+                hint="add min",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _dies(self) -> Emitter:
+        if "when_full" in self.model_fields_set and self.limit is None:
+            raise invalid("when_full acts only with a limit", at=("when_full",))
+        below = self.die.temperature_below if self.die is not None else None
+        if below is not None:
+            if self.cooling is None or self.cooling.rate == 0:
+                raise invalid("particles that do not cool never die of cold", at=("die", "temperature_below"))
+            if below <= self.cooling.ambient:
+                raise invalid(
+                    "never reached: particles cool towards the ambient temperature",
+                    at=("die", "temperature_below"),
+                    also=[(("cooling",), f"ambient = {self.cooling.ambient:g} K")],
+                )
+        return self
+
+    def bursts(self) -> tuple[Burst, ...]:
+        """All bursts, as a tuple."""
+        return self.burst if isinstance(self.burst, tuple) else (self.burst,)
+
+    def births(self, streams: Streams, first: int, birth: Floats) -> Born:
+        """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""
+        count = len(birth)
+        position = self.shape.sample(streams, first, count)
+        velocity = np.asarray(self.velocity)[:, None] + draw(
+            self.speed, streams["speed"], first, count
+        ) * self._directions(streams, first, position)
+        mass, radius = self.size(streams, first, count)
+        temperature = None
+        if self.temperature is not None:
+            temperature = draw(self.temperature, streams["temperature"], first, count)
+        lifetime = np.full(count, np.inf)
+        if self.lifetime is not None:
+            lifetime = draw(self.lifetime, streams["lifetime"], first, count)
+        return Born(
+            position,
+            velocity,
+            np.broadcast_to(np.asarray(mass, dtype=float), count),
+            np.broadcast_to(np.asarray(radius, dtype=float), count),
+            temperature,
+            lifetime,
+        )
+
+    def _directions(self, streams: Streams, first: int, position: Floats) -> Floats:
+        """Unit vectors evenly spread over the cone, shape [3, n]."""
+        count = position.shape[1]
+        axis = np.empty((3, count))
+        if isinstance(self.direction, str):
+            axis[:] = position - np.asarray(self.shape.middle())[:, None]
+            length = np.sqrt((axis * axis).sum(axis=0))
+            axis = np.divide(axis, length, where=length > 0, out=np.zeros_like(axis))
+            axis[1, length == 0] = 1.0
+        else:
+            axis[:] = np.asarray(unit(self.direction))[:, None]
+        if self.spread == 0:
+            return axis
+        # Height over the base of the cone is uniform on a sphere (Archimedes).
+        height = 1 - (1 - math.cos(math.radians(self.spread))) * streams["direction.0"].uniform(first, count)
+        turn = 2 * np.pi * streams["direction.1"].uniform(first, count)
+        ring = np.sqrt(np.maximum(0, 1 - height * height))
+        if isinstance(self.direction, str):
+            u, v = _frames(axis)
+        else:
+            fixed = perpendicular(unit(self.direction))
+            u, v = np.asarray(fixed[0])[:, None], np.asarray(fixed[1])[:, None]
+        return np.asarray(height * axis + ring * np.cos(turn) * u + ring * np.sin(turn) * v)
+
+
+class Born(NamedTuple):
+    """New particles: position [m] and velocity [m/s] of shape [3, n]; mass [kg], radius [m], temperature [K] or None,
+    lifetime [s] of shape [n]."""
+
+    position: Floats
+    velocity: Floats
+    mass: Floats
+    radius: Floats
+    temperature: Floats | None
+    lifetime: Floats
+
+
+def _frames(axis: Floats) -> tuple[Floats, Floats]:
+    """Two unit vectors perpendicular to each axis, shape [3, n].
+
+    Without branches or square roots near zero: Duff et al., Journal of Computer Graphics Techniques 6(1), 2017.
+    """
+    x, y, z = axis
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    u = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x])
+    v = np.stack([b, sign + y * y * a, -y])
+    return u, v

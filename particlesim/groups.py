@@ -1,0 +1,151 @@
+"""What all groups of particles share, whether laid out at the start or emitted: size, dynamics, integrator."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt
+from pydantic import Field, model_validator
+
+from particlesim.crossfield import invalid
+from particlesim.distributions import Distribution, Sampled, draw, smallest
+from particlesim.flows import AnyFlow
+from particlesim.layouts import AnyLayout
+from particlesim.model import Model, Name
+from particlesim.streams import Streams
+from particlesim.units import Kelvin, Kilograms, KilogramsPerCubicMetre, KilogramsPerSecond, Metres, PerSecond
+
+MethodName = Literal[
+    "symplectic_euler",
+    "explicit_euler",
+    "midpoint",
+    "heun",
+    "rk3",
+    "rk4",
+    "stormer_verlet",
+    "velocity_verlet",
+    "yoshida4",
+]
+
+
+class FirstOrder(Model):
+    """Motion without inertia: x' = w(x, t) + f/γ. The limit of strong drag, for instance of small grains in oil."""
+
+    type: Literal["first_order"] = "first_order"
+    drag: Annotated[KilogramsPerSecond, Gt(0)]
+    """Drag coefficient γ; its inverse is the mobility."""
+    flow: tuple[AnyFlow, ...] = ()
+    """Flows that carry the particles, added up."""
+
+
+class TracerMotion(Model):
+    """Motion with the fluid: x' = w(x, t). Forces do not act on tracers."""
+
+    type: Literal["tracer"] = "tracer"
+    flow: tuple[AnyFlow, ...] = Field(min_length=1)
+    """Flows that carry the particles, added up."""
+
+
+class SecondOrder(Model):
+    """Newton's second law: m x'' = f."""
+
+    type: Literal["second_order"] = "second_order"
+
+
+AnyDynamics = Annotated[SecondOrder | FirstOrder | TracerMotion, Field(discriminator="type")]
+
+
+class Cooling(Model):
+    """Newton's law of cooling: T' = −rate (T − ambient)."""
+
+    rate: Annotated[PerSecond, Ge(0)]
+    """Cooling rate."""
+    ambient: Annotated[Kelvin, Ge(0)] = 293.15
+    """Temperature of the surroundings."""
+
+
+class Group(Model):
+    """A group of particles."""
+
+    name: Name
+    """Name of the group, by which forces, planes and messages speak of it."""
+    mass: Sampled[Annotated[Kilograms, Gt(0)]] | None = None
+    """Mass of a particle; 1 kg unless given or following from radius and density."""
+    radius: Sampled[Annotated[Metres, Ge(0)]] | None = None
+    """Radius of a particle; 0 (a point) unless given or following from mass and density."""
+    density: Annotated[KilogramsPerCubicMetre, Gt(0)] | None = None
+    """Density of a particle, which joins mass and radius: give two of the three at most."""
+    temperature: Sampled[Annotated[Kelvin, Ge(0)]] | None = None
+    """Temperature at the start."""
+    cooling: Cooling | None = None
+    """How the temperature changes; constant unless given."""
+    dynamics: AnyDynamics = SecondOrder()
+    """Whether particles have inertia."""
+    integrator: MethodName | None = None
+    """Method for this group; the simulation's unless given."""
+
+    @model_validator(mode="after")
+    def _size(self) -> Group:
+        if self.density is not None:
+            if self.mass is not None and self.radius is not None:
+                raise invalid(
+                    "mass, radius and density are given: the third follows from two",
+                    at=("density",),
+                    also=[(("mass",), "mass"), (("radius",), "radius")],
+                )
+            if self.mass is None and self.radius is None:
+                raise invalid("a density needs a mass or a radius to act on", at=("density",))
+            if self.radius is not None and not smallest(self.radius) > 0:
+                raise invalid(
+                    "with a density the radius must be greater than 0",
+                    at=("radius",),
+                    hint="give the distribution a min" if isinstance(self.radius, Distribution) else None,
+                )
+        for name, least in (
+            ("mass", "greater than 0"),
+            ("radius", "0 or more"),
+            ("temperature", "0 or more"),
+        ):
+            value = getattr(self, name)
+            if isinstance(value, Distribution):
+                low = smallest(value)
+                if low < 0 or (low == 0 and name == "mass"):
+                    raise invalid(
+                        f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min"
+                    )
+        if self.cooling is not None and self.temperature is None:
+            raise invalid("cooling needs a temperature to begin with", at=("cooling",))
+        return self
+
+    def size(self, streams: Streams, first: int, count: int) -> tuple[Any, Any]:
+        """Mass [kg] and radius [m] of particles first … first + count − 1; a number where all are equal."""
+        mass = self.sample("mass", streams, first, count)
+        radius = self.sample("radius", streams, first, count)
+        if self.density is not None and radius is not None:
+            mass = 4 / 3 * math.pi * self.density * radius**3
+        elif self.density is not None and mass is not None:
+            radius = (mass / (4 / 3 * math.pi * self.density)) ** (1 / 3)
+        return 1.0 if mass is None else mass, 0.0 if radius is None else radius
+
+    def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+        """An attribute of particles first … first + count − 1; a number where all are equal, None if not given."""
+        value = getattr(self, name)
+        if isinstance(value, Distribution):
+            return draw(value, streams[name], first, count)
+        return value
+
+    def has_radius(self) -> bool:
+        """Whether its particles have a size."""
+        return self.radius is not None or self.density is not None
+
+
+class Particles(Group):
+    """Particles that are there from the start."""
+
+    name: Name = "particles"
+    """Name of the group, by which forces, planes and messages speak of it."""
+    layout: AnyLayout
+    """Where they are and how fast."""
+    pinned: bool | tuple[Annotated[int, Field(ge=0, strict=True)], ...] = False
+    """Particles that nothing moves: true for all, or a list of indices in the group."""

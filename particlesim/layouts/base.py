@@ -1,0 +1,46 @@
+"""What a layout is: where particles are at the start, and how fast."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.model import Model
+from particlesim.streams import Streams
+
+Floats = NDArray[np.float64]
+
+CHUNK = 1 << 16
+"""Particles sampled at once, so that millions need no memory beside their own."""
+
+
+class Placed(NamedTuple):
+    """What a layout gives for some particles: position [m] and velocity [m/s], shape [3, n].
+
+    Mass [kg], radius [m] and temperature [K] are None unless the layout knows them (a file may).
+    """
+
+    position: Floats
+    velocity: Floats
+    mass: Floats | None = None
+    radius: Floats | None = None
+    temperature: Floats | None = None
+
+
+class Layout(Model):
+    """Initial particles of a group."""
+
+    def open(self, folder: Path | None) -> Layout:
+        """The layout ready to be sampled; one that names a file (relative to `folder`) reads it here."""
+        return self
+
+    def number(self) -> int | None:
+        """How many particles, None if only the file knows."""
+        raise NotImplementedError
+
+    def place(self, streams: Streams, first: int, count: int) -> Placed:
+        """Particles first … first + count − 1."""
+        raise NotImplementedError

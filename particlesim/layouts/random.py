@@ -1,0 +1,33 @@
+"""Particles at random places in a shape."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from particlesim.distributions import Sampled, draw
+from particlesim.layouts.base import Layout, Placed
+from particlesim.shapes import AnyShape
+from particlesim.streams import Streams
+from particlesim.units import MetresPerSecond, Vector
+
+
+class Random(Layout):
+    """Particles spread evenly over a shape."""
+
+    type: Literal["random"] = "random"
+    count: Annotated[int, Field(ge=1, le=10**10, strict=True)]
+    """Number of particles."""
+    shape: AnyShape
+    """Where they are."""
+    velocity: Vector[Sampled[MetresPerSecond]] = (0.0, 0.0, 0.0)
+    """Velocity; each component a number or a distribution."""
+
+    def number(self) -> int:
+        return self.count
+
+    def place(self, streams: Streams, first: int, count: int) -> Placed:
+        velocity = [draw(v, streams[f"velocity.{k}"], first, count) for k, v in enumerate(self.velocity)]
+        return Placed(self.shape.sample(streams, first, count), np.stack(velocity))

@@ -1,0 +1,200 @@
+"""The words of scenario errors: what is wrong, what is allowed, what was probably meant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from pydantic_core import ErrorDetails
+
+from particlesim.model import Name
+from particlesim.names import did_you_mean
+from particlesim.scenario import typewalk
+from particlesim.scenario.typewalk import Node
+from particlesim.units import QUANTITY_ERROR, shown
+
+TAG_ERRORS = frozenset({"union_tag_invalid", "union_tag_not_found"})
+
+_LIMITS = {
+    "greater_than": ("gt", "greater than", ">"),
+    "greater_than_equal": ("ge", "at least", "≥"),
+    "less_than": ("lt", "less than", "<"),
+    "less_than_equal": ("le", "at most", "≤"),
+}
+
+
+# Patterns in words.
+_PATTERNS = {get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit"}
+
+
+@dataclass(frozen=True)
+class Words:
+    """The text of a diagnostic."""
+
+    message: str
+    allowed: str | None = None
+    hint: str | None = None
+
+
+def missing(key: str, kind: Node | None) -> Words:
+    return Words(f"missing key {key!r}", _allowed(kind))
+
+
+def unknown_key(key: str, table: Node | None, raw: Any) -> Words:
+    """A key that the table does not have. Keys that the table already holds are not suggested."""
+    if table is not None and table.is_union:
+        table = typewalk.choose(table, raw)
+    known = [] if table is None or table.model is None else list(typewalk.fields(table.model))
+    free = [name for name in known if name not in raw]
+    return Words(f"unknown key {key!r}", ", ".join(known) or None, did_you_mean(key, free))
+
+
+def unknown_tag(union: Node, raw: Any) -> Words:
+    tag = raw.get("type") if isinstance(raw, dict) else None
+    known = typewalk.tags(union)
+    hint = did_you_mean(tag, known) if isinstance(tag, str) else None
+    return Words(f"unknown type {shown(tag)}", _quoted(known), hint)
+
+
+def missing_tag(union: Node, raw: Any) -> Words:
+    if not isinstance(raw, dict):
+        return Words(
+            f"expected a table, got {shown(raw)}", f"a table with type = {_quoted(typewalk.tags(union))}"
+        )
+    return Words("missing key 'type'", _quoted(typewalk.tags(union)))
+
+
+def for_union(union: Node, raw: Any) -> Words | None:
+    """What to say when no branch of `union` fits; None where nothing is better than naming the branches."""
+    known = typewalk.tags(union)
+    if isinstance(raw, dict) and known:
+        return unknown_tag(union, raw) if "type" in raw else missing_tag(union, raw)
+    words = [str(value) for value in _literals(union)]
+    if isinstance(raw, str) and words:
+        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, did_you_mean(raw, words))
+    return None
+
+
+def wrong_length(kind: Node | None, raw: Any) -> Words:
+    arguments = get_args(kind.annotation) if kind is not None else ()
+    return Words(f"expected {len(arguments)} elements, got {len(raw)}")
+
+
+def plain(entry: ErrorDetails, kind: Node | None, raw: Any) -> Words:
+    """Any other error, by its type."""
+    code, context = entry["type"], entry.get("ctx", {})
+    if code in _LIMITS:
+        return _beyond_limit(code, context, kind, raw)
+    if code == QUANTITY_ERROR:
+        return Words(str(context["message"]), _limits(kind))
+    if code == "literal_error" and kind is not None:
+        known = [str(value) for value in _literals(kind)]
+        hint = did_you_mean(raw, known) if isinstance(raw, str) else None
+        return Words(f"unknown value {shown(raw)}", _quoted(known), hint)
+    if code in _BY_CODE:
+        return Words(_BY_CODE[code](context, raw), _limits(kind), _brackets(code, raw))
+    if code == "string_pattern_mismatch":
+        pattern = str(context["pattern"])
+        return Words(f"{shown(raw)} has characters that may not stand here", _PATTERNS.get(pattern, pattern))
+    message = str(context["error"]) if code in ("value_error", "assertion_error") else entry["msg"]
+    return Words(message.replace("Input should", "must"), _limits(kind))
+
+
+def is_spurious(entry: ErrorDetails, raw: Any) -> bool:
+    """Whether pydantic complains of a short list only because it did not count elements that are wrong."""
+    least = entry.get("ctx", {}).get("min_length", 0)
+    return entry["type"] == "too_short" and isinstance(raw, list | tuple) and len(raw) >= least
+
+
+def is_label_of(branch: Node, label: str) -> bool:
+    """Whether pydantic means `branch`, which is no model, by `label` in an error's location."""
+    if branch.unit is not None:
+        return "_validate" in label
+    name = getattr(branch.origin, "__name__", "")
+    return label == name or label.startswith(("literal",) if branch.origin is Literal else (f"{name}[",))
+
+
+def _beyond_limit(code: str, context: Mapping[str, Any], kind: Node | None, raw: Any) -> Words:
+    key, words, _ = _LIMITS[code]
+    return Words(f"must be {words} {context[key]:.15g}, got {shown(raw)}", _limits(kind))
+
+
+def _limits(kind: Node | None) -> str | None:
+    """'a number > 0 and ≤ 1, in kg/s', None when there is nothing to say."""
+    if kind is None:
+        return None
+    signs = []
+    for key, _, sign in _LIMITS.values():
+        signs += [
+            f"{sign} {getattr(m, key):.15g}" for m in kind.metadata if getattr(m, key, None) is not None
+        ]
+    unit = f", in {kind.unit.symbol}" if kind.unit is not None and kind.unit.symbol else ""
+    if not signs:
+        return None
+    number = "a whole number" if kind.annotation is int else "a number"
+    return f"{number} {' and '.join(signs)}{unit}"
+
+
+def _allowed(kind: Node | None) -> str | None:
+    if kind is None:
+        return None
+    if (limits := _limits(kind)) is not None:
+        return limits
+    words = typewalk.describe(kind)
+    if kind.unit is not None and kind.unit.symbol:
+        return f"{words}, in {kind.unit.symbol}"
+    return None if words == "another value" else words
+
+
+def _literals(kind: Node) -> list[Any]:
+    if kind.is_union:
+        return [value for branch in typewalk.branches(kind) for value in _literals(branch)]
+    return list(get_args(kind.annotation)) if kind.origin is Literal else []
+
+
+def _quoted(words: list[str]) -> str:
+    return ", ".join(f'"{word}"' for word in words)
+
+
+def _brackets(code: str, raw: Any) -> str | None:
+    """The slip of writing [forces] for [[forces]]."""
+    if code in ("list_type", "tuple_type") and isinstance(raw, dict):
+        return "an entry of a list of tables has two brackets: [[name]]"
+    if code in ("model_type", "model_attributes_type", "dict_type") and isinstance(raw, list):
+        return "a single table has one pair of brackets: [name]"
+    return None
+
+
+def _expected(what: str) -> Callable[[Mapping[str, Any], Any], str]:
+    return lambda context, raw: f"expected {what}, got {shown(raw)}"
+
+
+def _finite(context: Mapping[str, Any], raw: Any) -> str:
+    return f"must be finite, got {shown(raw)}"
+
+
+def _too_short(context: Mapping[str, Any], raw: Any) -> str:
+    return f"must have at least {_elements(context['min_length'], raw)}, got {len(raw)}"
+
+
+def _too_long(context: Mapping[str, Any], raw: Any) -> str:
+    return f"must have at most {_elements(context['max_length'], raw)}, got {len(raw)}"
+
+
+def _elements(count: int, raw: Any) -> str:
+    noun = "character" if isinstance(raw, str) else "element"
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+_BY_CODE: dict[str, Callable[[Mapping[str, Any], Any], str]] = {
+    **dict.fromkeys(("string_type",), _expected("text")),
+    **dict.fromkeys(("int_type", "int_from_float", "int_parsing"), _expected("a whole number")),
+    **dict.fromkeys(("float_type", "float_parsing"), _expected("a number")),
+    **dict.fromkeys(("bool_type", "bool_parsing"), _expected("true or false")),
+    **dict.fromkeys(("list_type", "tuple_type", "set_type"), _expected("a list")),
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), _expected("a table")),
+    **dict.fromkeys(("finite_number",), _finite),
+    **dict.fromkeys(("too_short", "string_too_short"), _too_short),
+    **dict.fromkeys(("too_long", "string_too_long"), _too_long),
+}

@@ -1,0 +1,315 @@
+"""The scenario: everything that a scenario file may say, and how its parts must agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
+
+from particlesim.bonds import Springs
+from particlesim.colliders import Plane
+from particlesim.crossfield import Invalid, invalid
+from particlesim.emitters import Emitter, Schedule
+from particlesim.forces import AnyForce, Force
+from particlesim.forces.field import Field
+from particlesim.groups import Group, Particles
+from particlesim.impulses import Impulse
+from particlesim.layouts.file import File
+from particlesim.model import Model
+from particlesim.names import did_you_mean
+from particlesim.render.settings import RenderSettings
+from particlesim.scenario.simulation import Output, Simulation
+from particlesim.scenario.timegrid import TimeGrid, time_grid
+from particlesim.streams import Streams
+
+Keys = tuple[str | int, ...]
+
+
+class Scenario(Model):
+    """A particle simulation: what there is, what acts on it, how it is stepped and what is kept."""
+
+    format: Literal[1] = 1
+    """Version of the scenario format."""
+    title: Annotated[str, StringConstraints(max_length=200)] = ""
+    """A line that names the scene, for summaries and videos."""
+    description: Annotated[str, StringConstraints(max_length=10_000)] = ""
+    """What the scene shows."""
+    simulation: Simulation
+    """Time, method, seed and precision."""
+    output: Output = Output()
+    """Which moments and which quantities go to the trajectory."""
+    particles: tuple[Particles, ...] = ()
+    """Particles that are there from the start."""
+    emitters: tuple[Emitter, ...] = ()
+    """Sources of particles."""
+    forces: tuple[AnyForce, ...] = ()
+    """What acts on particles."""
+    springs: tuple[Springs, ...] = ()
+    """Springs between listed particles."""
+    planes: tuple[Plane, ...] = ()
+    """Half-spaces that hold particles back."""
+    impulses: tuple[Impulse, ...] = ()
+    """Kicks at given times."""
+    render: RenderSettings = RenderSettings()
+    """How videos look."""
+
+    _folder: Path | None = PrivateAttr(default=None)
+    _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _grid: TimeGrid = PrivateAttr()
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder that relative paths in the scenario start from; None for a scenario made in Python."""
+        return self._folder
+
+    @property
+    def grid(self) -> TimeGrid:
+        """The grid of time."""
+        return self._grid
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """All groups: laid out ones, then those of emitters."""
+        return (*self.particles, *self.emitters)
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What was set beside the file, as 'key=value'."""
+        return self._overrides
+
+    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
+        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+        copy = self.model_copy()
+        copy._folder, copy._overrides = folder, overrides
+        return copy
+
+    def streams(self, group: Group) -> Streams:
+        """The random streams of a group."""
+        return Streams(self.simulation.seed, group.name)
+
+    def force_labels(self) -> tuple[str, ...]:
+        """A name of its own for every force and set of springs, as in the ledger: 'gravity', 'drag', 'drag_2' ..."""
+        labels: list[str] = []
+        for bond_or_force in (*self.forces, *self.springs):
+            base = bond_or_force.label if isinstance(bond_or_force, Force) else bond_or_force.name
+            label, k = base, 1
+            while label in labels:
+                k += 1
+                label = f"{base}_{k}"
+            labels.append(label)
+        return tuple(labels)
+
+    @model_validator(mode="after")
+    def _agrees(self, info: ValidationInfo) -> Scenario:
+        """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
+        raised."""
+        mistakes: list[Invalid] = []
+        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
+            mistakes += check(self)
+            if mistakes:
+                break  # later checks rely on earlier ones
+        grid = time_grid(self.simulation, self.output)
+        if isinstance(grid, Invalid):
+            mistakes.append(grid)
+        else:
+            self._grid = grid
+        if mistakes and info.context is not None and "mistakes" in info.context:
+            info.context["mistakes"].extend(mistakes)
+        elif mistakes:
+            first = mistakes[0]
+            raise invalid(first.message, at=first.at, also=first.also, allowed=first.allowed, hint=first.hint)
+        return self
+
+
+def acts_on(force: Force, group: Group) -> bool:
+    """Whether a force acts on a group.
+
+    A force without `on` acts on every group that can feel it: tracers feel none, and particles without inertia none that
+    depend on the velocity.
+    """
+    if force.on is not None:
+        return group.name in force.on
+    return not _cannot_feel(force, group)
+
+
+def _cannot_feel(force: Force, group: Group) -> str | None:
+    velocity = force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
+    if group.dynamics.type == "tracer":
+        return "tracers move with their flow; no force acts on them"
+    if group.dynamics.type == "first_order" and velocity:
+        return "this force depends on the velocity, which particles without inertia do not have"
+    return None
+
+
+def _group_tables(scenario: Scenario) -> Iterator[tuple[Keys, Group]]:
+    for k, particles in enumerate(scenario.particles):
+        yield ("particles", k), particles
+    for k, emitter in enumerate(scenario.emitters):
+        yield ("emitters", k), emitter
+
+
+def _names(scenario: Scenario) -> Iterator[Invalid]:
+    """Groups and named forces have names of their own; there is something to simulate."""
+    if not scenario.groups:
+        yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
+    seen: dict[str, Keys] = {}
+    for path, group in _group_tables(scenario):
+        if group.name in seen:
+            yield Invalid(
+                f"two groups are called {group.name!r}",
+                at=(*path, "name") if "name" in group.model_fields_set else path,
+                also=((seen[group.name], "the other one"),),
+                hint="give each group a name of its own",
+            )
+        seen[group.name] = path
+    named: dict[str, int] = {}
+    for k, force in enumerate(scenario.forces):
+        if force.name is not None and force.name in named:
+            other = ("forces", named[force.name], "name")
+            yield Invalid(
+                f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),)
+            )
+        if force.name is not None:
+            named[force.name] = k
+
+
+def _references(scenario: Scenario) -> Iterator[Invalid]:
+    """Every group that is spoken of exists."""
+    known = [group.name for group in scenario.groups]
+    places: list[tuple[Keys, str]] = []
+    for section in ("forces", "planes", "impulses"):
+        for k, entry in enumerate(getattr(scenario, section)):
+            places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
+    for k, springs in enumerate(scenario.springs):
+        if springs.on is not None:
+            places.append((("springs", k, "on"), springs.on))
+        places += [(("springs", k, "between", j), name) for j, name in enumerate(springs.between or ())]
+    for path, name in places:
+        if name not in known:
+            yield _unknown_group(path, name, known)
+
+
+def _unknown_group(path: Keys, name: str, known: list[str]) -> Invalid:
+    return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
+
+
+def _needs(scenario: Scenario) -> Iterator[Invalid]:
+    """Every force finds on its groups what its law reads."""
+    for k, force in enumerate(scenario.forces):
+        for path, group in _group_tables(scenario):
+            if force.on is not None and group.name in force.on and (why := _cannot_feel(force, group)):
+                yield Invalid(
+                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),)
+                )
+            if not acts_on(force, group):
+                continue
+            from_file = isinstance(group, Particles) and isinstance(group.layout, File)
+            if force.needs_radius() and not group.has_radius() and not from_file:
+                yield Invalid(
+                    f"{force.label} needs a radius, and the particles of {group.name!r} have none",
+                    ("forces", k),
+                    ((path, "no radius here"),),
+                    hint="give the group a radius, or name the groups of this force with on = [...]",
+                )
+            if force.needs_temperature() and group.temperature is None and not from_file:
+                yield Invalid(
+                    f"{force.label} needs a temperature, and the particles of {group.name!r} have none",
+                    ("forces", k),
+                    ((path, "no temperature here"),),
+                )
+    if scenario.output.fields is not None:
+        for j, name in enumerate(scenario.output.fields):
+            if name == "temperature" and all(group.temperature is None for group in scenario.groups):
+                yield Invalid("no particle has a temperature", ("output", "fields", j))
+
+
+def _times(scenario: Scenario) -> Iterator[Invalid]:
+    """Nothing is asked for after the end."""
+    end = scenario.simulation.duration
+    duration = ((("simulation", "duration"), f"the run ends at {end:g} s"),)
+    for k, impulse in enumerate(scenario.impulses):
+        for j, at in enumerate(impulse.times()):
+            if at >= end:
+                path: Keys = (
+                    ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                )
+                yield Invalid("a kick after the end of the run", path, duration)
+    for k, emitter in enumerate(scenario.emitters):
+        if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+            yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
+
+
+def _pins(scenario: Scenario) -> Iterator[Invalid]:
+    for k, group in enumerate(scenario.particles):
+        number = group.layout.number()
+        if isinstance(group.pinned, tuple) and number is not None:
+            for j, index in enumerate(group.pinned):
+                if index >= number:
+                    yield Invalid(
+                        f"there is no particle {index}",
+                        ("particles", k, "pinned", j),
+                        ((("particles", k, "layout"), f"{number} particles"),),
+                        allowed=f"0 to {number - 1}",
+                    )
+
+
+def _joined(scenario: Scenario) -> Iterator[Invalid]:
+    """What groups joined by springs have in common, and what they cannot do."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for k, springs in enumerate(scenario.springs):
+        (path, first), (other, second) = (tables[name] for name in springs.groups())
+        methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
+        if methods[0] != methods[1]:
+            yield Invalid(
+                f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
+                ("springs", k),
+                ((path, methods[0]), (other, methods[1])),
+            )
+        for j, plane in enumerate(scenario.planes):
+            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+                yield Invalid(
+                    "a plane cannot kill particles that are joined by springs",
+                    ("planes", j, "contact"),
+                    ((("springs", k), "joined here"),),
+                    hint="name the groups that the plane acts on with on = [...]",
+                )
+        for place, group in ((path, first), (other, second)):
+            reads = [
+                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+            ]
+            if group.cooling is not None and reads:
+                yield Invalid(
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
+                    (*place, "cooling"),
+                    ((("springs", k), "joined here"),),
+                )
+
+
+def _pairs(scenario: Scenario) -> Iterator[Invalid]:
+    """Springs join particles that exist from the start and have inertia."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for k, springs in enumerate(scenario.springs):
+        for end, name in enumerate(springs.groups()):
+            path, group = tables[name]
+            if not isinstance(group, Particles):
+                yield Invalid(
+                    f"springs join particles that are there from the start, and {name!r} is emitted",
+                    ("springs", k),
+                    ((path, "emitted here"),),
+                )
+                continue
+            if group.dynamics.type == "tracer":
+                yield Invalid(
+                    "tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),)
+                )
+            number = group.layout.number()
+            for j, pair in enumerate(springs.pairs):
+                if number is not None and pair[end] >= number:
+                    yield Invalid(
+                        f"{name!r} has no particle {pair[end]}",
+                        ("springs", k, "pairs", j, end),
+                        (((*path, "layout"), f"{number} particles"),),
+                        allowed=f"0 to {number - 1}",
+                    )
