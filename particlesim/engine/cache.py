@@ -64,7 +64,9 @@ def cache_directory() -> Path | None:
         probe.touch()
         probe.unlink()
     except (OSError, RuntimeError) as error:  # RuntimeError: no home directory
-        problem = f"kernels are compiled anew in every process: {error}; set PSIM_CACHE_DIR to a writable directory"
+        problem = (
+            f"kernels are compiled anew in every process: {error}; set PSIM_CACHE_DIR to a writable directory"
+        )
         return None
     return path
 
