@@ -1,5 +1,81 @@
-"""psim: particle simulations from declarative files."""
+"""psim: particle simulations from declarative files.
+
+import particlesim as ps
+
+scenario = ps.load("scenarios/fountain.toml", overrides={"simulation.dt": 1e-3})
+result = ps.run(scenario, output="fountain.vtkhdf")
+result.final.position  # [m], shape [n, 3]
+with ps.open("fountain.vtkhdf") as trajectory:
+    frame = trajectory[-1]
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from particlesim.version import __version__
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    from particlesim.errors import (
+        DivergenceError,
+        InputOutputError,
+        Interrupted,
+        PsimError,
+        ScenarioError,
+        UsageError,
+    )
+    from particlesim.runner import Progress, Result, run
+    from particlesim.scenario.load import from_table, load, loads
+    from particlesim.scenario.scenario import Scenario
+    from particlesim.trajectory.frame import Frame
+    from particlesim.trajectory.reader import Trajectory, open
+
+# Names are imported when they are first used: the compiler takes half a second, and reading a file needs none of it.
+_HOME = {
+    "DivergenceError": "particlesim.errors",
+    "InputOutputError": "particlesim.errors",
+    "Interrupted": "particlesim.errors",
+    "PsimError": "particlesim.errors",
+    "ScenarioError": "particlesim.errors",
+    "UsageError": "particlesim.errors",
+    "Progress": "particlesim.runner",
+    "Result": "particlesim.runner",
+    "run": "particlesim.runner",
+    "from_table": "particlesim.scenario.load",
+    "load": "particlesim.scenario.load",
+    "loads": "particlesim.scenario.load",
+    "Scenario": "particlesim.scenario.scenario",
+    "Frame": "particlesim.trajectory.frame",
+    "Trajectory": "particlesim.trajectory.reader",
+    "open": "particlesim.trajectory.reader",
+}
+
+__all__ = [
+    "DivergenceError",
+    "Frame",
+    "InputOutputError",
+    "Interrupted",
+    "Progress",
+    "PsimError",
+    "Result",
+    "Scenario",
+    "ScenarioError",
+    "Trajectory",
+    "UsageError",
+    "__version__",
+    "from_table",
+    "load",
+    "loads",
+    "open",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'particlesim' has no attribute {name!r}")
+    import importlib
+
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value

@@ -102,27 +102,34 @@ class Group(Model):
                     at=("radius",),
                     hint="give the distribution a min" if isinstance(self.radius, Distribution) else None,
                 )
-        for name, least in (("mass", "greater than 0"), ("radius", "0 or more"), ("temperature", "0 or more")):
+        for name, least in (
+            ("mass", "greater than 0"),
+            ("radius", "0 or more"),
+            ("temperature", "0 or more"),
+        ):
             value = getattr(self, name)
             if isinstance(value, Distribution):
                 low = smallest(value)
                 if low < 0 or (low == 0 and name == "mass"):
-                    raise invalid(f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min")
+                    raise invalid(
+                        f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min"
+                    )
         if self.cooling is not None and self.temperature is None:
             raise invalid("cooling needs a temperature to begin with", at=("cooling",))
         return self
 
     def size(self, streams: Streams, first: int, count: int) -> tuple[Any, Any]:
         """Mass [kg] and radius [m] of particles first … first + count − 1; a number where all are equal."""
-        mass = self._sample("mass", streams, first, count)
-        radius = self._sample("radius", streams, first, count)
+        mass = self.sample("mass", streams, first, count)
+        radius = self.sample("radius", streams, first, count)
         if self.density is not None and radius is not None:
             mass = 4 / 3 * math.pi * self.density * radius**3
         elif self.density is not None and mass is not None:
             radius = (mass / (4 / 3 * math.pi * self.density)) ** (1 / 3)
         return 1.0 if mass is None else mass, 0.0 if radius is None else radius
 
-    def _sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+    def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+        """An attribute of particles first … first + count − 1; a number where all are equal, None if not given."""
         value = getattr(self, name)
         if isinstance(value, Distribution):
             return draw(value, streams[name], first, count)

@@ -51,9 +51,15 @@ class Springs(Model):
                 raise invalid(f"joins particle {a} to itself", at=("pairs", k))
             key = frozenset((a, b)) if within else (a, b)
             if key in seen:
-                raise invalid("this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")])
+                raise invalid(
+                    "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
+                )
             seen[key] = k
         return self
+
+    def record(self) -> SpringRecord:
+        """The parameters as kernels take them."""
+        return SpringRecord(self.stiffness, self.damping)
 
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""

@@ -1,4 +1,8 @@
-"""Teaches the compiler the generics of `particlesim.laws`: the record's type selects the law, which is inlined."""
+"""Teaches the compiler the generics of `particlesim.laws`: the record's type selects the law, which is inlined.
+
+The forces are imported here so that their generics and helpers are declared before they are taught, whichever module a
+program imports first.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+import particlesim.forces  # noqa: F401
 from particlesim.engine.cache import INLINE
 from particlesim.laws import GENERICS, HELPERS, Generic
 
@@ -33,17 +38,15 @@ def _teach(generic: Generic) -> None:
     def _sum(f: Any, p: Any) -> Callable[..., Any] | None:
         if generic.size == 0 or not isinstance(f, types.BaseTuple):
             return None
+        if len(f) == 0:
+            return _zeros(p, generic.size)
         if len(f) == 1:
             return lambda f, p: function(f[0], p)
+        # By halves: the compiler recurses, and would run out of stack on a long chain.
+        half = len(f) // 2
         if generic.size == 1:
-            if len(f) == 0:
-                return _zero_scalar(p)
-            return lambda f, p: function(f[0], p) + function(f[1:], p)
-        if generic.size == 3:
-            if len(f) == 0:
-                return _zero_vector(p)
-            return lambda f, p: add3(function(f[0], p), function(f[1:], p))
-        return None
+            return lambda f, p: function(f[:half], p) + function(f[half:], p)
+        return lambda f, p: add(function(f[:half], p), function(f[half:], p))
 
     overload(function, jit_options=INLINE, strict=False)(select)
 
@@ -53,19 +56,28 @@ def stub(*_: Any) -> Any:
     raise TypeError("this function exists only inside kernels")
 
 
-def _zero_scalar(p: types.Type) -> Callable[..., Any]:
+def _zeros(p: types.Type, size: int) -> Callable[..., Any]:
     zero = precision(p)
-    return lambda f, p: zero(0)
+    if size == 1:
+        return lambda f, p: zero(0)
+    if size == 3:
+        return lambda f, p: (zero(0), zero(0), zero(0))
+    return lambda f, p: (zero(0), zero(0), zero(0), zero(0), zero(0), zero(0), zero(0), zero(0), zero(0))
 
 
-def _zero_vector(p: types.Type) -> Callable[..., Any]:
-    zero = precision(p)
-    return lambda f, p: (zero(0), zero(0), zero(0))
-
-
-def add3(a: Any, b: Any) -> Any:
-    """Sum of two vectors."""
+def add(a: Any, b: Any) -> Any:
+    """Sum of two vectors or two matrices."""
     return stub()
+
+
+def outline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator like `inline` for what is rarely called: compiled as a function of its own."""
+
+    def register(select: Callable[..., Any]) -> Callable[..., Any]:
+        overload(stub, jit_options={**INLINE, "forceinline": False}, strict=False)(select)
+        return select
+
+    return register
 
 
 def inline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -78,9 +90,21 @@ def inline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[
     return register
 
 
-@inline(add3)
-def _add3(a: Any, b: Any) -> Callable[..., Any]:
-    return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+@inline(add)
+def _add(a: Any, b: Any) -> Callable[..., Any]:
+    if len(a) == 3:
+        return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+    return lambda a, b: (
+        a[0] + b[0],
+        a[1] + b[1],
+        a[2] + b[2],
+        a[3] + b[3],
+        a[4] + b[4],
+        a[5] + b[5],
+        a[6] + b[6],
+        a[7] + b[7],
+        a[8] + b[8],
+    )
 
 
 def _teach_helper(function: Callable[..., Any]) -> None:

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from numba import types
-from numba.extending import overload
 
-from particlesim.engine.cache import FAST
-from particlesim.engine.compile import inline, stub
+from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
 
 MAX_IMPACTS = 16
 """Impacts followed within one step; a particle with more is resting (Zeno) and finishes the step without rebound."""
-MAX_STALLS = 3
+MAX_STALLS = 2
 """Impacts that take no time before a particle counts as resting."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
@@ -80,6 +78,28 @@ def _nearest(colliders: Any, p: Any) -> Callable[..., Any]:
     return lambda colliders, p: min(gap(colliders[0], p), nearest(colliders[1:], p))
 
 
+def rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """Whether a step from p to q is rest: p touches a collider that takes energy, does not move into it, and yet ends
+    inside. Any hop between is shorter than the step, and so are all that would follow."""
+    return stub()
+
+
+@inline(rests)
+def _rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Callable[..., Any]:
+    if len(colliders) == 0:
+        return lambda colliders, p, q, h, slack: False
+
+    def impl(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+        c = colliders[0]
+        coasting = Particle(
+            p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t
+        )
+        here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
+        return here | rests(colliders[1:], p, q, h, slack)
+
+    return impl
+
+
 def overlapped(contacts: Any, p: Any) -> Any:
     """Whether `trace` must step this particle again; never for simple contacts."""
     return stub()
@@ -89,7 +109,7 @@ def overlapped(contacts: Any, p: Any) -> Any:
 def _overlapped(contacts: Any, p: Any) -> Callable[..., Any]:
     if contacts.instance_class is Simple:
         return lambda contacts, p: False
-    return lambda contacts, p: min(nearest(contacts.continuous, p), nearest(contacts.discrete, p)) < 0
+    return lambda contacts, p: (nearest(contacts.continuous, p) < 0) | (nearest(contacts.discrete, p) < 0)
 
 
 def respond(contacts: Any, p: Any) -> Any:
@@ -109,7 +129,7 @@ def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
     return stub()
 
 
-@overload(_separate, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_separate)
 def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Callable[..., Any]:
     def impl(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
         slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
@@ -126,12 +146,14 @@ def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Ca
     return impl
 
 
-def _time_of_impact(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+def _time_of_impact(
+    method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
+) -> Any:
     """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
     return stub()
 
 
-@overload(_time_of_impact, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_time_of_impact)
 def _time_of_impact_overload(
     method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any]:
@@ -141,6 +163,10 @@ def _time_of_impact_overload(
         early, late = h - h, h
         above = max(nearest(colliders, p), h - h)
         below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
+        # A particle that touches and sinks at once hits now: resting contact must not cost a search.
+        now = h / 1073741824
+        if nearest(colliders, advance(method, dynamics, forces, p, now, memory)[0]) < 0:
+            return now
         side = 0
         for turn in range(MAX_HALVINGS):
             middle = early + (late - early) / 2
@@ -171,7 +197,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     return stub()
 
 
-@overload(trace, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(trace)
 def _trace(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any] | None:
@@ -193,7 +219,9 @@ def _trace(
                 if not nearest(contacts.continuous, q) < 0:
                     p, memory = q, after
                     break
-                if impacts == MAX_IMPACTS or stalls == MAX_STALLS:
+                slack = contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+                resting = impacts == 0 and rests(contacts.continuous, p, q, left, slack)
+                if resting or impacts == MAX_IMPACTS or stalls == MAX_STALLS:
                     p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
                     memory = restart(memory)
                     break

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.groups import Cooling
-from particlesim.laws import KILL, LEAVE, STICK
+from particlesim.laws import KILL, LEAVE, STICK, Particle
 
 CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside"}
 """Why a particle died, by code."""
@@ -100,6 +100,13 @@ class GroupState:
         """Ages at a time [s], shape [n]."""
         return time - self.birth[: self.count] if self.clocked else np.full(self.count, time)
 
+    def particle(self, row: int, time: float) -> Particle:
+        """One particle as laws see it, in plain Python; its temperature is 0 if it has none."""
+        x, y, z = (float(c) for c in self.x[:, row])
+        vx, vy, vz = (float(c) for c in self.v[:, row])
+        heat = float(self.temperature(time)[row]) if self.warm else 0.0
+        return Particle(x, y, z, vx, vy, vz, float(self.mass[row]), float(self.radius[row]), heat, time)
+
     def columns(self, *, radius: bool, thermal: bool) -> Columns:
         """The arrays as kernels take them, with what its laws use."""
         n = self.count
@@ -110,8 +117,12 @@ class GroupState:
             born = self.birth[:n] if self.clocked else np.zeros(n)
             heat = Thermal(self.heat[:n], born, rate, ambient)
         return Columns(
-            *(self.x[k, :n] for k in range(3)),
-            *(self.v[k, :n] for k in range(3)),
+            self.x[0, :n],
+            self.x[1, :n],
+            self.x[2, :n],
+            self.v[0, :n],
+            self.v[1, :n],
+            self.v[2, :n],
             self.mass[:n],
             self.radius[:n] if radius else None,
             heat,
@@ -119,7 +130,8 @@ class GroupState:
             tuple(column[:n] for column in self.memory),
         )
 
-    def _all_columns(self) -> list[NDArray[Any]]:
+    def arrays(self) -> list[NDArray[Any]]:
+        """All columns, in a fixed order; those that are not used are empty."""
         return [
             *self.x,
             *self.v,
@@ -135,13 +147,28 @@ class GroupState:
             self.heat,
         ]
 
+    def stretch(self, member: GroupState, part: slice) -> GroupState:
+        """A group as a stretch of this one's arrays, with the member's name and cooling."""
+        view = GroupState(
+            member.name, 0, dtype=self.dtype, clocked=self.clocked, warm=self.warm, cooling=member.cooling
+        )
+        view.x, view.v = self.x[:, part], self.v[:, part]
+        for name in ("mass", "radius", "id"):
+            setattr(view, name, getattr(self, name)[part])
+        for name in ("birth", "start", "stop", "outcome", "cause", "heat"):
+            column = getattr(self, name)
+            setattr(view, name, column[part] if column.size else column)
+        view.memory = tuple(column[part] for column in self.memory)
+        view.count = part.stop - part.start
+        return view
+
     def reserve(self, wanted: int) -> None:
         """Make room for `wanted` particles; grows by half at least, so that births stay cheap."""
         if wanted <= self.capacity:
             return
-        old = self._all_columns()
+        old = self.arrays()
         self._allocate(max(wanted, self.capacity + self.capacity // 2), len(self.memory))
-        for before, now in zip(old, self._all_columns(), strict=True):
+        for before, now in zip(old, self.arrays(), strict=True):
             if now.size:
                 now[: self.count] = before[: self.count]
 
@@ -170,7 +197,7 @@ class GroupState:
         cause[outcome == LEAVE] = OUTSIDE
         deaths = Deaths(self.id[:n][dead], self.stop[:n][dead], cause[dead])
         keep = ~dead
-        for column in self._all_columns():
+        for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]
         self.count = int(keep.sum())

@@ -3,7 +3,8 @@
 ρ is a number, a fluid's density, or the standard atmosphere by altitude; c_d a number or Schiller and Naumann's law for
 spheres, which joins Stokes drag at low Reynolds number to the constant 0.44 above Re = 1000; A = π r² unless given.
 
-Jacobian: ∂f/∂v = −½ ρ A [c_d (|u| 1 + u uᵀ/|u|) + (dc_d/d|u|) u uᵀ], which is 0 at u = 0 for constant c_d.
+Jacobian, with s = |u|: ∂f/∂v = −½ ρ A [c_d s 1 + d(c_d s)/ds u uᵀ/s]. At u = 0 it is 0 for constant c_d, and Stokes'
+−6 π η r for Schiller and Naumann's, whose product c_d s stays finite.
 Source: Landau, Lifshitz, Fluid Mechanics, § 45; L. Schiller, A. Naumann, VDI-Zeitschrift 77, 318 (1933).
 """
 
@@ -28,10 +29,21 @@ from particlesim.forces.fluid_laws import (
     cross_section,
     density,
     density_slope,
-    drag_coefficient,
     drag_slope,
+    drag_speed,
 )
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, velocity, velocity_dx
+from particlesim.laws import (
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    velocity,
+    velocity_dx,
+)
 from particlesim.model import Model
 from particlesim.units import Kelvin, KilogramsPerCubicMetre, Metres, Number, PascalSeconds, SquareMetres
 
@@ -42,8 +54,8 @@ class Atmosphere(Model):
     type: Literal["standard_atmosphere"] = "standard_atmosphere"
     sea_level: Metres = 0.0
     """The y of sea level."""
-    temperature_offset: Kelvin = 0.0
-    """Difference from the standard temperature, in kelvin."""
+    temperature_offset: Annotated[Kelvin, Ge(-100), Le(100)] = 0.0
+    """Difference from the standard temperature, in kelvin; air and its vapour are modelled within 100 K of it."""
     humidity: Annotated[Number, Ge(0), Le(1)] = 0.0
     """Relative humidity, 0 to 1."""
 
@@ -74,10 +86,14 @@ class Drag(Force):
         if self.fluid is None and self.density is None:
             raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
         if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
-            raise invalid(f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well")
+            raise invalid(
+                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well"
+            )
         if self.coefficient == "schiller_naumann":
             if self.fluid is None and self.viscosity is None:
-                raise invalid("schiller_naumann needs the viscosity", at=("coefficient",), allowed="fluid or viscosity")
+                raise invalid(
+                    "schiller_naumann needs the viscosity", at=("coefficient",), allowed="fluid or viscosity"
+                )
             if isinstance(self.density, Atmosphere):
                 raise invalid(
                     "schiller_naumann needs one density everywhere",
@@ -100,7 +116,9 @@ class Drag(Force):
     def record(self) -> DragRecord:
         rho: Constant | StandardAtmosphere = Constant(self.rho)
         if isinstance(self.density, Atmosphere):
-            rho = StandardAtmosphere(self.density.sea_level, self.density.temperature_offset, self.density.humidity)
+            rho = StandardAtmosphere(
+                self.density.sea_level, self.density.temperature_offset, self.density.humidity
+            )
         c_d: Constant | SchillerNaumann
         if self.coefficient == "schiller_naumann":
             eta = self.viscosity if self.viscosity is not None else FLUIDS[self.fluid or ""].viscosity
@@ -137,9 +155,8 @@ def drag_dv(f: Any, p: Particle) -> Matrix:
     q = relative(f.flow, p)
     speed = np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
     k = -f.half * density(f.density, p) * cross_section(f.area, p)
-    c = drag_coefficient(f.coefficient, q)
-    d = k * c * speed
-    e = k * (c / speed + drag_slope(f.coefficient, q)) if speed > 0 else 0.0
+    d = k * drag_speed(f.coefficient, q)
+    e = k * drag_slope(f.coefficient, q) / speed if speed > 0 else 0.0
     return (
         d + e * q.vx * q.vx,
         e * q.vx * q.vy,
@@ -173,9 +190,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 @law(force, DragRecord)
 def drag_force(f: DragRecord, p: Particle) -> Vector:
     q = relative(f.flow, p)
-    # Constant factors come first: the compiler takes their product out of the loop.
-    k = f.half * density(f.density, p) * drag_coefficient(f.coefficient, q) * cross_section(f.area, p)
-    s = -k * np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+    s = -f.half * density(f.density, p) * cross_section(f.area, p) * drag_speed(f.coefficient, q)
     return s * q.vx, s * q.vy, s * q.vz
 
 

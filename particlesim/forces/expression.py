@@ -10,6 +10,8 @@ from __future__ import annotations
 import ast
 import difflib
 import math
+import re
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -19,6 +21,8 @@ from particlesim.laws import Particle, evaluate, generic, law
 
 MAX_LENGTH = 2000
 """Characters in an expression; longer ones are refused before they are parsed."""
+MAX_DEPTH = 16
+"""Operations inside each other; the compiler recurses over them, and would run out of stack at some thirty."""
 
 Node = tuple[Any, ...]
 
@@ -44,13 +48,13 @@ class Ray(NamedTuple):
 @generic(1)
 def value(f: Any, p: Particle) -> float:
     """Value of an expression at a particle."""
-    return evaluate(value, f, p)  # type: ignore[no-any-return]
+    return evaluate(value, f, p)
 
 
 @generic(1)
 def slope(f: Any, p: Ray) -> float:
     """Derivative of an expression along a direction."""
-    return evaluate(slope, f, p)  # type: ignore[no-any-return,arg-type]
+    return evaluate(slope, f, p)  # type: ignore[arg-type]
 
 
 class Constant(NamedTuple):
@@ -204,7 +208,6 @@ law(slope, Multiply)(lambda f, p: slope(f.a, p) * value(f.b, p.p) + value(f.a, p
 law(value, Divide)(lambda f, p: value(f.a, p) / value(f.b, p))
 law(slope, Square)(lambda f, p: 2 * value(f.a, p.p) * slope(f.a, p))
 law(value, Power)(lambda f, p: value(f.a, p) ** f.b)
-law(slope, Power)(lambda f, p: f.b * value(f.a, p.p) ** (f.b - 1) * slope(f.a, p))
 law(value, GeneralPower)(lambda f, p: value(f.a, p) ** value(f.b, p))
 
 
@@ -220,10 +223,18 @@ def _square_value(f: Square, p: Particle) -> float:
     return a * a
 
 
+@law(slope, Power)
+def _power_slope(f: Power, p: Ray) -> float:
+    d = slope(f.a, p)
+    return f.b * value(f.a, p.p) ** (f.b - 1) * d if d != 0 else 0.0
+
+
 @law(slope, GeneralPower)
 def _general_power_slope(f: GeneralPower, p: Ray) -> float:
     a, b = value(f.a, p.p), value(f.b, p.p)
-    return b * a ** (b - 1) * slope(f.a, p) + a**b * np.log(a) * slope(f.b, p)
+    da, db = slope(f.a, p), slope(f.b, p)
+    # As for the square root below: a part that does not change adds nothing, where its factor is infinite too.
+    return (b * a ** (b - 1) * da if da != 0 else 0.0) + (a**b * np.log(a) * db if db != 0 else 0.0)
 
 
 class Sin(NamedTuple):
@@ -370,7 +381,6 @@ law(slope, Exp)(lambda f, p: np.exp(value(f.a, p.p)) * slope(f.a, p))
 law(value, Log)(lambda f, p: np.log(value(f.a, p)))
 law(slope, Log)(lambda f, p: slope(f.a, p) / value(f.a, p.p))
 law(value, Sqrt)(lambda f, p: np.sqrt(value(f.a, p)))
-law(slope, Sqrt)(lambda f, p: slope(f.a, p) / (2 * np.sqrt(value(f.a, p.p))))
 law(value, Abs)(lambda f, p: abs(value(f.a, p)))
 law(slope, Abs)(lambda f, p: np.sign(value(f.a, p.p)) * slope(f.a, p))
 law(value, Sign)(lambda f, p: np.sign(value(f.a, p)))
@@ -385,6 +395,13 @@ law(value, IfLess)(lambda f, p: value(f.yes, p) if value(f.a, p) < value(f.b, p)
 law(slope, IfLess)(lambda f, p: slope(f.yes, p) if value(f.a, p.p) < value(f.b, p.p) else slope(f.no, p))
 
 
+@law(slope, Sqrt)
+def _sqrt_slope(f: Sqrt, p: Ray) -> float:
+    # At the origin of sqrt(x**2 + y**2) this is 0, as the slope of |x| is: a particle that starts there stays finite.
+    d = slope(f.a, p)
+    return d / (2 * np.sqrt(value(f.a, p.p))) if d != 0 else 0.0
+
+
 @law(slope, Atan2)
 def _atan2_slope(f: Atan2, p: Ray) -> float:
     a, b = value(f.a, p.p), value(f.b, p.p)
@@ -394,7 +411,8 @@ def _atan2_slope(f: Atan2, p: Ray) -> float:
 @law(slope, Hypot)
 def _hypot_slope(f: Hypot, p: Ray) -> float:
     a, b = value(f.a, p.p), value(f.b, p.p)
-    return (slope(f.a, p) * a + slope(f.b, p) * b) / np.sqrt(a * a + b * b)
+    d = slope(f.a, p) * a + slope(f.b, p) * b
+    return d / np.sqrt(a * a + b * b) if d != 0 else 0.0
 
 
 FUNCTIONS: dict[str, Callable[..., Node]] = {
@@ -441,30 +459,54 @@ def parse(text: str, constants: Mapping[str, float]) -> Node:
     if not stripped:
         raise ExpressionError("an empty expression", 0, 1, hint='write "0" for no force')
     indent = len(text) - len(text.lstrip())
+    for offset, character in enumerate(text):
+        if not (character.isprintable() or character.isspace()):
+            raise ExpressionError("not a character of an expression", offset)
     try:
-        tree = ast.parse(stripped, mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            warnings.simplefilter("ignore", DeprecationWarning)
+            tree = ast.parse(stripped, mode="eval").body
     except SyntaxError as error:
-        offset = indent + max((error.offset or 1) - 1, 0)
-        raise ExpressionError("not an expression", min(offset, len(text) - 1)) from None
-    except (RecursionError, MemoryError, ValueError):
+        raise ExpressionError("not an expression", indent + _place(error, stripped)) from None
+    except (RecursionError, MemoryError):
         raise ExpressionError("nested too deeply", 0, len(text)) from None
-    try:
-        return _Builder(stripped, indent, constants).build(tree)
-    except RecursionError:
-        raise ExpressionError("nested too deeply", 0, len(text)) from None
+    return _Builder(stripped, indent, constants).build(tree)
+
+
+def _place(error: SyntaxError, text: str) -> int:
+    """Where Python's parser stumbled, in characters; the last one when it came to the end."""
+    if not error.lineno or not error.offset:
+        return len(text) - 1
+    before = sum(len(line) for line in _lines(text)[: error.lineno - 1])
+    return min(before + error.offset - 1, len(text) - 1)
+
+
+def _lines(text: str) -> list[str]:
+    """The lines as Python's parser counts them, with their ends."""
+    return re.findall(r"[^\r\n]*(?:\r\n|\r|\n|$)", text)
 
 
 class _Builder:
     """Turns Python's tree into records, and refuses whatever is not on the list."""
 
     def __init__(self, text: str, indent: int, constants: Mapping[str, float]) -> None:
-        self.bytes = text.encode()
-        self.lines = [len(line) for line in self.bytes.splitlines(keepends=True)]
+        self.lines = _lines(text)
         self.indent = indent
         self.constants = {**BUILTIN_CONSTANTS, **constants}
+        self.depth = 0
 
     def build(self, node: ast.expr) -> Node:
         """The record of a node."""
+        if self.depth > MAX_DEPTH:
+            hint = "group a long sum or product with parentheses, (a + b) + (c + d), or write several fields: they add up"
+            raise self._error(node, f"more than {MAX_DEPTH} operations inside each other", hint)
+        self.depth += 1
+        record = self._record(node)
+        self.depth -= 1
+        return record
+
+    def _record(self, node: ast.expr) -> Node:
         if isinstance(node, ast.Constant):
             return self._number(node)
         if isinstance(node, ast.Name):
@@ -472,14 +514,18 @@ class _Builder:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd):
             return self.build(node.operand)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            return _folded(Negate(self.build(node.operand)))
+            return self._folded(Negate(self.build(node.operand)), node)
         if isinstance(node, ast.BinOp):
             return self._binary(node)
         if isinstance(node, ast.Call):
             return self._call(node)
         if isinstance(node, ast.IfExp):
             return self._choice(node)
-        raise self._error(node, "not allowed in an expression", "numbers, names, + - * / **, functions and a if b < c else d")
+        raise self._error(
+            node,
+            "not allowed in an expression",
+            "numbers, names, + - * / **, functions and a if b < c else d",
+        )
 
     def _number(self, node: ast.Constant) -> Node:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
@@ -497,26 +543,32 @@ class _Builder:
             return Constant(float(self.constants[node.id]))
         if node.id in VARIABLES:
             return VARIABLES[node.id]
+        if node.id in FUNCTIONS:
+            raise self._error(node, f"{node.id} is a function", f"write what it acts on: {node.id}(x)")
         known = [*VARIABLES, *self.constants]
-        raise self._error(node, f"unknown name {node.id!r}", _nearest(node.id, [*known, *FUNCTIONS], "names", known))
+        raise self._error(node, f"unknown name {node.id!r}", _nearest(node.id, known, "names", known))
 
     def _binary(self, node: ast.BinOp) -> Node:
         if isinstance(node.op, ast.Pow):
-            return self._power(self.build(node.left), self.build(node.right))
+            return self._power(node)
         if type(node.op) not in _BINARY:
-            hint = "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
+            hint = (
+                "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
+            )
             raise self._error(node, "unknown operator", hint)
-        return _folded(_BINARY[type(node.op)](self.build(node.left), self.build(node.right)))
+        return self._folded(_BINARY[type(node.op)](self.build(node.left), self.build(node.right)), node)
 
-    @staticmethod
-    def _power(base: Node, exponent: Node) -> Node:
+    def _power(self, node: ast.BinOp) -> Node:
+        base, exponent = self.build(node.left), self.build(node.right)
         if not isinstance(exponent, Constant):
-            return _folded(GeneralPower(base, exponent))
+            return GeneralPower(base, exponent)
+        if exponent.number == 0:
+            return Constant(1.0)
         if exponent.number == 1:
             return base
         if exponent.number == 2:
-            return _folded(Square(base))
-        return _folded(Power(base, exponent.number))
+            return self._folded(Square(base), node)
+        return self._folded(Power(base, exponent.number), node)
 
     def _call(self, node: ast.Call) -> Node:
         if not isinstance(node.func, ast.Name):
@@ -529,7 +581,7 @@ class _Builder:
         wanted = len(function._fields)  # type: ignore[attr-defined]
         if node.keywords or len(node.args) != wanted or any(isinstance(a, ast.Starred) for a in node.args):
             raise self._error(node, f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}", None)
-        return _folded(function(*(self.build(a) for a in node.args)))
+        return self._folded(function(*(self.build(a) for a in node.args)), node)
 
     def _choice(self, node: ast.IfExp) -> Node:
         test = node.test
@@ -555,20 +607,23 @@ class _Builder:
 
     def _characters(self, line: int, column: int) -> int:
         """Python counts bytes within lines; the user counts characters."""
-        return len(self.bytes[: sum(self.lines[: line - 1]) + column].decode(errors="ignore"))
+        before = sum(len(text) for text in self.lines[: line - 1])
+        return before + len(self.lines[line - 1].encode()[:column].decode(errors="ignore"))
 
-
-def _folded(node: Node) -> Node:
-    """Constants of constants are computed here, once, if the result is a number."""
-    if all(isinstance(part, Constant | float) for part in node):
+    def _folded(self, record: Node, node: ast.expr) -> Node:
+        """Constants of constants are computed here, once."""
+        if not all(isinstance(part, Constant | float) for part in record):
+            return record
         with np.errstate(all="ignore"):
             try:
-                number = float(value(node, _PROBE))
-            except (ArithmeticError, TypeError, ValueError):
-                return node
-        if math.isfinite(number):
-            return Constant(number)
-    return node
+                number = float(value(record, _PROBE))
+            except (ArithmeticError, TypeError, ValueError):  # 1/0, 9.0**999 and the complex (−8)**0.5
+                number = math.nan
+        if not math.isfinite(number):
+            raise self._error(
+                node, "this is no finite number", "the constants in it give infinity, or nothing real"
+            )
+        return Constant(number)
 
 
 def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> str:
@@ -578,4 +633,6 @@ def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> s
 
 def reads(node: Node, variable: type) -> bool:
     """Whether an expression reads a variable."""
-    return isinstance(node, variable) or any(isinstance(part, tuple) and reads(part, variable) for part in node)
+    return isinstance(node, variable) or any(
+        isinstance(part, tuple) and reads(part, variable) for part in node
+    )

@@ -6,13 +6,16 @@ the central difference of its exact gradient, with a relative error of about 10�
 
 from __future__ import annotations
 
+import keyword
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+from pydantic import Field as _Default
 from pydantic import StringConstraints, model_validator
 
 from particlesim.crossfield import invalid
 from particlesim.forces.base import Force
 from particlesim.forces.expression import (
+    FUNCTIONS,
     VARIABLES,
     VX,
     VY,
@@ -42,20 +45,24 @@ class Field(Force):
     """Components of the force in newtons, as expressions of x, y, z, vx, vy, vz, t, m, r, T and the constants."""
     potential: Expression | None = None
     """Potential energy in joules as an expression, instead of the force; F = −∇U."""
-    constants: dict[Name, Number] = {}
+    constants: dict[Name, Number] = _Default(default_factory=dict)
     """Numbers by name, for use in the expressions."""
 
     formula: ClassVar[str] = "f = f(x, v, t, m, r, T), or f = −∇U"
-    energy: ClassVar[str] = "U as written, if a potential is given; else none: a field need not derive from one"
+    energy: ClassVar[str] = (
+        "U as written, if a potential is given; else none: a field need not derive from one"
+    )
     needs_velocity: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _parses(self) -> Field:
         if (self.force is None) == (self.potential is None):
-            raise invalid("needs either force or potential", allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"')
+            raise invalid(
+                "needs either force or potential",
+                allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"',
+            )
         for name in self.constants:
-            if name in VARIABLES:
-                raise invalid(f"{name!r} is a variable of every expression", at=("constants", name), hint="choose another name")
+            _check_constant(name)
         for path, text in self._texts():
             try:
                 node = parse(text, self.constants)
@@ -92,6 +99,18 @@ class Field(Force):
     def reads_velocity(self) -> bool:
         """Whether a component depends on the velocity."""
         return any(self._velocity(node) for node in self._nodes())
+
+
+def _check_constant(name: str) -> None:
+    """Refuse a constant that no expression could name, or that would hide something else."""
+    place = ("constants", name)
+    if name in VARIABLES:
+        raise invalid(f"{name!r} is a variable of every expression", at=place, hint="choose another name")
+    if name in FUNCTIONS:
+        raise invalid(f"{name!r} is a function of every expression", at=place, hint="choose another name")
+    if not name.isidentifier() or keyword.iskeyword(name):
+        hint = "use letters, digits and _, and no word of Python's grammar such as 'in'"
+        raise invalid(f"{name!r} cannot be written in an expression", at=place, hint=hint)
 
 
 class FieldRecord(NamedTuple):

@@ -16,31 +16,31 @@ from particlesim.laws import Particle, evaluate, generic, helper, law
 @generic(1)
 def density(f: Any, p: Particle) -> float:
     """Density of the fluid at the particle's place [kg/m³]."""
-    return evaluate(density, f, p)  # type: ignore[no-any-return]
+    return evaluate(density, f, p)
 
 
 @generic(1)
 def density_slope(f: Any, p: Particle) -> float:
     """Change of the density with height, dρ/dy [kg/m⁴]."""
-    return evaluate(density_slope, f, p)  # type: ignore[no-any-return]
+    return evaluate(density_slope, f, p)
 
 
 @generic(1)
-def drag_coefficient(f: Any, q: Particle) -> float:
-    """Drag coefficient; the velocity of q is relative to the fluid."""
-    return evaluate(drag_coefficient, f, q)  # type: ignore[no-any-return]
+def drag_speed(f: Any, q: Particle) -> float:
+    """Drag coefficient times speed, c_d |u| [m/s], finite at rest; the velocity u of q is relative to the fluid."""
+    return evaluate(drag_speed, f, q)
 
 
 @generic(1)
 def drag_slope(f: Any, q: Particle) -> float:
-    """Change of the drag coefficient with the speed, dc_d/d|v| [s/m]."""
-    return evaluate(drag_slope, f, q)  # type: ignore[no-any-return]
+    """Change of the drag coefficient times speed with the speed, d(c_d |u|)/d|u|, for u ≠ 0."""
+    return evaluate(drag_slope, f, q)
 
 
 @generic(1)
 def cross_section(f: Any, p: Particle) -> float:
     """Area that the flow sees [m²]."""
-    return evaluate(cross_section, f, p)  # type: ignore[no-any-return]
+    return evaluate(cross_section, f, p)
 
 
 class Constant(NamedTuple):
@@ -93,7 +93,7 @@ def air_density(y: float, offset: float, humidity: float) -> float:
     """Density of air at altitude y [m] with a temperature offset [K] and a relative humidity (0 to 1) [kg/m³].
 
     The pressure is the standard one; the temperature the standard one plus the offset; the vapour's share of the
-    pressure by Tetens' formula p_s = 610.78 Pa exp(17.27 (T − 273.15)/(T − 35.85)).
+    pressure by Tetens' formula p_s = 610.78 Pa exp(17.27 (T − 273.15)/(T − 35.85)), at most the whole of it.
     """
     if y < TROPOPAUSE:
         standard = T0 - LAPSE * y
@@ -102,7 +102,7 @@ def air_density(y: float, offset: float, humidity: float) -> float:
         standard = T11
         pressure = P11 * math.exp(-G0 * (y - TROPOPAUSE) / (R_DRY * T11))
     t = standard + offset
-    vapour = humidity * 610.78 * math.exp(17.27 * (t - 273.15) / (t - 35.85))
+    vapour = humidity * min(610.78 * math.exp(17.27 * (t - 273.15) / (t - 35.85)), pressure)
     return (pressure - vapour) / (R_DRY * t) + vapour / (R_VAPOUR * t)
 
 
@@ -128,33 +128,37 @@ def standard_atmosphere_slope(f: StandardAtmosphere, p: Particle) -> float:
     return (air_density(y + 1, f.offset, f.humidity) - air_density(y - 1, f.offset, f.humidity)) / 2
 
 
-@law(drag_coefficient, Constant)
-def constant_drag_coefficient(f: Constant, q: Particle) -> float:
-    return f.value
+@helper
+def speed(q: Particle) -> float:
+    """|u|."""
+    return np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+
+
+@law(drag_speed, Constant)
+def constant_drag_speed(f: Constant, q: Particle) -> float:
+    return f.value * speed(q)
 
 
 @law(drag_slope, Constant)
 def constant_drag_slope(f: Constant, q: Particle) -> float:
-    return f.value - f.value
+    return f.value
 
 
-@helper
-def reynolds(nu: float, q: Particle) -> float:
-    """Re = 2 r |v| / ν, kept above zero, where drag vanishes anyway."""
-    return max(2 * q.r * np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz) / nu, 1e-30)
+# With Re = 2 r |u| / ν, 24/Re |u| = 12 ν/r: no division by the speed is left. A point (r = 0) has no cross-section.
+_POINT = 1e-100
 
 
-@law(drag_coefficient, SchillerNaumann)
+@law(drag_speed, SchillerNaumann)
 def schiller_naumann(f: SchillerNaumann, q: Particle) -> float:
-    re = reynolds(f.nu, q)
-    return 24 / re * (1 + 0.15 * re**0.687) if re < 1000 else 0.44
+    u = speed(q)
+    re = 2 * q.r * u / f.nu
+    return 12 * f.nu / max(q.r, _POINT) * (1 + 0.15 * re**0.687) if re < 1000 else 0.44 * u
 
 
 @law(drag_slope, SchillerNaumann)
 def schiller_naumann_slope(f: SchillerNaumann, q: Particle) -> float:
-    re = reynolds(f.nu, q)
-    by_re = -24 / (re * re) * (1 + 0.15 * (1 - 0.687) * re**0.687) if re < 1000 else 0.0
-    return by_re * 2 * q.r / f.nu
+    re = 2 * q.r * speed(q) / f.nu
+    return 24 * 0.15 * 0.687 * re ** (0.687 - 1) if re < 1000 else 0.44
 
 
 @law(cross_section, Constant)

@@ -14,9 +14,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from particlesim.crossfield import CROSS_FIELD_ERROR, Invalid
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span
 from particlesim.scenario import messages, typewalk
-from particlesim.scenario.crossfield import CROSS_FIELD_ERROR, Invalid
 from particlesim.scenario.messages import Words
 from particlesim.scenario.overrides import dotted_path
 from particlesim.scenario.positions import Place
@@ -45,7 +45,8 @@ class _Address:
 def diagnose(error: ValidationError, source: Source, model: type[BaseModel]) -> ScenarioError:
     """`error`, which validating `source.raw` as `model` raised, with places and in plain words."""
     found: list[Diagnostic] = []
-    details = [(_locate(entry, source.raw, model), entry) for entry in error.errors(include_url=False)]
+    located = [(_locate(entry, source.raw, model), entry) for entry in error.errors(include_url=False)]
+    details = [(address, entry) for address, entry in located if not messages.is_spurious(entry, address.raw)]
     explained = {address.path for address, _ in details if address.meant}
     for address, entry in details:
         if address.meant:

@@ -8,8 +8,9 @@ from typing import Any, Literal, get_args
 
 from pydantic_core import ErrorDetails
 
+from particlesim.model import Name
+from particlesim.names import did_you_mean
 from particlesim.scenario import typewalk
-from particlesim.scenario.overrides import did_you_mean
 from particlesim.scenario.typewalk import Node
 from particlesim.units import QUANTITY_ERROR, shown
 
@@ -21,6 +22,10 @@ _LIMITS = {
     "less_than": ("lt", "less than", "<"),
     "less_than_equal": ("le", "at most", "≤"),
 }
+
+
+# Patterns in words.
+_PATTERNS = {get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit"}
 
 
 @dataclass(frozen=True)
@@ -89,8 +94,17 @@ def plain(entry: ErrorDetails, kind: Node | None, raw: Any) -> Words:
         return Words(f"unknown value {shown(raw)}", _quoted(known), hint)
     if code in _BY_CODE:
         return Words(_BY_CODE[code](context, raw), _limits(kind), _brackets(code, raw))
+    if code == "string_pattern_mismatch":
+        pattern = str(context["pattern"])
+        return Words(f"{shown(raw)} has characters that may not stand here", _PATTERNS.get(pattern, pattern))
     message = str(context["error"]) if code in ("value_error", "assertion_error") else entry["msg"]
     return Words(message.replace("Input should", "must"), _limits(kind))
+
+
+def is_spurious(entry: ErrorDetails, raw: Any) -> bool:
+    """Whether pydantic complains of a short list only because it did not count elements that are wrong."""
+    least = entry.get("ctx", {}).get("min_length", 0)
+    return entry["type"] == "too_short" and isinstance(raw, list | tuple) and len(raw) >= least
 
 
 def is_label_of(branch: Node, label: str) -> bool:

@@ -6,7 +6,6 @@ entry has that name or type, and to their index: `forces.air`, `forces.gravity`,
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import tomllib
@@ -16,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from particlesim.errors import Diagnostic, ScenarioError, UsageError
+from particlesim.names import did_you_mean
 from particlesim.scenario import syntax
 from particlesim.scenario.positions import Range
 from particlesim.scenario.source import KeyPath, OverrideText, RawTable, Source, Text
@@ -90,12 +90,6 @@ def dotted_path(raw: Any, path: Sequence[str | int]) -> str:
         words.append(_entry_name(raw, step) if isinstance(raw, list) and isinstance(step, int) else str(step))
         raw = _child(raw, step)
     return ".".join(f'"{word}"' if "." in word else word for word in words)
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str | None:
-    """A hint with the one of `known` that `word` was probably meant to be."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.55)
-    return f"did you mean {near[0]!r}?" if near else None
 
 
 def _toml_value(override: Override, value: str) -> object:

@@ -10,6 +10,7 @@ error: must be greater than 0, got -1
 
 from __future__ import annotations
 
+import textwrap
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -59,7 +60,9 @@ def render_text(diagnostic: Diagnostic, *, color: bool = False) -> str:
         previous = mark.line
     for word, text in (("allowed", diagnostic.allowed), ("help", diagnostic.hint)):
         if text:
-            lines.append(f"{'':{gutter}} {paint(_BLUE, '=')} {paint(_CYAN, word)}: {_printable(text)}")
+            wrapped = textwrap.wrap(_printable(text), _WIDEST, break_long_words=False, break_on_hyphens=False)
+            folded = f"\n{'':{gutter + 5 + len(word)}}".join(wrapped)
+            lines.append(f"{'':{gutter}} {paint(_BLUE, '=')} {paint(_CYAN, word)}: {folded}")
     return "\n".join(lines)
 
 

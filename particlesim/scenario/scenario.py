@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field as _Field
-from pydantic import PrivateAttr, StringConstraints, model_validator
+from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
 from particlesim.bonds import Springs
 from particlesim.colliders import Plane
@@ -19,6 +18,7 @@ from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
 from particlesim.model import Model
+from particlesim.names import did_you_mean
 from particlesim.render.settings import RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -56,6 +56,7 @@ class Scenario(Model):
     """How videos look."""
 
     _folder: Path | None = PrivateAttr(default=None)
+    _overrides: tuple[str, ...] = PrivateAttr(default=())
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -73,10 +74,15 @@ class Scenario(Model):
         """All groups: laid out ones, then those of emitters."""
         return (*self.particles, *self.emitters)
 
-    def in_folder(self, folder: Path) -> Scenario:
-        """The scenario with relative paths starting from a folder."""
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What was set beside the file, as 'key=value'."""
+        return self._overrides
+
+    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
+        """The scenario with relative paths starting from a folder, and the overrides already in it."""
         copy = self.model_copy()
-        copy._folder = folder
+        copy._folder, copy._overrides = folder, overrides
         return copy
 
     def streams(self, group: Group) -> Streams:
@@ -96,16 +102,24 @@ class Scenario(Model):
         return tuple(labels)
 
     @model_validator(mode="after")
-    def _agrees(self) -> Scenario:
-        for check in (_names, _references, _needs, _times, _pins, _pairs):
-            for mistake in check(self):
-                raise invalid(
-                    mistake.message, at=mistake.at, also=mistake.also, allowed=mistake.allowed, hint=mistake.hint
-                )
+    def _agrees(self, info: ValidationInfo) -> Scenario:
+        """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
+        raised."""
+        mistakes: list[Invalid] = []
+        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
+            mistakes += check(self)
+            if mistakes:
+                break  # later checks rely on earlier ones
         grid = time_grid(self.simulation, self.output)
         if isinstance(grid, Invalid):
-            raise invalid(grid.message, at=grid.at, also=grid.also, allowed=grid.allowed, hint=grid.hint)
-        self._grid = grid
+            mistakes.append(grid)
+        else:
+            self._grid = grid
+        if mistakes and info.context is not None and "mistakes" in info.context:
+            info.context["mistakes"].extend(mistakes)
+        elif mistakes:
+            first = mistakes[0]
+            raise invalid(first.message, at=first.at, also=first.also, allowed=first.allowed, hint=first.hint)
         return self
 
 
@@ -154,7 +168,9 @@ def _names(scenario: Scenario) -> Iterator[Invalid]:
     for k, force in enumerate(scenario.forces):
         if force.name is not None and force.name in named:
             other = ("forces", named[force.name], "name")
-            yield Invalid(f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),))
+            yield Invalid(
+                f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),)
+            )
         if force.name is not None:
             named[force.name] = k
 
@@ -176,8 +192,6 @@ def _references(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def _unknown_group(path: Keys, name: str, known: list[str]) -> Invalid:
-    from particlesim.names import did_you_mean
-
     return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
 
 
@@ -186,7 +200,9 @@ def _needs(scenario: Scenario) -> Iterator[Invalid]:
     for k, force in enumerate(scenario.forces):
         for path, group in _group_tables(scenario):
             if force.on is not None and group.name in force.on and (why := _cannot_feel(force, group)):
-                yield Invalid(why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),))
+                yield Invalid(
+                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),)
+                )
             if not acts_on(force, group):
                 continue
             from_file = isinstance(group, Particles) and isinstance(group.layout, File)
@@ -216,7 +232,9 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
     for k, impulse in enumerate(scenario.impulses):
         for j, at in enumerate(impulse.times()):
             if at >= end:
-                path: Keys = ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                path: Keys = (
+                    ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                )
                 yield Invalid("a kick after the end of the run", path, duration)
     for k, emitter in enumerate(scenario.emitters):
         if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
@@ -237,6 +255,38 @@ def _pins(scenario: Scenario) -> Iterator[Invalid]:
                     )
 
 
+def _joined(scenario: Scenario) -> Iterator[Invalid]:
+    """What groups joined by springs have in common, and what they cannot do."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for k, springs in enumerate(scenario.springs):
+        (path, first), (other, second) = (tables[name] for name in springs.groups())
+        methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
+        if methods[0] != methods[1]:
+            yield Invalid(
+                f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
+                ("springs", k),
+                ((path, methods[0]), (other, methods[1])),
+            )
+        for j, plane in enumerate(scenario.planes):
+            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+                yield Invalid(
+                    "a plane cannot kill particles that are joined by springs",
+                    ("planes", j, "contact"),
+                    ((("springs", k), "joined here"),),
+                    hint="name the groups that the plane acts on with on = [...]",
+                )
+        for place, group in ((path, first), (other, second)):
+            reads = [
+                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+            ]
+            if group.cooling is not None and reads:
+                yield Invalid(
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
+                    (*place, "cooling"),
+                    ((("springs", k), "joined here"),),
+                )
+
+
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:
     """Springs join particles that exist from the start and have inertia."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
@@ -251,7 +301,9 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
                 )
                 continue
             if group.dynamics.type == "tracer":
-                yield Invalid("tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),))
+                yield Invalid(
+                    "tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),)
+                )
             number = group.layout.number()
             for j, pair in enumerate(springs.pairs):
                 if number is not None and pair[end] >= number:

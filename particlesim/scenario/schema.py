@@ -49,8 +49,7 @@ def _convert(schema: Any) -> Any:
             case "$ref":
                 out["$ref"] = value.replace("#/$defs/", "#/definitions/")
             case "prefixItems":
-                out["items"] = _convert(value)
-                out["additionalItems"] = False
+                out["items"] = _convert(value)  # maxItems, which stands beside it, forbids more
             case _:
                 out[keyword] = _convert(value)
     return _beside_ref(_without_null(out))

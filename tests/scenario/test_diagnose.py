@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from particlesim.crossfield import Invalid
 from particlesim.errors import Diagnostic, ScenarioError
-from particlesim.scenario.crossfield import Invalid
 from particlesim.scenario.diagnose import MOST_SHOWN, scenario_error
 from particlesim.scenario.overrides import apply_overrides, override_from_python, parse_override
 from particlesim.scenario.source import parse_source, source_from_dict
@@ -76,7 +76,7 @@ CASES = (
         "forces.air.type",
         '"darg"',
         allowed='"gravity", "drag", "field"',
-        hint="did you mean 'drag'?",
+        hint='did you mean "drag"?',
     ),
     Case(
         'type = "gravity"',
@@ -109,7 +109,7 @@ CASES = (
         "particles.ball.speed.type",
         '"nromal"',
         allowed='"normal", "uniform"',
-        hint="did you mean 'normal'?",
+        hint='did you mean "normal"?',
     ),
     Case(
         "std = 0.4",
@@ -147,7 +147,7 @@ CASES = (
         "simulation.integrator",
         '"rk5"',
         allowed='"symplectic_euler", "rk4"',
-        hint="did you mean 'rk4'?",
+        hint='did you mean "rk4"?',
     ),
     Case(
         "dt = 0.002",
@@ -156,7 +156,7 @@ CASES = (
         "simulation.integrator.method",
         '"rk46"',
         allowed='"rk45"',
-        hint="did you mean 'rk45'?",
+        hint='did you mean "rk45"?',
     ),
     Case(
         "dt = 0.002",
@@ -218,9 +218,20 @@ def test_misspelt_key_is_marked_at_the_key() -> None:
     assert missing.span is not None
     assert missing.span.line == 16  # the header of its own table, the second [[forces]]
     assert unknown.message == "unknown key 'coeficient'"
-    assert unknown.hint == "did you mean 'coefficient'?"
+    assert unknown.hint == 'did you mean "coefficient"?'
     assert unknown.allowed == "type, name, coefficient, on"
     assert marked(unknown) == "coeficient"
+
+
+def test_wrong_elements_do_not_make_a_list_too_short() -> None:
+    found = mistakes('[[0, "12 cm", 0]]', "[7]")
+    assert [(d.message, marked(d)) for d in found] == [("expected a list, got 7", "7")]
+
+
+def test_names_have_an_alphabet() -> None:
+    (found,) = mistakes('name = "ball"', 'name = "a b"')
+    assert found.message == '"a b" has characters that may not stand here'
+    assert found.allowed == "letters, digits, _ and -, not beginning with a digit"
 
 
 def test_single_brackets_for_a_list_of_tables() -> None:

@@ -19,12 +19,12 @@ speeds = (
     | st.builds(Normal, mean=finite, std=st.floats(min_value=0, allow_infinity=False))
     | st.builds(lambda a, b: Uniform(low=min(a, b), high=max(a, b)), finite, finite)
 )
-layouts = st.builds(Points, position=st.lists(vectors, max_size=3)) | st.builds(
+layouts = st.builds(Points, position=st.lists(vectors, min_size=1, max_size=3).map(tuple)) | st.builds(
     Lattice, count=st.integers(1, 2**62)
 )
 groups = st.builds(
     Particles,
-    name=names,
+    name=st.from_regex(r"\A[a-z_][a-z0-9_-]{0,5}\Z"),
     layout=layouts,
     mass=positive,
     speed=speeds,

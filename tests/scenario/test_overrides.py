@@ -70,7 +70,7 @@ def test_a_name_comes_before_a_type_and_an_index() -> None:
 @pytest.mark.parametrize(
     ("argument", "message", "allowed", "hint"),
     [
-        ("forces.iar.x=1", "forces has no entry 'iar'", "gravity, air", "did you mean 'air'?"),
+        ("forces.iar.x=1", "forces has no entry 'iar'", "gravity, air", 'did you mean "air"?'),
         ("forces.2.x=1", "forces has no entry '2'", "gravity, air", None),
         ("forces.-1.x=1", "forces has no entry '-1'", "gravity, air", None),
         ("simulation.dt.x=1", "simulation.dt is 0.002, it has no 'x'", None, None),

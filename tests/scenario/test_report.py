@@ -83,5 +83,13 @@ def test_control_characters_of_messages_are_hidden() -> None:
     assert "\x1b" not in render_text(Diagnostic("unknown key '\x1b[2J'", "a.\x1b[2J"))
 
 
+def test_long_lists_of_allowed_words_are_folded() -> None:
+    text = render_text(Diagnostic("m", allowed=", ".join(f"word_{i}" for i in range(40))))
+    lines = text.split("\n")
+    assert len(lines) > 3
+    assert all(len(line) < 115 for line in lines)
+    assert all(line.index("word") == lines[1].index("word") for line in lines[2:])
+
+
 def test_all() -> None:
     assert render_all([Diagnostic("a"), Diagnostic("b")]) == "error: a\n\nerror: b"

@@ -5,7 +5,8 @@ from typing import Annotated, Literal, Self
 from annotated_types import Ge, Gt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from particlesim.scenario.crossfield import invalid
+from particlesim.crossfield import invalid
+from particlesim.model import Name
 from particlesim.scenario.diagnose import diagnose
 from particlesim.scenario.source import Source, parse_source
 from particlesim.units import (
@@ -83,7 +84,7 @@ Force = Annotated[Gravity | Drag | FieldForce, Field(discriminator="type")]
 
 class Points(Strict):
     type: Literal["points"] = "points"
-    position: list[Vector[Metres]]
+    position: Annotated[tuple[Vector[Metres], ...], Field(min_length=1)]
 
 
 class Lattice(Strict):
@@ -92,7 +93,7 @@ class Lattice(Strict):
 
 
 class Particles(Strict):
-    name: str
+    name: Name
     layout: Points | Lattice = Field(discriminator="type")
     mass: Annotated[Kilograms, Gt(0)] = 1.0
     speed: MetresPerSecond | Distribution = 0.0

@@ -1,0 +1,113 @@
+"""Energy, momentum and angular momentum of a group: the ledger.
+
+Sums are taken over fixed chunks of particles and then over the chunks in order, so that they have the same bits for any
+number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bonds.spring import Pair
+from particlesim.engine.cache import kernel
+from particlesim.engine.columns import block_of, fetch
+from particlesim.engine.compile import inline, stub
+from particlesim.engine.coupled import Bonds
+from particlesim.engine.team import Team
+from particlesim.laws import bond_potential, force, potential
+
+CHUNK = 4096
+
+MOTION = (
+    "kinetic",
+    "momentum.x",
+    "momentum.y",
+    "momentum.z",
+    "angular_momentum.x",
+    "angular_momentum.y",
+    "angular_momentum.z",
+)
+"""Ledger columns of the motion, in the order of the kernel; potentials follow."""
+
+
+def tally(potentials: Any, p: Any, row: Any, k: Any) -> Any:
+    """Add the potential energy in each force to row[k], row[k + 1] ..."""
+    return stub()
+
+
+@inline(tally)
+def _tally(potentials: Any, p: Any, row: Any, k: Any) -> Callable[..., Any]:
+    if len(potentials) == 0:
+        return lambda potentials, p, row, k: None
+
+    def impl(potentials: Any, p: Any, row: Any, k: Any) -> None:
+        row[k] += potential(potentials[0], p)
+        tally(potentials[1:], p, row, k + 1)
+
+    return impl
+
+
+@kernel
+def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, rows: Any) -> None:
+    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, potentials."""
+    for lo in range(first, last, CHUNK):
+        c = block_of(columns, lo, min(last, lo + CHUNK))
+        row = rows[lo // CHUNK]
+        for i in range(c.x.size):
+            p = fetch(c, i, t)
+            m = float(p.m)
+            x, y, z = float(p.x), float(p.y), float(p.z)
+            u, v, w = float(p.vx), float(p.vy), float(p.vz)
+            row[0] += 0.5 * m * (u * u + v * v + w * w)
+            row[1] += m * u
+            row[2] += m * v
+            row[3] += m * w
+            row[4] += m * (y * w - z * v)
+            row[5] += m * (z * u - x * w)
+            row[6] += m * (x * v - y * u)
+            tally(potentials, p, row, 7)
+
+
+@kernel
+def sum_bonds(law: Any, i: Any, j: Any, rest: Any, c: Any) -> float:
+    """Potential energy of all bonds of a law [J]."""
+    total = 0.0
+    for k in range(i.size):
+        a, b = i[k], j[k]
+        zero = c.x[a] - c.x[a]
+        total += bond_potential(
+            law, Pair(c.x[a] - c.x[b], c.y[a] - c.y[b], c.z[a] - c.z[b], zero, zero, zero, rest[k])
+        )
+    return total
+
+
+@kernel
+def sum_forces(forces: Any, c: Any, t: Any, first: Any, last: Any, out: Any) -> None:
+    """Total one-particle force on every particle of [first, last), into out [3, n]."""
+    for i in range(first, last):
+        out[0, i], out[1, i], out[2, i] = force(forces, fetch(c, i, t))
+
+
+def measure(
+    potentials: tuple[Any, ...], columns: Any, time: float, team: Team, workers_from: int = 100_000
+) -> NDArray[np.float64]:
+    """Kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s] and potentials [J], in the order of the kernel."""
+    n = columns.x.size
+    rows = np.zeros((-(-n // CHUNK), len(MOTION) + len(potentials)))
+    if n:
+        team.over_range(
+            n, CHUNK, lambda a, b: sum_chunks(potentials, columns, time, a, b, rows), worth=n >= workers_from
+        )
+    total = np.zeros(rows.shape[1])
+    for row in rows:
+        total += row
+    return total
+
+
+def bond_energy(bonds: Sequence[Bonds], columns: Any) -> list[float]:
+    """Potential energy of each set of bonds [J]."""
+    return [float(sum_bonds(b.law, b.i, b.j, b.rest, columns)) for b in bonds]

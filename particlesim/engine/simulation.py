@@ -1,0 +1,236 @@
+"""A running simulation: islands, time, births, deaths, kicks, and the ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.emitters import Emitter
+from particlesim.engine.islands import Births, CoupledIsland, Fault, IndependentIsland
+from particlesim.engine.measure import MOTION, bond_energy, measure
+from particlesim.engine.populate import populate
+from particlesim.engine.program import as_precision
+from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.team import Team
+from particlesim.errors import DivergenceError
+from particlesim.graph import Graph, build_graph
+from particlesim.laws import Particle, force, has_law, potential
+from particlesim.scenario.scenario import Scenario, acts_on
+
+PIECE = 50_000_000
+"""Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
+
+
+@dataclass
+class Events:
+    """Births and deaths since they were last taken."""
+
+    births: list[Births] = field(default_factory=list)
+    deaths: list[Deaths] = field(default_factory=list)
+
+
+class Simulation:
+    """The state of a scenario, and how to move it forward.
+
+    `threads` bounds the threads (all cores unless given). `block` is the number of particles that step together in
+    cache; results do not depend on either.
+    Raises UsageError when a file that the scenario names cannot be read.
+    """
+
+    def __init__(self, scenario: Scenario, *, threads: int | None = None, block: int | None = None) -> None:
+        self.scenario = scenario
+        self.graph: Graph = build_graph(scenario)
+        self.team = Team(threads)
+        self.step = 0
+        self.events = Events()
+        self.particle_steps = 0
+        self._islands = self._populate(block)
+        by_name = {state.name: state for island in self._islands for state in island.states}
+        self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
+        self._kicks = sorted(
+            (round(at / scenario.grid.dt), k)
+            for k, kick in enumerate(scenario.impulses)
+            for at in kick.times()
+        )
+        self._labels = scenario.force_labels()
+        self._sources = self._ledger_sources()
+
+    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
+        emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
+        states: dict[str, GroupState] = {}
+        first_id = 0
+        for island in self.graph.islands:
+            for group in island.groups:
+                if not isinstance(group, Emitter):
+                    states[group.name] = populate(self.scenario, island, group, 0)
+        for group in self.scenario.particles:  # ids run through the groups in the scenario's order
+            state = states[group.name]
+            state.id[: state.count] += first_id
+            first_id += state.count
+        islands: list[IndependentIsland | CoupledIsland] = []
+        for island in self.graph.islands:
+            if island.coupled:
+                islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))
+                continue
+            (group,) = island.groups
+            # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
+            births = (
+                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
+            )
+            state = states.get(group.name) or populate(self.scenario, island, group, 0)
+            extra = {} if block is None else {"block": block}
+            islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
+        return islands
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.step * self.scenario.grid.dt
+
+    @property
+    def count(self) -> int:
+        """Particles alive."""
+        return sum(state.count for state in self.states)
+
+    def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
+        """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
+
+        Raises DivergenceError when a number stops being finite; the state is then that of the step's beginning for the
+        particles concerned.
+        """
+        while self.step < step:
+            self._kick()
+            last = min([step, *(at for at, _ in self._kicks if at > self.step)])
+            last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
+            for island in self._islands:
+                self._advance(island, self.step, last)
+            self.step = last
+            if between is not None and last < step:
+                between()
+
+    def _advance(self, island: IndependentIsland | CoupledIsland, first: int, last: int) -> None:
+        while first < last:
+            until = island.phase(first, last)
+            born, deaths, fault = island.advance(first, until, self.team)
+            if fault is not None:
+                raise self._divergence(island, fault)
+            self.particle_steps += sum(state.count for state in island.states) * (until - first)
+            if born is not None and born.ids.size:
+                self.events.births.append(born)
+            if deaths is not None and deaths.ids.size:
+                self.events.deaths.append(deaths)
+            first = until
+
+    def _kick(self) -> None:
+        """Impulses that are due at the present step."""
+        for at, k in self._kicks:
+            if at == self.step:
+                kick = self.scenario.impulses[k]
+                for state in self.states:
+                    if kick.on is None or state.name in kick.on:
+                        state.kick(kick.impulse)
+
+    def take_events(self) -> Events:
+        """Births and deaths since the last call."""
+        events, self.events = self.events, Events()
+        return events
+
+    def _ledger_sources(self) -> list[tuple[str, tuple[int, ...]]]:
+        """For every group, which forces have a potential."""
+        found = []
+        for group in self.scenario.groups:
+            here = tuple(
+                k
+                for k, f in enumerate(self.scenario.forces)
+                if acts_on(f, group) and has_law(potential, f.record())
+            )
+            found.append((group.name, here))
+        return found
+
+    def ledger_columns(self) -> tuple[str, ...]:
+        """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
+        forces = sorted({k for _, here in self._sources for k in here})
+        bonds = range(len(self.scenario.forces), len(self._labels))
+        return (*MOTION, *(f"potential.{self._labels[k]}" for k in (*forces, *bonds)))
+
+    def ledger(self) -> dict[str, float]:
+        """Kinetic and potential energies [J], momentum [kg m/s] and angular momentum [kg m²/s] about the origin.
+
+        Particles without inertia have potential energy only.
+        """
+        total = dict.fromkeys(self.ledger_columns(), 0.0)
+        columns = {
+            state.name: c
+            for island in self._islands
+            for state, c in zip(island.states, island.columns(), strict=True)
+        }
+        for (name, forces), group, state in zip(
+            self._sources, self.scenario.groups, self.states, strict=True
+        ):
+            records = tuple(as_precision(self.scenario.forces[k].record(), state.dtype) for k in forces)
+            sums = measure(records, columns[name], self.time, self.team)
+            if group.dynamics.type == "second_order":
+                for key, value in zip(MOTION, sums, strict=False):
+                    total[key] += value
+            for k, value in zip(forces, sums[len(MOTION) :], strict=True):
+                total[f"potential.{self._labels[k]}"] += value
+        labels = iter(self._labels[len(self.scenario.forces) :])
+        names = dict(zip(self.scenario.springs, labels, strict=True))
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+            if isinstance(island, CoupledIsland):
+                energies = bond_energy(island.bonds, island.island_columns())
+                for springs, energy in zip(structure.springs, energies, strict=True):
+                    total[f"potential.{names[springs]}"] += energy
+        return total
+
+    def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
+        """Sum of all forces on every particle of a group [N], shape [n, 3]."""
+        for island in self._islands:
+            if any(member is state for member in island.states):
+                names = [member.name for member in island.states]
+                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
+        raise ValueError(f"{state.name} is no group of this simulation")
+
+    def _divergence(self, island: IndependentIsland | CoupledIsland, fault: Fault) -> DivergenceError:
+        """Which particle, when, where, and the force that did most."""
+        state = island.states[fault.member]
+        time = fault.step * self.scenario.grid.dt
+        row = fault.row
+        p = state.particle(row, time)
+        name, size = self._strongest(state.name, p)
+        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        message = (
+            f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
+            f"it was at {where}"
+        )
+        if name is not None:
+            message += f", and the strongest force on it was {name} with {size:.6g} N"
+        return DivergenceError(message, f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s")
+
+    def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
+        group = next(g for g in self.scenario.groups if g.name == group_name)
+        best: tuple[str | None, float] = (None, -1.0)
+        for label, law in zip(self._labels, self.scenario.forces, strict=False):
+            if acts_on(law, group):
+                with np.errstate(all="ignore"):
+                    size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
+                if not np.isfinite(size):
+                    return label, size
+                if size > best[1]:
+                    best = (label, size)
+        return best
+
+    def close(self) -> None:
+        """End the team of threads."""
+        self.team.close()
+
+
+def rows(states: Sequence[GroupState]) -> list[slice]:
+    """Rows of every group in a frame: groups follow each other."""
+    ends = np.cumsum([0, *(state.count for state in states)]).tolist()
+    return [slice(a, b) for a, b in pairwise(ends)]

@@ -1,0 +1,210 @@
+"""Run a scenario: the one file that joins validation, engine and recorder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bounds import check_fits, needs
+from particlesim.engine import cache
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.state import CAUSES
+from particlesim.errors import DivergenceError, Interrupted
+from particlesim.provenance import provenance
+from particlesim.recording import columns_of, frame_of, recorded_fields
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.frame import Frame
+from particlesim.trajectory.target import check_target
+from particlesim.trajectory.writer import TrajectoryWriter
+from particlesim.validity import Watch
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is: steps done and in all, simulated time [s], particles alive, particle-steps done, wall time [s]."""
+
+    step: int
+    steps: int
+    time: float
+    particles: int
+    particle_steps: int
+    elapsed: float
+    frames: int
+
+
+@dataclass
+class Result:
+    """What a run leaves: the last frame in memory, the ledger over time, and how it went."""
+
+    scenario: Scenario
+    final: Frame
+    path: Path | None
+    times: NDArray[np.float64]
+    ledger: dict[str, NDArray[np.float64]]
+    steps: int
+    particle_steps: int
+    born: int
+    died: dict[str, int]
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def energy(self) -> NDArray[np.float64]:
+        """Kinetic plus all potential energy at every frame [J]."""
+        parts = [v for k, v in self.ledger.items() if k == "kinetic" or k.startswith("potential.")]
+        return np.sum(parts, axis=0) if parts else np.zeros(len(self.times))
+
+
+@dataclass
+class _Log:
+    """Ledger rows, counts of births and deaths."""
+
+    times: list[float] = field(default_factory=list)
+    rows: list[dict[str, float]] = field(default_factory=list)
+    born: int = 0
+    died: dict[str, int] = field(default_factory=dict)
+
+
+def run(
+    scenario: Scenario,
+    output: str | Path | None = None,
+    *,
+    overwrite: bool = False,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Result:
+    """Run a scenario from its start to its end.
+
+    With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
+    last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
+    results do not depend on it. `progress` is called at every frame, and between frames that take long.
+
+    Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
+    DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
+    recorded until then are kept.
+    """
+    path = None if output is None else Path(output)
+    if path is not None:
+        check_target(path, overwrite=overwrite)
+    required = needs(scenario)
+    check_fits(required, path)
+    simulation = Simulation(scenario, threads=threads)
+    writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
+    watch = Watch(scenario)
+    log = _Log()
+    began = time.perf_counter()
+    status, summary = "failed", {}
+    try:
+        _steps(simulation, writer, watch, log, progress, began)
+        status = "complete"
+        summary = {"steps": simulation.step, "particle_steps": simulation.particle_steps, "born": log.born}
+    except DivergenceError:
+        status = "diverged"
+        raise
+    except KeyboardInterrupt:
+        status = "interrupted"
+        raise Interrupted(
+            f"stopped at t = {simulation.time:.9g} s of {scenario.grid.duration:.9g} s"
+        ) from None
+    finally:
+        simulation.close()
+        if writer is not None:
+            writer.close(status, summary)
+    seconds = time.perf_counter() - began
+    problems = (cache.problem,) if cache.problem is not None else ()
+    return Result(
+        scenario=scenario,
+        final=frame_of(simulation, len(log.times) - 1),
+        path=path,
+        times=np.array(log.times),
+        ledger={k: np.array([row[k] for row in log.rows]) for k in (log.rows[0] if log.rows else ())},
+        steps=simulation.step,
+        particle_steps=simulation.particle_steps,
+        born=log.born,
+        died=log.died,
+        seconds=seconds,
+        warnings=(*watch.warnings, *problems),
+    )
+
+
+def _writer(
+    scenario: Scenario, simulation: Simulation, path: Path, overwrite: bool, most: int
+) -> TrajectoryWriter:
+    return TrajectoryWriter(
+        path,
+        fields=recorded_fields(scenario),
+        groups=[group.name for group in scenario.groups],
+        ledger=simulation.ledger_columns() if scenario.output.ledger else (),
+        provenance=provenance(scenario),
+        precision=scenario.output.precision,
+        compression=scenario.output.compression,
+        overwrite=overwrite,
+        causes=tuple(CAUSES.values()),
+        particles_hint=max(most, 1),
+    )
+
+
+def _steps(
+    simulation: Simulation,
+    writer: TrajectoryWriter | None,
+    watch: Watch,
+    log: _Log,
+    progress: Callable[[Progress], None] | None,
+    began: float,
+) -> None:
+    """Frame after frame, from the one at the start to the last."""
+    grid = simulation.scenario.grid
+    fields = recorded_fields(simulation.scenario)
+
+    def tell() -> None:
+        if progress is not None:
+            elapsed = time.perf_counter() - began
+            done = simulation.particle_steps
+            progress(
+                Progress(
+                    simulation.step,
+                    grid.steps,
+                    simulation.time,
+                    simulation.count,
+                    done,
+                    elapsed,
+                    len(log.times),
+                )
+            )
+
+    for step in (0, *grid.frame_steps()):
+        simulation.advance_to(step, between=tell)
+        _record(simulation, writer, log, fields)
+        watch.look(simulation)
+        tell()
+
+
+def _record(
+    simulation: Simulation, writer: TrajectoryWriter | None, log: _Log, fields: tuple[str, ...]
+) -> None:
+    """Take the frame of the present state."""
+    events = simulation.take_events()
+    for births in events.births:
+        log.born += len(births.ids)
+        if writer is not None:
+            writer.events("birth", births.ids, births.times, 0)
+    for deaths in events.deaths:
+        for code, number in zip(*np.unique(deaths.causes, return_counts=True), strict=True):
+            name = CAUSES[int(code)]
+            log.died[name] = log.died.get(name, 0) + int(number)
+        if writer is not None:
+            writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    row: dict[str, float] = {}
+    if simulation.scenario.output.ledger:
+        row = simulation.ledger()
+        log.rows.append(row)
+    log.times.append(simulation.time)
+    if writer is not None:
+        columns: dict[str, Any] = columns_of(simulation, fields, writer.buffer)
+        writer.append(simulation.time, simulation.step, columns, row)

@@ -1,0 +1,55 @@
+"""From a file, a text or a table to a validated scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from particlesim.crossfield import Invalid
+from particlesim.scenario.diagnose import diagnose, scenario_error
+from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
+from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.source import Source, parse_source, read_source, source_from_dict
+
+Overrides = Mapping[str, object] | Iterable[str]
+
+
+def load(path: str | Path, overrides: Overrides = ()) -> Scenario:
+    """The scenario of a TOML file.
+
+    `overrides` sets values by address: {"simulation.dt": 1e-3}, or ["simulation.dt=1e-3"] with values in TOML.
+    Raises ScenarioError with every mistake and its place, UsageError when the file cannot be read.
+    """
+    return _validated(read_source(path), overrides, Path(path).resolve().parent)
+
+
+def loads(text: str, overrides: Overrides = ()) -> Scenario:
+    """The scenario of a TOML text. Raises ScenarioError with every mistake and its place."""
+    return _validated(parse_source(text), overrides, None)
+
+
+def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
+    """The scenario of a table such as TOML gives. Raises ScenarioError with every mistake."""
+    return _validated(source_from_dict(table), overrides, None)
+
+
+def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Scenario:
+    settings: tuple[Override, ...]
+    if isinstance(overrides, Mapping):
+        settings = overrides_from_mapping(overrides)
+    else:
+        settings = tuple(parse_override(text) for text in overrides)
+    source = apply_overrides(source, settings)
+    mistakes: list[Invalid] = []
+    try:
+        scenario = Scenario.model_validate(source.raw, context={"mistakes": mistakes})
+    except ValidationError as error:
+        raise diagnose(error, source, Scenario) from None
+    if mistakes:
+        raise scenario_error(source, mistakes)
+    return scenario.loaded_from(
+        folder, tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
+    )

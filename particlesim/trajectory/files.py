@@ -1,0 +1,108 @@
+"""Opening trajectory files for reading, with errors that say what is wrong with a file."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from particlesim.errors import UsageError
+from particlesim.trajectory.layout import FORMAT
+from particlesim.trajectory.superblock import Superblock, read_superblock
+
+_ENDING = ".vtkhdf"
+
+
+def check_readable(path: Path) -> Superblock:
+    """The superblock of a file that may be a trajectory.
+
+    Raises UsageError when `path` is missing, a folder, unreadable, no HDF5 file, or truncated.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder, not a trajectory", _nearby(path, inside=path))
+    if not path.exists():
+        raise UsageError(f"there is no file {path}", _nearby(path, inside=path.parent))
+    try:
+        block = read_superblock(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    if block is None:
+        raise UsageError(
+            f"{path} is no HDF5 file, or its header is damaged",
+            f"Trajectories are written by `psim run` and end in {_ENDING}.",
+        )
+    size = path.stat().st_size
+    # While a file is marked as being written, its length on record runs ahead of, or behind, the real one.
+    if not block.marked and block.end > size:
+        raise UsageError(
+            f"{path} is truncated: it has {size} bytes of {block.end}",
+            "An incomplete copy or download? Fetch it again.",
+        )
+    return block
+
+
+def open_file(path: Path) -> h5py.File:
+    """The trajectory `path`, open for reading, also while a simulation writes it or after its writer was
+    killed.
+
+    Raises UsageError as `check_readable` does, and when the file is HDF5 but no trajectory of psim.
+    """
+    block = check_readable(path)
+    try:
+        file = h5py.File(path, "r", swmr=block.version >= 3)
+    except (OSError, RuntimeError) as error:
+        if block.marked:
+            raise UsageError(
+                f"{path} is open in another program that writes it, or was when that was killed",
+                "Close that program; `psim inspect` repairs a trajectory whose simulation was killed.",
+            ) from error
+        raise damaged(path, error) from error
+    try:
+        check_format(file, path)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def check_format(file: h5py.File, path: Path) -> None:
+    """Raise UsageError unless `file` is a trajectory of a format that this version reads."""
+    try:
+        version = file["psim"].attrs.get("format") if "psim" in file else None
+    except (OSError, RuntimeError, KeyError) as error:
+        raise damaged(path, error) from error
+    if version is None:
+        raise UsageError(
+            f"{path} is HDF5 but no trajectory of psim", "It lacks the group /psim that `psim run` writes."
+        )
+    if version > FORMAT:
+        raise UsageError(
+            f"{path} has format {version}; this psim reads up to {FORMAT}", "Install a newer particlesim."
+        )
+
+
+def damaged(path: Path, error: BaseException) -> UsageError:
+    """The error for a file that HDF5 cannot make sense of."""
+    return UsageError(
+        f"{path} is damaged: {error}", "Was it cut off or changed after the run? Fetch it again."
+    )
+
+
+def finished_frames(table: h5py.Dataset) -> npt.NDArray[np.void]:
+    """The rows of /psim/frames that were finished: each carries its number, counted from 1."""
+    rows: npt.NDArray[np.void] = table[:]
+    valid = rows["number"] == np.arange(1, len(rows) + 1)
+    return rows[: len(rows) if valid.all() else int(valid.argmin())]
+
+
+def _nearby(path: Path, inside: Path) -> str:
+    """A hint with the trajectories of a folder, the most similar name first."""
+    names = sorted(p.name for p in inside.glob(f"*{_ENDING}")) if inside.is_dir() else []
+    if near := get_close_matches(path.name, names, n=1):
+        return f"Did you mean {inside / near[0]}?"
+    if names:
+        return f"Trajectories in {inside}: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
+    return "Trajectories are written by `psim run`."

@@ -1,0 +1,251 @@
+"""The open HDF5 file of a writer: frames go in, in order, and are finished when `append` returns.
+
+Not safe for threads; `TrajectoryWriter` puts a queue and a thread before it.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from particlesim.trajectory.chunks import Column, compress, cut, padded
+from particlesim.trajectory.layout import EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
+
+# Free space that must remain: the tables of HDF5 itself, status and summary still have to go in.
+_RESERVE = 4 << 20
+
+EventKind = Literal["birth", "death"]
+
+
+@dataclass(frozen=True)
+class FrameData:
+    """One frame on its way to the disk: columns of the stored type, and the row of the ledger."""
+
+    time: float
+    step: int
+    columns: dict[str, Column]
+    ledger: tuple[float, ...]
+
+    @property
+    def count(self) -> int:
+        return len(self.columns["id"])
+
+    @property
+    def nbytes(self) -> int:
+        return sum(column.nbytes for column in self.columns.values())
+
+
+@dataclass(frozen=True)
+class EventData:
+    """Births or deaths on their way to the disk; `rows` of type EVENT."""
+
+    kind: EventKind
+    rows: npt.NDArray[Any]
+
+    @property
+    def nbytes(self) -> int:
+        return self.rows.nbytes
+
+
+class FrameFile:
+    """Appends to a file made by `layout.create_file`."""
+
+    def __init__(self, path: Path, fields: Sequence[str]) -> None:
+        self._path = path
+        self._file = h5py.File(path, "r+", libver=LIBVER)
+        try:
+            self._bind(fields)
+            self._file.swmr_mode = True
+        except BaseException:
+            self._file.close()
+            raise
+        self.bytes_written = 0
+        self._broken = False
+        self._pool = (
+            ThreadPoolExecutor(min(8, max(1, (os.cpu_count() or 2) // 2))) if self._compressed else None
+        )
+
+    def _bind(self, fields: Sequence[str]) -> None:
+        vtk, psim = self._file["VTKHDF"], self._file["psim"]
+        self._columns = {name: self._file[column_path(name)] for name in fields}
+        self._compressed = self._columns["position"].compression is not None
+        self._rows: int = self._columns["position"].chunks[0]
+        self._steps = vtk["Steps"]
+        self._tables = {
+            name: vtk[name] for name in ("NumberOfPoints", "Steps/PointOffsets", "Steps/PartOffsets")
+        }
+        self._filled_in = [
+            vtk[name] for name in ("Steps/NumberOfParts", "Steps/CellOffsets", "Lines/NumberOfCells")
+        ]
+        self._topology = [vtk[name] for name in ("Vertices/Connectivity", "Vertices/Offsets")]
+        self._frames = psim["frames"]
+        self._ledger = psim.get("ledger")
+        self._events = {"birth": psim["events/births"], "death": psim["events/deaths"]}
+        self._next_row = 0
+        self._values = vtk["Steps/Values"]
+
+    def append(self, batch: Sequence[FrameData | EventData]) -> None:
+        """Write frames and events, in the order given; when this returns, other processes can read them.
+
+        Raises OSError (or what HDF5 makes of it, RuntimeError) when the system refuses; frames of earlier
+        calls stay readable.
+        """
+        self._check_space(sum(item.nbytes for item in batch))
+        with self._watched():
+            self._write(batch)
+
+    def _write(self, batch: Sequence[FrameData | EventData]) -> None:
+        rows: list[tuple[int | float, ...]] = []
+        for item in batch:
+            if isinstance(item, EventData):
+                _extend(self._events[item.kind], item.rows)
+            else:
+                rows.append(self._write_columns(item, len(self._frames) + len(rows)))
+        frames = [item for item in batch if isinstance(item, FrameData)]
+        if frames:
+            self._write_tables(np.array(rows, FRAME), [frame.ledger for frame in frames])
+        else:
+            self._file.flush()
+
+    def _write_columns(self, frame: FrameData, index: int) -> tuple[int | float, ...]:
+        """Write the particles of a frame behind all others; return the frame's row of /psim/frames."""
+        offset, self._next_row = self._next_row, self._next_row + padded(frame.count, self._rows)
+        for name, column in frame.columns.items():
+            dataset = self._columns[name]
+            dataset.resize(self._next_row, axis=0)
+            self._write_chunks(dataset, offset, column)
+        self._grow_topology(frame.count)
+        births, deaths = len(self._events["birth"]), len(self._events["death"])
+        return index + 1, frame.step, frame.time, offset, frame.count, births, deaths
+
+    def _write_chunks(self, dataset: h5py.Dataset, offset: int, column: Column) -> None:
+        """Hand finished chunks to HDF5, past its filters and its cache: one copy, into the page cache."""
+        tail = (0,) * (column.ndim - 1)
+        pieces = cut(column, self._rows)
+        if self._pool is None:
+            for start, block in pieces:
+                dataset.id.write_direct_chunk((offset + start, *tail), block)
+                self.bytes_written += block.nbytes
+            return
+        starts, blocks = zip(*pieces, strict=True) if len(column) else ((), ())
+        for start, data in zip(starts, self._pool.map(compress, blocks), strict=True):
+            dataset.id.write_direct_chunk((offset + start, *tail), data)
+            self.bytes_written += len(data)
+
+    def _grow_topology(self, count: int) -> None:
+        """Have at least `count` vertices: both tables are 0, 1, 2, ...; Offsets needs one more than that."""
+        have = len(self._topology[0])
+        if count < have:
+            return
+        want = padded(max(count + 1, 2 * have), TOPOLOGY_ROWS)
+        for start in range(have, want, TOPOLOGY_ROWS):
+            data = compress(np.arange(start, start + TOPOLOGY_ROWS, dtype="<i8"))
+            for dataset in self._topology:
+                dataset.resize(start + TOPOLOGY_ROWS, axis=0)
+                dataset.id.write_direct_chunk((start,), data)
+
+    def _write_tables(self, rows: npt.NDArray[Any], ledger: Sequence[tuple[float, ...]]) -> None:
+        """Bookkeeping of new frames; what announces them comes last, behind a flush.
+
+        NSteps grows before Values does: VTK crashes on a file that has more Values than NSteps.
+        """
+        end = len(self._frames) + len(rows)
+        _extend(self._tables["NumberOfPoints"], rows["count"])
+        _extend(self._tables["Steps/PointOffsets"], rows["offset"])
+        _extend(self._tables["Steps/PartOffsets"], rows["number"] - 1)
+        for dataset in self._filled_in:
+            dataset.resize(end, axis=0)
+        if self._ledger is not None:
+            _extend(self._ledger, np.array(ledger, self._ledger.dtype))
+        self._file.flush()
+        self._steps.attrs.modify("NSteps", np.int64(end))
+        _extend(self._values, rows["time"])
+        _extend(self._frames, rows)
+        self._file.flush()
+
+    def _check_space(self, nbytes: int) -> None:
+        """Refuse what will not fit, before HDF5 finds out in the middle of its work."""
+        free = shutil.disk_usage(self._path.parent).free
+        if free < nbytes + _RESERVE:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Remember a failure of HDF5: what it takes to be in the file need not be there from then on."""
+        try:
+            yield
+        except BaseException:
+            self._broken = True
+            raise
+
+    def close(self, status: str, summary: Mapping[str, Any] | None) -> None:
+        """Record how the run ended, close, and take HDF5's mark "open for writing" away.
+
+        After a failed write the status is all that is recorded. Raises as `append` does; the file is closed
+        then too, but may still be marked.
+        """
+        if self._pool is not None:
+            self._pool.shutdown()
+        try:
+            if not self._broken:
+                with self._watched():
+                    self._write_end(status, summary)
+        finally:
+            if self._broken and os.name == "posix":
+                self._detach(status)
+            self._file.close()
+
+    def _write_end(self, status: str, summary: Mapping[str, Any] | None) -> None:
+        self._file["psim/status"][()] = np.array(status.encode(), STATUS)
+        if summary:
+            text = json.dumps(dict(summary), ensure_ascii=False).encode()
+            _extend(self._file["psim/summary"], np.frombuffer(text, np.uint8))
+        self._file.flush()
+
+    def _detach(self, status: str) -> None:
+        """Let HDF5 do the rest of its writing into a file that is thrown away.
+
+        It cannot give up a file: what it could not write, it tries again when the file closes, and if that
+        fails too it crashes the process later (h5py issue 914). What is on the disk by now is what readers
+        will see.
+        """
+        descriptor: int = self._file.id.get_vfd_handle()
+        text = status.encode().ljust(STATUS.itemsize, b"\0")
+        with suppress(OSError):
+            os.pwrite(descriptor, text, self._file["psim/status"].id.get_offset())
+        with tempfile.TemporaryFile() if sys.platform != "linux" else _memory_file() as sink:
+            os.dup2(sink.fileno(), descriptor)
+
+
+def _memory_file() -> IO[bytes]:
+    """An unnamed file in memory: the disk may be full."""
+    return os.fdopen(os.memfd_create("trajectory"), "w+b")
+
+
+def _extend(dataset: h5py.Dataset, values: npt.NDArray[Any]) -> None:
+    """Append rows to a growing dataset."""
+    start = len(dataset)
+    dataset.resize(start + len(values), axis=0)
+    dataset[start:] = values
+
+
+def event_rows(ids: npt.ArrayLike, times: npt.ArrayLike, causes: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Ids, times [s] and cause codes, each [n], as rows of the event tables."""
+    ids = np.asarray(ids, np.int64)
+    rows = np.empty(len(ids), EVENT)
+    rows["id"], rows["time"], rows["cause"] = ids, times, causes
+    return rows

@@ -1,0 +1,244 @@
+"""Read trajectories: complete ones, ones that are being written, ones whose writer was killed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, overload
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from particlesim.errors import UsageError
+from particlesim.trajectory.fields import FIELDS, unknown_name
+from particlesim.trajectory.files import damaged, finished_frames, open_file
+from particlesim.trajectory.frame import Frame
+from particlesim.trajectory.layout import column_path
+from particlesim.trajectory.lock import is_being_written
+
+Array = npt.NDArray[Any]
+
+
+def open(path: str | PathLike[str]) -> Trajectory:
+    """Open the trajectory file `path` for reading.
+
+    Raises UsageError when it is missing, no trajectory, truncated or damaged.
+    """
+    return Trajectory(Path(path))
+
+
+class Trajectory(Sequence[Frame]):
+    """The frames of a file, in order of time; nothing is loaded before it is used.
+
+    A context manager and a sequence: `len(t)`, `t[0]`, `t[-1]`, `t[10:20]` (a list), `for frame in t`.
+    Attributes (arrays over all frames): `times` [s], `steps`, `counts` of particles, `ledger` by column name.
+    """
+
+    path: Path
+    fields: tuple[str, ...]
+    groups: tuple[str, ...]
+    provenance: dict[str, str | int | float]
+    times: npt.NDArray[np.float64]
+    steps: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int64]
+    ledger: dict[str, npt.NDArray[np.float64]]
+    status: str
+    summary: dict[str, Any]
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = open_file(path)
+        try:
+            self._read_header()
+            self._read_frames()
+        except (OSError, RuntimeError, KeyError, ValueError) as error:
+            self._file.close()
+            raise damaged(path, error) from error
+
+    def _read_header(self) -> None:
+        psim = self._file["psim"]
+        recorded = self._file["VTKHDF/PointData"]
+        self.fields = tuple(name for name in FIELDS if name == "position" or name in recorded)
+        self.groups = tuple(psim["groups"].asstr()[:]) if len(psim["groups"]) else ()
+        self.provenance = {name: _plain(dataset) for name, dataset in psim["provenance"].items()}
+        self._columns: dict[str, h5py.Dataset] = {name: self._file[column_path(name)] for name in self.fields}
+
+    def _read_frames(self) -> None:
+        """Take in what the file holds now.
+
+        A writer finishes the data of a frame, then its row in /psim/frames, at the end the status. So this
+        looks in the opposite order: what it knows of is there.
+        """
+        self.status = self._read_status()
+        rows = finished_frames(self._fresh("psim/frames"))
+        for dataset in self._columns.values():
+            dataset.refresh()
+        self._rows = rows
+        self.times, self.steps, self.counts = (rows[name].copy() for name in ("time", "step", "count"))
+        self.ledger = {}
+        if "psim/ledger" in self._file:
+            ledger = self._fresh("psim/ledger")[: len(rows)]
+            self.ledger = {name: ledger[name].copy() for name in ledger.dtype.names}
+        self.summary = json.loads(self._fresh("psim/summary")[:].tobytes() or b"{}")
+
+    def _read_status(self) -> str:
+        status = self._fresh("psim/status")[()].decode()
+        if status == "running" and not is_being_written(self.path):
+            # The writer may have ended between the two looks.
+            status = self._fresh("psim/status")[()].decode()
+            if status == "running":
+                return "interrupted"
+        return str(status)
+
+    def _fresh(self, name: str) -> h5py.Dataset:
+        """A dataset as it is in the file now."""
+        dataset = self._file[name]
+        dataset.refresh()
+        return dataset
+
+    def refresh(self) -> None:
+        """Take notice of the frames that a running simulation has added meanwhile."""
+        self._open_file()
+        try:
+            self._read_frames()
+        except (OSError, RuntimeError, KeyError, ValueError) as error:
+            raise damaged(self.path, error) from error
+
+    @property
+    def scenario(self) -> str:
+        """The scenario as it was run, TOML text; "" when the file holds none."""
+        return str(self.provenance.get("scenario", ""))
+
+    @property
+    def precision(self) -> str:
+        """How floats are stored: "single" or "double"."""
+        return "single" if self._columns["position"].dtype.itemsize == 4 else "double"
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        if isinstance(index, slice):
+            return [self._frame(i) for i in range(*index.indices(len(self)))]
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        return self._frame(index % len(self))
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self._frame(i) for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"<Trajectory {self.path}: {len(self)} frames, {self.status}>"
+
+    def _frame(self, index: int) -> Frame:
+        row = self._rows[index]
+        return Frame(
+            index=index,
+            time=float(row["time"]),
+            step=int(row["step"]),
+            count=int(row["count"]),
+            fields=self.fields,
+            groups=self.groups,
+            load=lambda field: self._read(field, index),
+        )
+
+    def _read(self, field: str, index: int, row: int | None = None) -> Array:
+        """A field of a frame, or of the one particle in `row` of it (then with a leading length of 1)."""
+        self._open_file()
+        offset, count = int(self._rows["offset"][index]), int(self._rows["count"][index])
+        start, stop = (offset, offset + count) if row is None else (offset + row, offset + row + 1)
+        try:
+            values: Array = self._columns[field][start:stop]
+        except (OSError, RuntimeError) as error:
+            raise damaged(self.path, error) from error
+        if len(values) != stop - start:
+            raise damaged(self.path, ValueError(f"frame {index} of field {field!r} is incomplete"))
+        return values
+
+    def frame_at(self, time: float) -> Frame:
+        """The frame nearest to `time` [s], of two equally near the earlier. UsageError if there is none."""
+        if not len(self):
+            raise UsageError(f"{self.path} has no frames yet")
+        return self._frame(int(np.argmin(np.abs(self.times - time))))
+
+    def track(self, id: int) -> dict[str, Array]:
+        """The life of one particle: "time" [k], "step" [k] and every recorded field, [k] or [k, 3].
+
+        Frames in which it does not exist are left out. UsageError when it is in none.
+        """
+        places = self._find(id)
+        if not places:
+            raise UsageError(f"no particle in {self.path} has the id {id}")
+        frames = np.array([index for index, _ in places])
+        track: dict[str, Array] = {"time": self.times[frames], "step": self.steps[frames]}
+        for field in self.fields:
+            track[field] = np.concatenate([self._read(field, index, row) for index, row in places])
+        return track
+
+    def _find(self, id: int) -> list[tuple[int, int]]:
+        """Frame and row of a particle wherever it exists; mostly the row is that of the frame before."""
+        places: list[tuple[int, int]] = []
+        row = 0
+        for index, count in enumerate(self.counts):
+            if not (places and row < count and self._read("id", index, row)[0] == id):
+                found = np.flatnonzero(self._read("id", index) == id)
+                if not len(found):
+                    continue
+                row = int(found[0])
+            places.append((index, row))
+        return places
+
+    def events(self, kind: str) -> dict[str, Array]:
+        """All births or deaths ("birth", "death") up to the last frame: "id", "time" [s] and "cause", each
+        [k].
+
+        A cause is a name when the file has names for the codes, else the code.
+        """
+        if kind not in ("birth", "death"):
+            raise unknown_name("kind of event", kind, ("birth", "death"))
+        table = self._open_file()[f"psim/events/{kind}s"]
+        table.refresh()
+        known = int(self._rows[f"{kind}s"][-1]) if len(self) else 0
+        rows = table[:known]
+        causes, names = rows["cause"], json.loads(table.attrs["causes"])
+        if len(rows) and int(causes.max()) < len(names):
+            causes = np.array(names)[causes]
+        return {"id": rows["id"].copy(), "time": rows["time"].copy(), "cause": causes}
+
+    def shape_of(self, field: str, rows: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
+        """Shape and type that `rows` particles have in `field`."""
+        if field not in self.fields:
+            raise unknown_name("field", field, self.fields)
+        return FIELDS[field].shape(rows), self._columns[field].dtype
+
+    def close(self) -> None:
+        """Close the file; frames keep the fields they have loaded."""
+        self._file.close()
+
+    def _open_file(self) -> h5py.File:
+        if not self._file:
+            raise UsageError(f"{self.path} has been closed", "Use the trajectory inside its `with` block.")
+        return self._file
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _plain(dataset: h5py.Dataset) -> str | int | float:
+    """A scalar dataset as Python's own type."""
+    value = dataset[()]
+    plain: str | int | float = value.decode() if isinstance(value, bytes) else value.item()
+    return plain

@@ -1,0 +1,298 @@
+"""Record a trajectory while a simulation runs: frames are queued, one background thread writes them."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from threading import Condition, Thread
+from types import TracebackType
+from typing import Any, Literal, Self
+
+import numpy.typing as npt
+
+from particlesim.errors import UsageError
+from particlesim.trajectory.buffers import BufferPool
+from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
+from particlesim.trajectory.frame_file import EventData, EventKind, FrameData, FrameFile, event_rows
+from particlesim.trajectory.layout import STATES, create_file
+from particlesim.trajectory.lock import WriterLock, is_being_written
+from particlesim.trajectory.superblock import clear_mark, read_superblock
+from particlesim.trajectory.target import check_target, replacing, write_error
+
+# Small frames share a flush. No more of them: when a write fails, those of its batch are lost.
+_BATCH_BYTES = 256 << 10
+
+
+class TrajectoryWriter:
+    """Writes `path` (VTKHDF, see `layout`) frame by frame; other processes can read it meanwhile.
+
+    fields: what to record beside position and id (names of `FIELDS`). groups: names that the field `group`
+    counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
+    key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
+    largest count expected in a frame; it only chooses how the file is cut (`chunks`). queue_bytes: how much
+    may wait to be written before `append` waits.
+
+    The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
+    path that exists (unless `overwrite`) or cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        fields: Sequence[str],
+        groups: Sequence[str],
+        ledger: Sequence[str],
+        provenance: Mapping[str, str | int | float],
+        precision: Precision = "single",
+        compression: Literal["gzip", "none"] = "gzip",
+        overwrite: bool = False,
+        queue_bytes: int = 256 << 20,
+        causes: Sequence[str] = (),
+        particles_hint: int = 8192,
+    ) -> None:
+        self.path = Path(path)
+        self._fields = {spec.name: spec for spec in select_fields(fields)}
+        self._precision: Precision = precision
+        self._ledger = tuple(ledger)
+        check_target(self.path, overwrite=overwrite)
+        _refuse_file_in_use(self.path)
+        self._lock = WriterLock()
+        self._create(
+            fields=tuple(self._fields.values()),
+            groups=groups,
+            ledger=self._ledger,
+            causes=causes,
+            provenance=provenance,
+            precision=precision,
+            compressed=compression == "gzip",
+            particles=particles_hint,
+        )
+
+        self._queue: deque[FrameData | EventData] = deque()
+        self._queue_limit = queue_bytes
+        self._queued_bytes = 0
+        self._changed = Condition()
+        self._ending = False
+        self._closed = False
+        self._error: BaseException | None = None
+        self._frames_written = 0
+        self._last_time: float | None = None
+        self._buffers = BufferPool(queue_bytes)
+        self._thread = Thread(target=self._write_queue, name="trajectory writer", daemon=True)
+        self._thread.start()
+
+    def _create(self, **layout: Any) -> None:
+        """Make the file beside `path`, open it for writing, and only then put it in its place.
+
+        So whoever finds it at `path` finds it readable and locked. Windows cannot rename an open file: there
+        it is opened afterwards.
+        """
+        try:
+            with replacing(self.path) as temporary:
+                create_file(temporary, **layout)
+                if os.name == "posix":
+                    self._open(temporary)
+            if os.name != "posix":
+                self._open(self.path)
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def _open(self, path: Path) -> None:
+        self._lock.acquire(path)
+        self._file = FrameFile(path, tuple(self._fields))
+
+    @property
+    def frames_written(self) -> int:
+        """Frames that are in the file and readable, whatever happens to this process."""
+        return self._frames_written
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes of particle data written so far, as stored."""
+        return self._file.bytes_written
+
+    @property
+    def last_time(self) -> float | None:
+        """Simulated time [s] of the last frame in the file; None before the first."""
+        return self._last_time
+
+    def buffer(self, name: str, n: int) -> npt.NDArray[Any]:
+        """An array for field `name` of `n` particles, of the stored type, to fill and give to `append`.
+
+        Its content is undefined. Memory of frames already written is used again.
+        """
+        spec = self._spec(name)
+        return self._buffers.lend(name, spec.shape(n), spec.dtype(self._precision))
+
+    def append(
+        self, time: float, step: int, columns: Mapping[str, npt.NDArray[Any]], ledger: Mapping[str, float]
+    ) -> None:
+        """Queue the frame at `time` [s].
+
+        `columns` has every recorded field, in the stored type, [n] or [n, 3]. The arrays belong to the writer
+        from here on. Waits while the queue is full. Raises UsageError when columns or ledger are not what the
+        file was made for, InputOutputError when an earlier frame could not be written (disk full, device
+        error); frames before it are kept.
+        """
+        self._check_columns(columns)
+        if set(ledger) != set(self._ledger):
+            raise UsageError(f"the ledger has {sorted(ledger)}, the file expects {sorted(self._ledger)}")
+        row = tuple(float(ledger[name]) for name in self._ledger)
+        ordered = {name: columns[name] for name in self._fields}
+        self._put(FrameData(float(time), int(step), ordered, row))
+
+    def events(
+        self, kind: EventKind, ids: npt.ArrayLike, times: npt.ArrayLike, causes: npt.ArrayLike
+    ) -> None:
+        """Queue births or deaths: particle ids, times [s] and cause codes (0 to 255), each [n].
+
+        times and causes may be one value for all. The events belong to the frame that is appended next.
+        Raises as `append` does.
+        """
+        rows = event_rows(ids, times, causes)
+        if len(rows):
+            self._put(EventData(kind, rows))
+
+    def close(self, status: str = "complete", summary: Mapping[str, float | int | str] | None = None) -> None:
+        """Write what is queued, then how the run ended, and close. Calling it again does nothing.
+
+        status: one of "complete", "interrupted", "diverged", "failed". Raises InputOutputError when a frame
+        could not be written; the file then says "failed".
+        """
+        if self._closed:
+            return
+        if status not in STATES or status == "running":
+            raise unknown_name("status", status, [state for state in STATES if state != "running"])
+        with self._changed:
+            self._ending = True
+            self._changed.notify_all()
+        self._thread.join()
+        self._closed = True
+        self._finish("failed" if self._error else status, summary)
+        self._raise_error()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+            return
+        try:
+            self.close("failed")
+        except Exception as second:
+            error.add_note(f"closing the trajectory failed too: {second}")
+
+    def _put(self, item: FrameData | EventData) -> None:
+        with self._changed:
+            if self._closed or self._ending:
+                raise UsageError(f"{self.path} is closed", "Append before close().")
+            # One item always goes in, however large, else a frame beyond the limit would wait for ever.
+            self._changed.wait_for(
+                lambda: (
+                    self._error is not None
+                    or not self._queue
+                    or self._queued_bytes + item.nbytes <= self._queue_limit
+                )
+            )
+            self._raise_error()
+            self._queue.append(item)
+            self._queued_bytes += item.nbytes
+            self._changed.notify_all()
+
+    def _write_queue(self) -> None:
+        """The background thread. After an error it stops; the error waits for the next append or close."""
+        while batch := self._next_batch():
+            try:
+                self._file.append(batch)
+            except Exception as error:
+                with self._changed:
+                    self._error = error
+                    self._queue.clear()
+                    self._changed.notify_all()
+                return
+            self._release(batch)
+
+    def _next_batch(self) -> list[FrameData | EventData]:
+        """What is queued, up to a limit, so that many small frames share a flush; empty at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self._queue) or self._ending)
+            batch: list[FrameData | EventData] = []
+            size = 0
+            while self._queue and (not batch or size + self._queue[0].nbytes <= _BATCH_BYTES):
+                batch.append(self._queue.popleft())
+                size += batch[-1].nbytes
+            return batch
+
+    def _release(self, batch: Sequence[FrameData | EventData]) -> None:
+        """Count a written batch and take its memory back."""
+        frames = [item for item in batch if isinstance(item, FrameData)]
+        for frame in frames:
+            for column in frame.columns.values():
+                self._buffers.give_back(column)
+        with self._changed:
+            self._frames_written += len(frames)
+            if frames:
+                self._last_time = frames[-1].time
+            self._queued_bytes -= sum(item.nbytes for item in batch)
+            self._changed.notify_all()
+
+    def _finish(self, status: str, summary: Mapping[str, Any] | None) -> None:
+        """Close the file, and make it readable whatever happened."""
+        try:
+            self._file.close(status, summary)
+        except Exception as error:
+            self._error = self._error or error
+        self._lock.release()
+        if self._error is not None:
+            _repair_header(self.path)
+
+    def _raise_error(self) -> None:
+        if self._error is not None:
+            raise write_error(self.path, self._error) from self._error
+
+    def _spec(self, name: str) -> FieldSpec:
+        if name not in self._fields:
+            raise unknown_name("field", name, self._fields)
+        return self._fields[name]
+
+    def _check_columns(self, columns: Mapping[str, npt.NDArray[Any]]) -> None:
+        if missing := [name for name in self._fields if name not in columns]:
+            raise UsageError(f"the frame lacks the fields {', '.join(missing)}")
+        n = len(columns["id"])
+        for name, column in columns.items():
+            spec = self._spec(name)
+            shape, dtype = spec.shape(n), spec.dtype(self._precision)
+            if column.shape != shape or column.dtype != dtype or not column.flags.c_contiguous:
+                raise UsageError(
+                    f"field {name!r} has shape {column.shape} and type {column.dtype}",
+                    f"The file stores C-contiguous {dtype} of shape {shape}.",
+                )
+
+
+def _repair_header(path: Path) -> None:
+    """Make a file readable that HDF5 could not close: still marked, or longer on record than it is."""
+    try:
+        block = read_superblock(path)
+        if block is not None and (block.marked or block.end != path.stat().st_size):
+            clear_mark(path)
+    except OSError:
+        # The error that brought us here is the one to report; `recover` can repair the file later.
+        pass
+
+
+def _refuse_file_in_use(path: Path) -> None:
+    """Replacing a file that a simulation is writing would lose that simulation's output without a word."""
+    if not path.exists():
+        return
+    block = read_superblock(path)
+    if block is not None and block.marked and is_being_written(path):
+        raise UsageError(
+            f"{path} is being written by a running simulation", "Choose another name, or stop it."
+        )

@@ -1,0 +1,20 @@
+"""Kernels compiled by the tests are kept in a temporary directory, unless PSIM_CACHE_DIR says where.
+
+The directory must be known before any kernel is declared, hence before the package is imported. Hypothesis keeps no
+database here: a test run leaves the working directory as it was.
+"""
+
+import atexit
+import os
+import shutil
+import tempfile
+
+from hypothesis import settings
+
+if "PSIM_CACHE_DIR" not in os.environ:
+    _directory = tempfile.mkdtemp(prefix="psim-kernels-")
+    os.environ["PSIM_CACHE_DIR"] = _directory
+    atexit.register(shutil.rmtree, _directory, ignore_errors=True)
+
+settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
+settings.load_profile("psim")

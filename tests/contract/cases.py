@@ -1,0 +1,173 @@
+"""Every force and flow with enough parameter variants to reach every record type, and particles to try them on."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from particlesim.colliders.bounds_laws import BoundsRecord
+from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.flows import Flow
+from particlesim.flows.uniform import Uniform
+from particlesim.flows.vortex import Vortex
+from particlesim.forces import (
+    Attractor,
+    Buoyancy,
+    Drag,
+    Field,
+    Force,
+    Gravity,
+    LinearDrag,
+    PointSpring,
+    RotatingFrame,
+    StokesDrag,
+)
+from particlesim.forces.drag import Atmosphere
+from particlesim.forces.expression import FUNCTIONS, parse
+from particlesim.laws import Particle
+
+UNIFORM = Uniform(velocity=(1.0, -2.0, 0.5))
+AXIS = (1.0, 2.0, -0.5)
+RANKINE = Vortex(center=(0.1, 0.2, -0.3), axis=AXIS, circulation=3.0, core_radius=0.9, profile="rankine")
+LAMB_OSEEN = Vortex(center=(0.1, 0.2, -0.3), axis=AXIS, circulation=3.0, core_radius=0.9)
+
+FLOW_CASES: dict[str, Flow] = {
+    "uniform": UNIFORM,
+    "rankine": RANKINE,
+    "lamb_oseen": LAMB_OSEEN,
+    "reversed_vortex": Vortex(axis=(0, 0, 3), circulation=-1.0, core_radius=0.4),
+}
+
+_CENTER = (0.2, -0.1, 0.3)
+_WIND = (UNIFORM, LAMB_OSEEN)
+
+FORCE_CASES: dict[str, Force] = {
+    "gravity": Gravity(),
+    "gravity_oblique": Gravity(acceleration=(1.0, -2.0, 3.0)),
+    "linear_drag": LinearDrag(coefficient=0.7),
+    "linear_drag_wind": LinearDrag(coefficient=0.7, flow=_WIND),
+    "stokes": StokesDrag(fluid="glycerol"),
+    "stokes_wind": StokesDrag(viscosity=0.8, flow=(RANKINE,)),
+    "drag": Drag(fluid="air"),
+    "drag_area": Drag(density=1.3, coefficient=1.05, area=0.2),
+    "drag_wind": Drag(fluid="air", flow=_WIND),
+    "drag_atmosphere": Drag(density=Atmosphere(sea_level=-500.0, humidity=0.6), flow=_WIND),
+    "drag_stratosphere": Drag(density=Atmosphere(sea_level=-12e3, temperature_offset=5.0)),
+    "schiller_naumann": Drag(density=1.2, viscosity=0.02, coefficient="schiller_naumann"),
+    "schiller_naumann_fast": Drag(fluid="air", coefficient="schiller_naumann", area=0.1, flow=(UNIFORM,)),
+    "buoyancy": Buoyancy(fluid="water"),
+    "buoyancy_volume": Buoyancy(density=800.0, volume=0.01, acceleration=(0.3, -9.0, 1.0)),
+    "floating": Buoyancy(fluid="water", surface=0.1),
+    "floating_oblique": Buoyancy(density=900.0, surface=-0.2, acceleration=(1.0, -3.0, 2.0)),
+    "point_spring": PointSpring(stiffness=3.0, anchor=_CENTER),
+    "attractor": Attractor(strength=2.0, center=_CENTER),
+    "attractor_soft": Attractor(strength=2.0, center=_CENTER, softening=0.5),
+    "attractor_mass": Attractor(mass=5e10, softening=0.1),
+    "repeller": Attractor(strength=-2.0, exponent=3.0, softening=0.2),
+    "logarithmic": Attractor(strength=2.0, exponent=1.0, softening=0.3),
+    "linear_attractor": Attractor(strength=2.0, exponent=-1.0, center=_CENTER),
+    "cubic_attractor": Attractor(strength=2.0, exponent=-3.0, center=_CENTER),
+    "odd_attractor": Attractor(strength=2.0, exponent=2.5, softening=0.4),
+    "rotating": RotatingFrame(angular_velocity=(0.3, -1.0, 0.5), center=_CENTER),
+    "spinning_up": RotatingFrame(angular_velocity=(0.3, -1.0, 0.5), angular_acceleration=(0.1, 0.2, -0.7)),
+    "field": Field(force=("-k*x + vy", "sin(t)*m - y*vz**2", "r*T/300 - z*abs(vx)"), constants={"k": 0.4}),
+    "potential": Field(
+        potential="k*m*exp(-hypot(x, y)**2) * cos(z + t) + 3/2*z**2 * r", constants={"k": 0.4}
+    ),
+}
+
+COLLIDER_RECORDS: dict[str, Any] = {
+    "plane": PlaneRecord(0.48, 0.6, 0.64, 0.2, 1.5, 0.1, 0),
+    "plane_x": PlaneXRecord(1.0, 0.1, 1.5, 0.9, 0),
+    "plane_y": PlaneYRecord(-1.0, 0.1, 1.5, 0.9, 1),
+    "plane_z": PlaneZRecord(1.0, 0.1, 1.5, 0.9, 2),
+    "bounds": BoundsRecord(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0),
+}
+
+_ARGUMENTS = {
+    "asin": ("x/3",),
+    "acos": ("y/3",),
+    "log": ("z + 3",),
+    "tan": ("x*y/4",),
+    "sqrt": ("z + 3",),
+}
+_TWO = ("atan2", "hypot", "min", "max")
+
+EXPRESSIONS: tuple[str, ...] = (
+    "3.5",
+    "x + y - z",
+    "-x * y / (z + 4)",
+    "vx*vy + vz - m*r",
+    "T/300 + t",
+    "x**2",
+    "(x + 3)**1.7",
+    "(x + 3)**y",
+    "x if x < y else y*z",
+    "x*y if x > y else z**3",
+    "x*y if x <= y else z**3",
+    "x*y if x >= y else z**3",
+    *(f"{name}({', '.join(_ARGUMENTS.get(name, ('x*y',)))})" for name in FUNCTIONS if name not in _TWO),
+    *(f"{name}(x + 1, y*z)" for name in _TWO),
+)
+"""Every variable, operation and function at least once, smooth at `particles()`."""
+
+
+def records_in(record: Any) -> Iterator[Any]:
+    """A record and all records inside it."""
+    if isinstance(record, tuple):
+        if hasattr(record, "_fields"):
+            yield record
+        for part in record:
+            yield from records_in(part)
+
+
+def exercised() -> set[type]:
+    """All record types that the cases reach."""
+    tops = itertools.chain(
+        (f.record() for f in FORCE_CASES.values()),
+        (f.record() for f in FLOW_CASES.values()),
+        COLLIDER_RECORDS.values(),
+        (parse(text, {}) for text in EXPRESSIONS),
+    )
+    return {type(r) for top in tops for r in records_in(top)}
+
+
+def particles(n: int = 40, seed: int = 1) -> list[Particle]:
+    """Random particles of human size, away from the places where some law has a kink (checked by `away_from_kinks`)."""
+    rng = np.random.default_rng(seed)
+    found: list[Particle] = []
+    while len(found) < n:
+        p = Particle(
+            *rng.uniform(-2, 2, 3).tolist(),
+            *rng.uniform(-3, 3, 3).tolist(),
+            float(rng.uniform(0.5, 2)),
+            float(rng.uniform(0.1, 0.4)),
+            float(rng.uniform(250, 350)),
+            float(rng.uniform(0, 2)),
+        )
+        if away_from_kinks(p):
+            found.append(p)
+    return found
+
+
+def away_from_kinks(p: Particle, margin: float = 0.02) -> bool:
+    """Whether finite differences around p stay on one side of every kink of the cases."""
+    x = np.array(p[:3])
+    v = np.array(p[3:6])
+    axis = np.array(AXIS) / math.hypot(*AXIS)
+    d = x - np.array(RANKINE.center)
+    off_axis = float(np.linalg.norm(d - d @ axis * axis))
+    if abs(off_axis - RANKINE.core_radius) < margin:
+        return False
+    for surface, up in ((0.1, np.array([0, 1, 0])), (-0.2, -np.array([1, -3, 2]) / math.sqrt(14))):
+        depth = surface - float(x @ up) + p.r
+        if min(abs(depth), abs(depth - 2 * p.r)) < margin:
+            return False
+    if np.linalg.norm(v) < 0.3 or min(abs(v)) < margin or np.linalg.norm(v - UNIFORM.velocity) < 0.3:
+        return False
+    # min, max, abs, sign and conditions of EXPRESSIONS
+    return min(abs(p.x - p.y), abs(p.x * p.y), abs(p.x + 1 - p.y * p.z)) > margin

@@ -1,0 +1,145 @@
+"""Compiled laws give the numbers of plain Python.
+
+Compiled code may contract a·b + c into one rounding, share a reciprocal, and has its own exp, sin and pow (≤ 2 ulp), so
+results may differ by a few rounding errors of the largest term. Terms here cancel by a factor below 100.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from contract.cases import COLLIDER_RECORDS, EXPRESSIONS, FLOW_CASES, FORCE_CASES, particles, records_in
+from numba.extending import overload
+
+from particlesim.engine.cache import FAST
+from particlesim.engine.compile import is_record
+from particlesim.forces.expression import Ray, parse, slope, value
+from particlesim.forces.field import PotentialRecord
+from particlesim.forces.fluid_laws import StandardAtmosphere
+from particlesim.laws import (
+    GENERICS,
+    Particle,
+    contact,
+    force,
+    force_dv,
+    force_dx,
+    gap,
+    has_law,
+    potential,
+    velocity,
+    velocity_dx,
+)
+
+PARTICLES = particles(12)
+EPS = np.finfo(float).eps
+
+
+def put(out: Any, k: Any, i: Any, result: Any) -> Any:
+    raise TypeError
+
+
+@overload(put)
+def _put(out: Any, k: Any, i: Any, result: Any) -> Any:
+    if isinstance(result, numba.types.Float):
+
+        def number(out: Any, k: Any, i: Any, result: Any) -> None:
+            out[k, i, 0] = result
+
+        return number
+
+    def components(out: Any, k: Any, i: Any, result: Any) -> None:
+        for j in range(len(result)):
+            out[k, i, j] = result[j]
+
+    return components
+
+
+def compiled(generic: Callable[..., Any], records: list[Any], points: list[Any]) -> Any:
+    """The generic of every record at every point, shape [records, points, size], by one compiled function."""
+    lines = [f"    put(out, {k}, i, generic(records[{k}], p))" for k in range(len(records))]
+    scope: dict[str, Any] = {"put": put, "generic": generic}
+    exec("\n".join(["def evaluate_all(records, p, out, i):", *lines]), scope)
+    evaluate_all = numba.njit(fastmath=FAST, error_model="numpy")(scope["evaluate_all"])
+    out = np.zeros((len(records), len(points), max(GENERICS[generic].size, 1)))
+    for i, p in enumerate(points):
+        evaluate_all(tuple(records), p, out, i)
+    return out
+
+
+def tolerance(generic: Callable[..., Any], record: Any) -> float:
+    """Rounding errors of the largest number, relative."""
+    differences = generic is force_dx and {PotentialRecord, StandardAtmosphere} & {
+        type(r) for r in records_in(record)
+    }
+    # Finite differences of ρ over 2 m, 1/4000 of its scale height, and of ∇U over 10⁻⁵ of the scale, enlarge them.
+    return (1e6 if differences else 128) * EPS
+
+
+def check(generic: Callable[..., Any], records: list[Any], points: list[Any]) -> None:
+    records = list({numba.typeof(r): r for r in records}.values())  # each type is compiled once
+    actual = compiled(generic, records, points)
+    for k, record in enumerate(records):
+        expected = np.array([np.atleast_1d(generic(record, p)) for p in points], float)
+        assert np.isfinite(expected).all(), record
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(
+            actual[k], expected, rtol=0, atol=tolerance(generic, record) * scale, err_msg=str(record)
+        )
+
+
+@pytest.mark.parametrize("generic", [force, potential, force_dx, force_dv], ids=lambda g: g.__name__)
+def test_forces(generic: Callable[..., Any]) -> None:
+    records = [r for f in FORCE_CASES.values() if has_law(generic, r := f.record())]
+    check(generic, records, PARTICLES)
+
+
+@pytest.mark.parametrize("generic", [velocity, velocity_dx], ids=lambda g: g.__name__)
+def test_flows(generic: Callable[..., Any]) -> None:
+    check(generic, [f.record() for f in FLOW_CASES.values()], PARTICLES)
+
+
+@pytest.mark.parametrize("generic", [force, force_dx, velocity_dx], ids=lambda g: g.__name__)
+def test_sums(generic: Callable[..., Any]) -> None:
+    cases: Any = FLOW_CASES if generic is velocity_dx else FORCE_CASES
+    records = [f.record() for f in list(cases.values())[:3]]
+    check(generic, [(), (records[1],), tuple(records)], PARTICLES)
+
+
+@pytest.mark.parametrize("generic", [value, slope], ids=lambda g: g.__name__)
+def test_expressions(generic: Callable[..., Any]) -> None:
+    records = [parse(text, {}) for text in EXPRESSIONS]
+    direction = Particle(0.3, -0.5, 0.7, 0.2, 0.1, -0.4, 0.5, 0.6, 0.7, 0.8)
+    points = PARTICLES if generic is value else [Ray(p, direction) for p in PARTICLES]
+    check(generic, records, points)
+
+
+def test_gaps() -> None:
+    check(gap, list(COLLIDER_RECORDS.values()), PARTICLES)
+
+
+def test_contacts() -> None:
+    records = tuple(COLLIDER_RECORDS.values())
+
+    @numba.njit(fastmath=FAST, error_model="numpy")
+    def kernel(records: Any, p: Any) -> Any:
+        a, b, c, d, e = records
+        return contact(a, p), contact(b, p), contact(c, p), contact(d, p), contact(e, p)
+
+    outcomes = set()
+    for p in PARTICLES:
+        for record, (q, outcome) in zip(records, kernel(records, p), strict=True):
+            expected, what = contact(record, p)
+            assert outcome == what
+            np.testing.assert_allclose(q, expected, rtol=0, atol=8 * EPS * np.abs(p[:6]).max())
+            outcomes.add(outcome)
+    assert outcomes == {0, 1, 2, 3}
+
+
+def test_a_record_is_no_plain_tuple() -> None:
+    record = numba.typeof(FORCE_CASES["gravity"].record())
+    assert is_record(record)
+    assert not is_record(numba.typeof((1.0, 2.0)))

@@ -1,0 +1,280 @@
+"""What every registered force and flow must hold: F = −∇U, Jacobians, and documentation.
+
+Derivatives are compared with the five-point central difference, whose error is h⁴ f⁽⁵⁾/30 + 1.5 ε |f|/h. With h = 10⁻³ m
+(or m/s), and fifth derivatives up to about 10⁴ of the scale of f for the softened attractors here, both are below 10⁻⁹
+of that scale; 10⁻⁸ leaves room.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from contract.cases import FLOW_CASES, FORCE_CASES, exercised, particles
+from numpy.typing import NDArray
+
+from particlesim.flows import FLOWS, Flow
+from particlesim.flows.vortex import Vortex
+from particlesim.forces import FORCES, Attractor, Drag, Force, LinearDrag
+from particlesim.forces.drag import Atmosphere
+from particlesim.forces.fluid_laws import StandardAtmosphere, density
+from particlesim.laws import (
+    GENERICS,
+    Particle,
+    force,
+    force_dv,
+    force_dx,
+    has_law,
+    potential,
+    velocity,
+    velocity_dx,
+)
+
+H = 1e-3
+TOLERANCE = 1e-8
+PARTICLES = particles()
+
+forces = pytest.mark.parametrize("model", FORCE_CASES.values(), ids=FORCE_CASES)
+flows = pytest.mark.parametrize("model", FLOW_CASES.values(), ids=FLOW_CASES)
+
+
+def differences(f: Callable[[Particle], Any], p: Particle, names: str, h: float = H) -> NDArray[np.float64]:
+    """∂f_i/∂name_j by the five-point central difference, shape [components of f, len(names)]."""
+
+    def at(name: str, step: float) -> NDArray[np.float64]:
+        return np.atleast_1d(np.asarray(f(p._replace(**{name: getattr(p, name) + step})), float))
+
+    columns = [
+        (8 * (at(n, h) - at(n, -h)) - (at(n, 2 * h) - at(n, -2 * h))) / (12 * h) for n in names.split()
+    ]
+    return np.stack(columns, axis=1)
+
+
+def scale(values: Any) -> float:
+    return float(np.abs(np.asarray(values, float)).max())
+
+
+def check_matrix(exact: Any, f: Callable[[Particle], Any], p: Particle, names: str) -> None:
+    expected = differences(f, p, names)
+    actual = np.reshape(np.asarray(exact, float), (3, 3))
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=TOLERANCE * (scale(f(p)) + scale(expected)))
+
+
+def test_every_registered_class_and_record_is_reached() -> None:
+    assert {type(f) for f in FORCE_CASES.values()} == set(FORCES)
+    assert {type(f) for f in FLOW_CASES.values()} == set(FLOWS)
+    registered = {record for generic in GENERICS.values() for record in generic.laws}
+    package = {r for r in registered if r.__module__.startswith("particlesim.")}
+    assert package - exercised() == set()
+
+
+@forces
+def test_force_is_minus_the_gradient_of_its_potential(model: Force) -> None:
+    record = model.record()
+    if not has_law(potential, record):
+        return
+    for p in PARTICLES:
+        p = p._replace(vx=0.0, vy=0.0, vz=0.0)  # Coriolis does no work and has no potential
+        gradient = differences(lambda q: potential(record, q), p, "x y z")[0]
+        f = force(record, p)
+        noise = 1.5 * np.finfo(float).eps / H * abs(potential(record, p))
+        np.testing.assert_allclose(f, -gradient, rtol=0, atol=TOLERANCE * scale(f) + 4 * noise)
+
+
+@forces
+def test_jacobian_by_position(model: Force) -> None:
+    record = model.record()
+    for p in PARTICLES:
+        check_matrix(force_dx(record, p), lambda q: force(record, q), p, "x y z")
+
+
+@forces
+def test_jacobian_by_velocity(model: Force) -> None:
+    record = model.record()
+    for p in PARTICLES:
+        check_matrix(force_dv(record, p), lambda q: force(record, q), p, "vx vy vz")
+
+
+@forces
+def test_forces_that_do_not_need_the_velocity_do_not_read_it(model: Force) -> None:
+    if model.needs_velocity or getattr(model, "reads_velocity", lambda: False)():
+        return
+    record = model.record()
+    for p in PARTICLES:
+        assert force(record, p) == force(record, p._replace(vx=9.0, vy=-9.0, vz=9.0))
+
+
+@forces
+def test_forces_that_do_not_need_radius_or_temperature_do_not_read_them(model: Force) -> None:
+    record = model.record()
+    for p in PARTICLES:
+        if not model.needs_radius():
+            assert force(record, p) == force(record, p._replace(r=p.r + 1))
+        if not model.needs_temperature():
+            assert force(record, p) == force(record, p._replace(T=p.T + 100))
+
+
+@pytest.mark.parametrize("cls", FORCES, ids=lambda c: c.__name__)
+def test_potentials_are_as_documented(cls: type[Force]) -> None:
+    records = [f.record() for f in FORCE_CASES.values() if type(f) is cls]
+    some = any(has_law(potential, r) for r in records)
+    assert some != cls.energy.startswith("none")
+
+
+@flows
+def test_gradient_of_flows(model: Flow) -> None:
+    record = model.record()
+    for p in PARTICLES:
+        check_matrix(velocity_dx(record, p), lambda q: velocity(record, q), p, "x y z")
+
+
+@flows
+def test_flows_are_divergence_free(model: Flow) -> None:
+    for p in PARTICLES:
+        g = velocity_dx(model.record(), p)
+        assert abs(g[0] + g[4] + g[8]) <= 8 * np.finfo(float).eps * scale(g)
+
+
+# Special places
+
+
+@pytest.mark.parametrize("exponent", [2.0, 1.0, 3.0, -1.0, 2.5])
+def test_softened_centre_of_an_attractor_is_a_harmonic_well(exponent: float) -> None:
+    # f = −μ m l ε^−(n+1) to first order in l
+    model = Attractor(strength=2.0, exponent=exponent, softening=0.5)
+    p = PARTICLES[0]._replace(x=0.0, y=0.0, z=0.0)
+    assert scale(force(model.record(), p)) == 0
+    k = 2.0 * p.m / 0.5 ** (exponent + 1)
+    np.testing.assert_allclose(np.reshape(force_dx(model.record(), p), (3, 3)), -k * np.eye(3), rtol=1e-14)
+
+
+def test_a_linear_attractor_needs_no_softening() -> None:
+    model = Attractor(strength=2.0, exponent=-1.0)
+    p = PARTICLES[0]._replace(x=0.0, y=0.0, z=0.0)
+    np.testing.assert_allclose(np.reshape(force_dx(model.record(), p), (3, 3)), -2.0 * p.m * np.eye(3))
+
+
+@pytest.mark.parametrize("profile", ["rankine", "lamb_oseen"])
+def test_vortex_turns_like_a_solid_body_on_its_axis(profile: Any) -> None:
+    # w = Γ/(2πa²) a × d near the axis, for both profiles
+    model = Vortex(axis=(0, 0, 1), circulation=3.0, core_radius=0.7, profile=profile)
+    rate = 3.0 / (2 * np.pi * 0.7**2)
+    for x in (0.0, 1e-200, 1e-9, 1e-5):
+        p = PARTICLES[0]._replace(x=x, y=0.0)
+        np.testing.assert_allclose(velocity(model.record(), p), (0, rate * x, 0), rtol=1e-9, atol=0)
+        expected = [[0, -rate, 0], [rate, 0, 0], [0, 0, 0]]
+        np.testing.assert_allclose(
+            np.reshape(velocity_dx(model.record(), p), (3, 3)), expected, rtol=1e-9, atol=1e-9
+        )
+
+
+def test_lamb_oseen_gradient_where_the_series_takes_over() -> None:
+    model = Vortex(axis=(0, 0, 1), circulation=3.0, core_radius=1.0)
+    for s in np.logspace(-8, 0, 33):
+        p = PARTICLES[0]._replace(x=float(np.sqrt(s)), y=0.0)
+        # dv_θ/dρ = Γ/2π (2 e^−s − (1 − e^−s)/s), all of its terms known to rounding
+        exact = 3.0 / (2 * np.pi) * (2 * np.exp(-s) + np.expm1(-s) / s)
+        assert velocity_dx(model.record(), p)[3] == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [Drag(fluid="air"), LinearDrag(coefficient=2.0), Drag(fluid="air", coefficient="schiller_naumann")],
+    ids=["constant", "linear", "schiller_naumann"],
+)
+def test_drag_at_rest_relative_to_the_fluid(model: Force) -> None:
+    p = PARTICLES[0]._replace(vx=0.0, vy=0.0, vz=0.0)
+    assert scale(force(model.record(), p)) == 0
+    # c_d(Re) joins Stokes' law: −6 π η r; with a constant c_d the drag is of second order
+    slope = {"linear_drag": 2.0, "drag": 0.0}[model.type]
+    if isinstance(model, Drag) and model.coefficient == "schiller_naumann":
+        slope = 6 * np.pi * 1.81e-5 * p.r
+    np.testing.assert_allclose(
+        np.reshape(force_dv(model.record(), p), (3, 3)), -slope * np.eye(3), rtol=1e-14
+    )
+    if slope:
+        slow = p._replace(vx=1e-18)
+        assert force(model.record(), slow)[0] == pytest.approx(-slope * 1e-18, rel=1e-9)
+
+
+@pytest.mark.parametrize("coefficient", [0.47, "schiller_naumann"])
+def test_drag_on_a_point_vanishes(coefficient: Any) -> None:
+    record = Drag(fluid="air", coefficient=coefficient).record()
+    for p in PARTICLES:
+        assert scale(force(record, p._replace(r=0.0))) == 0
+
+
+@pytest.mark.parametrize(
+    ("altitude", "expected"), [(0.0, 1.2250), (2000.0, 1.00655), (11000.0, 0.36391), (20000.0, 0.08803)]
+)
+def test_standard_atmosphere(altitude: float, expected: float) -> None:
+    # Table of ISO 2533, geopotential altitude
+    p = PARTICLES[0]._replace(y=altitude)
+    assert density(StandardAtmosphere(0.0, 0.0, 0.0), p) == pytest.approx(expected, rel=1e-4)
+
+
+def test_air_stays_air_in_every_allowed_atmosphere() -> None:
+    for offset in (-100.0, -60.0, 0.0, 60.0, 100.0):
+        for humidity in (0.0, 1.0):
+            record = Drag(density=Atmosphere(temperature_offset=offset, humidity=humidity)).record()
+            for y in (-5e3, 0.0, 11e3, 20e3, 80e3):
+                p = PARTICLES[0]._replace(y=y)
+                assert density(record.density, p) > 0
+    for offset in (-300.0, 1000.0):
+        with pytest.raises(ValueError, match="temperature_offset"):
+            Atmosphere(temperature_offset=offset)
+
+
+def test_humid_air_is_lighter() -> None:
+    # 30 °C, saturated, sea level: 1.1462 kg/m³ against 1.1644 dry
+    p = PARTICLES[0]._replace(y=0.0)
+    assert density(StandardAtmosphere(0.0, 15.0, 1.0), p) == pytest.approx(1.1462, rel=5e-4)
+    assert density(StandardAtmosphere(0.0, 15.0, 0.0), p) == pytest.approx(1.1644, rel=5e-4)
+
+
+# Documentation
+
+
+@pytest.mark.parametrize("cls", [*FORCES, *FLOWS, Atmosphere], ids=lambda c: c.__name__)
+def test_documented(cls: Any) -> None:
+    assert cls.__doc__
+    assert sys.modules[cls.__module__].__doc__
+    for name, info in cls.model_fields.items():
+        assert name == "type" or info.description, f"{cls.__name__}.{name} has no description"
+    if issubclass(cls, Force):
+        assert cls.formula
+        assert cls.energy
+
+
+@pytest.mark.parametrize(
+    "cls",
+    [c for c in FORCES if c.__name__ not in ("Gravity", "PointSpring", "LinearDrag", "Field")],
+    ids=lambda c: c.__name__,
+)
+def test_sources_are_named(cls: type[Force]) -> None:
+    doc = sys.modules[cls.__module__].__doc__ or ""
+    assert "Source:" in doc or ("(" in doc and any(char.isdigit() for char in doc))
+
+
+def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:
+    """Where a JSON Schema has a number that does not say its unit."""
+    if isinstance(schema, dict):
+        if "x-unit" in schema:
+            return
+        if schema.get("type") == "number":
+            yield path
+        for key, value in schema.items():
+            yield from numbers_without_unit(value, f"{path}/{key}")
+    elif isinstance(schema, list):
+        for value in schema:
+            yield from numbers_without_unit(value, path)
+
+
+@pytest.mark.parametrize("cls", [*FORCES, *FLOWS], ids=lambda c: c.__name__)
+def test_every_number_has_a_unit_in_the_schema(cls: Any) -> None:
+    # A direction is three plain numbers: only their ratio counts.
+    bare = [path for path in numbers_without_unit(cls.model_json_schema()) if "/axis/" not in path]
+    assert bare == []

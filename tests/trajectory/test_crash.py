@@ -1,0 +1,216 @@
+"""Killed writers, readers beside a writer, full disks: no finished frame is ever lost."""
+
+import errno
+import os
+import subprocess
+import sys
+import time
+from collections import namedtuple
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from particlesim.errors import InputOutputError, UsageError
+from particlesim.trajectory import frame_file, reader, superblock
+from particlesim.trajectory.recovery import recover
+
+
+def counts_of_victim(frames, particles):
+    return [(particles * (k % 5)) // 4 for k in range(frames)]
+
+
+@pytest.mark.parametrize("compression", ["gzip", "none"])
+@pytest.mark.parametrize(("particles", "seed"), [(8, 1), (100, 2), (3000, 3)])
+def test_every_acknowledged_frame_survives_a_kill(
+    tmp_path, synthetic, kill_writer, compression, particles, seed
+):
+    moment = np.random.default_rng(seed).uniform(0, 0.15)
+    path = kill_writer(
+        tmp_path / "a.vtkhdf", acknowledged=3, moment=moment, particles=particles, compression=compression
+    )
+    with reader.open(path) as trajectory:
+        assert len(trajectory) >= 3
+        assert trajectory.status == "interrupted"
+        before = len(trajectory)
+        synthetic.check(trajectory, counts_of_victim(before, particles))
+    assert recover(path)
+    with h5py.File(path, "r") as file:
+        assert file["VTKHDF/Steps"].attrs["NSteps"] == before == len(file["VTKHDF/Steps/Values"])
+        assert len(file["psim/events/births"]) == before
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, counts_of_victim(before, particles))
+        assert trajectory.status == "interrupted"
+
+
+def test_kill_count_is_what_was_acknowledged(tmp_path, start_writer):
+    """Several kills at random moments: the file never has fewer frames than were reported before the kill."""
+    moments = np.random.default_rng(7).uniform(0, 0.08, 5)
+    for k, moment in enumerate(moments):
+        path = tmp_path / f"{k}.vtkhdf"
+        process = start_writer(path, particles=500, compression="none")
+        process.stdout.readline()
+        time.sleep(moment)
+        process.kill()
+        process.wait()
+        lines = process.stdout.read().split("\n")[:-1]
+        with reader.open(path) as trajectory:
+            assert len(trajectory) >= int((lines or [1])[-1])
+            assert len(trajectory[-1].position) == len(trajectory[-1])
+
+
+def test_reading_while_another_process_writes(tmp_path, synthetic, start_writer):
+    path = tmp_path / "a.vtkhdf"
+    process = start_writer(path, pause=0.004, frames=120)
+    process.stdout.readline()
+    seen = []
+    with pytest.raises(UsageError, match="being written"):
+        recover(path)
+    with reader.open(path) as trajectory:
+        while trajectory.status == "running":
+            seen.append(len(trajectory))
+            synthetic.check(trajectory, counts_of_victim(len(trajectory), 100))
+            trajectory.refresh()
+        assert process.wait(timeout=20) == 0
+        trajectory.refresh()
+        assert trajectory.status == "complete"
+        synthetic.check(trajectory, counts_of_victim(120, 100))
+    assert len(set(seen)) > 3
+    assert seen == sorted(seen)
+
+
+def test_reading_in_the_process_that_writes(tmp_path, synthetic):
+    path = tmp_path / "a.vtkhdf"
+    with synthetic.open_writer(path) as writer, reader.open(path) as trajectory:
+        assert len(trajectory) == 0
+        with pytest.raises(UsageError, match="no frames"):
+            trajectory.frame_at(0)
+        writer.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
+        while not writer.frames_written:
+            time.sleep(0.001)
+        trajectory.refresh()
+        synthetic.check(trajectory, [5])
+        assert trajectory.status == "running"
+
+
+def test_a_file_in_use_is_not_overwritten(tmp_path, synthetic):
+    path = tmp_path / "a.vtkhdf"
+    with synthetic.open_writer(path) as writer:
+        with pytest.raises(UsageError, match="being written"):
+            synthetic.open_writer(path, overwrite=True)
+        writer.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [5])
+
+
+def append_until_error(writer, synthetic, limit=2000):
+    for k in range(limit):
+        writer.append(k / 10, 5 * k, synthetic.columns(k, 400), synthetic.ledger(k))
+        time.sleep(0.0005)
+    pytest.fail("no error came up")
+
+
+def test_a_full_disk_is_noticed_before_hdf5_is_hurt(tmp_path, synthetic, monkeypatch):
+    usage = namedtuple("usage", "free")
+    free = iter([1 << 30] * 4)
+    monkeypatch.setattr(frame_file.shutil, "disk_usage", lambda path: usage(next(free, 1000)))
+    path = tmp_path / "a.vtkhdf"
+    writer = synthetic.open_writer(path)
+    with pytest.raises(InputOutputError, match="disk is full"):
+        append_until_error(writer, synthetic)
+    with pytest.raises(InputOutputError, match="disk is full"):
+        writer.append(0, 0, synthetic.columns(0, 1), synthetic.ledger(0))
+    with pytest.raises(InputOutputError, match="disk is full"):
+        writer.close()
+    assert writer.frames_written >= 4
+    with reader.open(path) as trajectory:
+        assert trajectory.status == "failed"
+        synthetic.check(trajectory, [400] * writer.frames_written)
+        assert trajectory.times[-1] == writer.last_time
+
+
+def test_an_error_of_the_thread_comes_up_once_and_nothing_hangs(tmp_path, synthetic, monkeypatch):
+    def fail(*_):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    writer = synthetic.open_writer(tmp_path / "a.vtkhdf", queue_bytes=1000)
+    writer.append(0, 0, synthetic.columns(0, 400), synthetic.ledger(0))
+    while not writer.frames_written:
+        time.sleep(0.001)
+    monkeypatch.setattr(writer._file, "_write_chunks", fail)
+    with pytest.raises(InputOutputError, match="Input/output error"), writer:
+        append_until_error(writer, synthetic)
+    with reader.open(writer.path) as trajectory:
+        synthetic.check(trajectory, [400])
+        assert trajectory.status == "failed"
+
+
+def test_an_exception_in_the_block_marks_the_file_failed(tmp_path, synthetic):
+    path = tmp_path / "a.vtkhdf"
+
+    def run():
+        with synthetic.open_writer(path) as writer:
+            writer.append(0, 0, synthetic.columns(0, 3), synthetic.ledger(0))
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run()
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [3])
+        assert trajectory.status == "failed"
+
+
+LIMITED = """
+import resource, sys, time
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+from conftest import open_writer, synthetic_columns, synthetic_ledger
+from particlesim.errors import InputOutputError
+from particlesim.trajectory import frame_file
+
+def limit(size):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+def unlimited_memory_file(make=frame_file._memory_file):
+    limit(resource.RLIM_INFINITY)  # the limit stands for a full disk, and memory is none
+    return make()
+
+frame_file._memory_file = unlimited_memory_file
+limit({limit})
+try:
+    with open_writer(Path({path!r}), compression={compression!r}) as writer:
+        for k in range(10000):
+            writer.append(k / 10, 5 * k, synthetic_columns(k, 400), synthetic_ledger(k))
+            while writer.frames_written < min(k, 3):
+                time.sleep(0.001)
+except InputOutputError as error:
+    print(writer.frames_written, error.message)
+"""
+
+
+@pytest.mark.parametrize("compression", ["gzip", "none"])
+@pytest.mark.parametrize("limit", [300_000, 1_000_003, 1_500_000])
+def test_writes_that_the_system_refuses(tmp_path, synthetic, compression, limit):
+    """A limit on file size makes the system refuse a write in the middle of HDF5's own work."""
+    path = tmp_path / "a.vtkhdf"
+    script = LIMITED.format(
+        folder=str(Path(__file__).parent), path=str(path), compression=compression, limit=limit
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    written = int(done.stdout.split()[0])
+    assert "File too large" in done.stdout
+    with reader.open(path) as trajectory:
+        assert len(trajectory) >= written > 0
+        synthetic.check(trajectory, [400] * len(trajectory))
+    recover(path)
+    with reader.open(path) as trajectory:
+        assert len(trajectory) >= written
+
+
+def test_the_checksum_is_the_published_one():
+    """Value from the source of lookup3.c: hashlittle("Four score and seven years ago", 30, 0)."""
+    assert superblock.lookup3(b"Four score and seven years ago") == 0x17770551
+    assert superblock.lookup3(b"") == 0xDEADBEEF
