@@ -77,7 +77,7 @@ def readable(colors: Array, on_light: bool, count: int = 512) -> Array:
     Of maps that run from black or to white the end that would vanish in it is cut off, at most a third.
     """
     y = luminance(colors)
-    good = np.flatnonzero(y < 0.72 if on_light else y > 0.028)
+    good = np.flatnonzero(y < 0.72 if on_light else y > 0.042)
     third = len(colors) // 3
     first, last = (0, max(good[-1], 2 * third)) if on_light else (min(good[0], third), len(colors) - 1)
     return np.asarray(colors[np.linspace(first, last, count).round().astype(int)])

@@ -1,7 +1,7 @@
 """What a scenario's `[render]` table may say.
 
-Plain data: importing this module loads neither Numba nor Pillow. Lengths are in metres, angles in degrees, times
-in seconds; colours are sRGB components between 0 and 1.
+Plain data: importing this module loads neither Numba nor Pillow. Lengths are in metres, angles in degrees,
+times in seconds; colours are sRGB components between 0 and 1.
 """
 
 from __future__ import annotations
@@ -51,14 +51,15 @@ class RenderSettings(_Model):
     fps: Annotated[float, Field(gt=0, le=240)] = Field(30.0, description="Frames per second of video.")
     speed: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
-        description="Simulated seconds per second of video. Left out: 1 where the recording is about as dense as "
-        "the video (between half and four video frames per recorded frame), else one video frame per recorded frame.",
+        description="Simulated seconds per second of video. Left out: 1 where the recording is about as "
+        "dense as the video (between half and four video frames per recorded frame), else one video frame "
+        "per recorded frame.",
     )
     camera: Camera = Field(Camera(), description="Viewpoint; automatic where left out.")
     color_by: str = Field(
         "auto",
-        description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'none', or 'auto': "
-        "the speed if velocity is recorded, else one colour.",
+        description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'none', or "
+        "'auto': the speed if velocity is recorded, else one colour.",
     )
     colormap: ColormapName = Field(
         "viridis", description="Colours from the low to the high end of the range."
@@ -68,8 +69,8 @@ class RenderSettings(_Model):
     )
     particle_radius: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
-        description="Drawn radius [m]. Left out: the recorded radius where there is one (spheres), else chosen by "
-        "the extent of the scene and the number of particles.",
+        description="Drawn radius [m]. Left out: the recorded radius where there is one (spheres), else "
+        "chosen by the extent of the scene and the number of particles.",
     )
     trails: bool | Literal["auto"] = Field(
         "auto", description="Draw each particle's recent path; 'auto': when there are at most 64 particles."
@@ -89,8 +90,8 @@ class RenderSettings(_Model):
     supersampling: Literal[1, 2] = Field(
         1, description="2 draws four samples per pixel: finer edges, a quarter of the speed."
     )
-    crf: Annotated[int, Field(ge=0, le=51)] = Field(
-        18, description="Quality of MP4 (H.264 constant rate factor): 0 is best, 51 is smallest."
+    crf: Annotated[int, Field(ge=1, le=51)] = Field(
+        18, description="Quality of MP4 (H.264 constant rate factor): 1 is best, 51 is smallest."
     )
 
     @model_validator(mode="after")

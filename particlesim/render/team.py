@@ -1,7 +1,7 @@
 """A team of threads that works through numbered pieces of a frame.
 
-The pieces (bands of rows, chunks of particles) are the same for any number of threads and write to places of their
-own, so the picture does not depend on who did what. Kernels release the interpreter lock.
+The pieces (bands of rows, chunks of particles) are the same for any number of threads and write to places of
+their own, so the picture does not depend on who did what. Kernels release the interpreter lock.
 """
 
 from __future__ import annotations
