@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from particlesim.render.scene import PlaneShape
-from particlesim.render.settings import Camera
 from particlesim.render.stage import Array, View, axes_of, triple
 from particlesim.render.survey import Survey
+from particlesim.scenario.rendering import Camera
 
 FILL = 0.84
 """Share of the frame's width or height that the particles take."""

@@ -9,8 +9,8 @@ import numpy as np
 from particlesim.render.camera import Viewpoint
 from particlesim.render.colormaps import luminance, to_linear, to_srgb
 from particlesim.render.scene import PlaneShape
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import Array, Backdrop, Light, Planes, triple
+from particlesim.scenario.rendering import RenderSettings
 
 
 def _f32(values: Any) -> Array:

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from particlesim.render.fields import Coloring
 from particlesim.render.lighting import is_light
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import Array
+from particlesim.scenario.rendering import RenderSettings
 
 _RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-", strict=True))
 _PLAIN = str.maketrans({"−": "-", "×": "x", "µ": "u", "μ": "u", "·": "•", "\u00a0": " "})

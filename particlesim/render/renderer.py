@@ -24,7 +24,6 @@ from particlesim.render.lighting import (
 from particlesim.render.overlay import Overlay
 from particlesim.render.project import BAND
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import (
     Array,
     Axes,
@@ -39,8 +38,9 @@ from particlesim.render.stage import (
     axes_of,
 )
 from particlesim.render.survey import survey
-from particlesim.render.team import Team
 from particlesim.render.trails import AUTOMATIC, collect_trails
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.team import Team
 
 Picture = npt.NDArray[np.uint8]
 

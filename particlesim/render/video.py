@@ -14,10 +14,10 @@ from pathlib import Path
 from particlesim.errors import UsageError
 from particlesim.render.renderer import Picture, Renderer
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
-from particlesim.render.settings import RenderSettings
-from particlesim.render.team import Team
 from particlesim.render.timeline import timeline
 from particlesim.render.writers import Writer, open_writer
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.team import Team
 
 QUEUE = 3
 """Finished pictures that may wait for the encoder."""

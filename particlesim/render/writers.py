@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import InputOutputError, UsageError
-from particlesim.render.settings import RenderSettings
+from particlesim.scenario.rendering import RenderSettings
 
 Picture = npt.NDArray[np.uint8]
 SUFFIXES = (".mp4", ".webp", ".png")
