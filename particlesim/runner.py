@@ -17,7 +17,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted
 from particlesim.provenance import provenance
-from particlesim.recording import columns_of, frame_of, recorded_fields
+from particlesim.recording import columns_of, frame_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
@@ -138,7 +138,7 @@ def _writer(
 ) -> TrajectoryWriter:
     return TrajectoryWriter(
         path,
-        fields=recorded_fields(scenario),
+        fields=scenario.recorded_fields(),
         groups=[group.name for group in scenario.groups],
         ledger=simulation.ledger_columns() if scenario.output.ledger else (),
         provenance=provenance(scenario),
@@ -160,7 +160,7 @@ def _steps(
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
     grid = simulation.scenario.grid
-    fields = recorded_fields(simulation.scenario)
+    fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
         if progress is not None:
