@@ -27,7 +27,7 @@ from particlesim.forces.expression import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, VARI
 from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
 from particlesim.layouts import LAYOUTS
-from particlesim.render.settings import Camera, RenderSettings
+from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.shapes import Ball, Box, Disc, Point, Shell, Sphere

@@ -22,7 +22,7 @@ from particlesim.groups import Cooling, FirstOrder, MethodName, Particles, Secon
 from particlesim.impulses import Impulse
 from particlesim.layouts import Layout
 from particlesim.model import Name
-from particlesim.render.settings import Camera, RenderSettings
+from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.shapes import Shape
 from particlesim.units import Unit

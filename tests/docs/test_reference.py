@@ -22,7 +22,9 @@ FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 # What a fragment leaves out, so that it can be validated: only sections that are not in it are added.
 SIMULATION = "\n[simulation]\nduration = 1.0\ndt = 0.01\n"
-PARTICLES = '\n[[particles]]\nname = "ball"\nlayout = { type = "points", position = [[0, 1, 0]] }\nradius = 0.1\n'
+PARTICLES = (
+    '\n[[particles]]\nname = "ball"\nlayout = { type = "points", position = [[0, 1, 0]] }\nradius = 0.1\n'
+)
 
 
 class Block(NamedTuple):
