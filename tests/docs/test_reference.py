@@ -1,9 +1,11 @@
-"""What the documentation shows must work: the reference is current, scenarios validate, marked Python runs, links lead somewhere."""
+"""What the documentation shows must work: the reference is current, examples validate and run, links lead somewhere."""
 
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -69,15 +71,26 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
 
 
-def test_the_reference_is_current() -> None:
-    done = subprocess.run(
-        [sys.executable, ROOT / "docs/generate_reference.py", "--check"],
+def check_reference(folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, folder / "generate_reference.py", "--check"],
         capture_output=True,
         text=True,
         check=False,
-        env={"PYTHONPATH": f"{ROOT}", "PATH": ""},
+        env={**os.environ, "PYTHONPATH": f"{ROOT}"},
     )
+
+
+def test_the_reference_is_current() -> None:
+    done = check_reference(ROOT / "docs")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_stale_reference_is_noticed(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    page = tmp_path / "docs/scenario.md"
+    page.write_text(page.read_text(encoding="utf-8").replace("restitution", "bounciness"), encoding="utf-8")
+    assert check_reference(tmp_path / "docs").returncode == 1
 
 
 def test_there_is_something_to_test() -> None:
