@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -157,6 +158,35 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert other.exists(), f"{page.name} links to {target}, which does not exist"
         if anchor:
             assert anchor in anchors(other), f"{page.name} links to {target}, which has no such heading"
+
+
+def commands() -> list[str]:
+    """Every call of psim in shell blocks and in inline code."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        shell = "\n".join(block.text for block in blocks(page) if block.info == "bash")
+        found += re.findall(r"(?:^|&& |do\s+)(psim .*?)(?= #| \|\| |$)", shell, re.MULTILINE)
+        found += re.findall(r"`(psim [^`]+)`", FENCE.sub("", text))
+    return list(dict.fromkeys(found))
+
+
+@pytest.mark.parametrize("line", commands())
+def test_commands_exist(line: str) -> None:
+    """The subcommand and every option of a command that the documentation shows."""
+    app = pytest.importorskip("psim.app").app
+    from typer.main import get_command
+
+    command = get_command(app)
+    words = shlex.split(line.split(" > ")[0])[1:]
+    known = command.commands  # type: ignore[attr-defined]
+    if words and not words[0].startswith("-"):
+        assert words[0] in known, f"there is no psim {words[0]}"
+        command, words = known[words[0]], words[1:]
+    options = {o for parameter in command.params for o in (*parameter.opts, "--help", "-h")}
+    for word in words:
+        if re.match(r"-{1,2}[a-zA-Z]", word):
+            assert word.partition("=")[0] in options, f"{line}: no option {word}"
 
 
 @pytest.mark.parametrize(
