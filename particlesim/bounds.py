@@ -15,7 +15,7 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
 from particlesim.groups import Particles
 from particlesim.integrators import METHODS, Verlet
-from particlesim.recording import recorded_fields
+from particlesim.scenario.recorded import recorded_fields
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import select_fields
 

@@ -18,19 +18,6 @@ Array = NDArray[Any]
 Buffer = Callable[[str, int], Array]
 
 
-def recorded_fields(scenario: Scenario) -> tuple[str, ...]:
-    """Fields of a scenario's trajectory beside position and id."""
-    groups = ("group",) if len(scenario.groups) > 1 else ()
-    if scenario.output.fields is not None:
-        return (*scenario.output.fields, *groups)
-    fields = ["velocity"]
-    if any(group.has_radius() for group in scenario.groups):
-        fields.append("radius")
-    if any(group.temperature is not None for group in scenario.groups):
-        fields.append("temperature")
-    return (*fields, *groups)
-
-
 def column(simulation: Simulation, field: str, out: Array) -> Array:
     """Fill `out`, of shape [n] or [n, 3], with a field of all particles, group after group."""
     for k, (state, part) in enumerate(zip(simulation.states, rows(simulation.states), strict=True)):

@@ -9,6 +9,7 @@ import numpy as np
 
 from particlesim.errors import UsageError
 from particlesim.render.scene import Frame, FrameSource
+from particlesim.render.settings import colorable
 from particlesim.render.stage import Array
 
 _UNITS = {
@@ -58,8 +59,7 @@ def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
 
 
 def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
-    derived = ("none", "x", "y", "z", *(("speed",) if "velocity" in fields else ()))
-    choices = sorted({*fields, *derived} - {"position", "id"})
+    choices = colorable(fields)[1:]
     close = get_close_matches(color_by, choices, 1)
     needed = "velocity" if color_by == "speed" else color_by
     return UsageError(

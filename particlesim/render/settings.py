@@ -6,6 +6,7 @@ in seconds; colours are sRGB components between 0 and 1.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -15,6 +16,13 @@ Vector = tuple[Finite, Finite, Finite]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "blackbody"]
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
+
+
+def colorable(fields: Collection[str]) -> tuple[str, ...]:
+    """What `color_by` may be for a trajectory with these fields."""
+    speed = ("speed",) if {"velocity", "speed"} & set(fields) else ()
+    own = sorted({*fields, *speed, "x", "y", "z"} - {"position", "id"})
+    return ("auto", "none", *own)
 
 
 class _Model(BaseModel):
