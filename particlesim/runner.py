@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
-from particlesim.errors import DivergenceError, Interrupted
+from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
 from particlesim.scenario.scenario import Scenario
@@ -89,6 +90,8 @@ def run(
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
     recorded until then are kept.
     """
+    if threads is not None and threads < 1:
+        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
     path = None if output is None else Path(output)
     if path is not None:
         check_target(path, overwrite=overwrite)
@@ -129,7 +132,7 @@ def run(
         born=log.born,
         died=log.died,
         seconds=seconds,
-        warnings=(*watch.warnings, *problems),
+        warnings=(*advice(scenario), *watch.warnings, *problems),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from particlesim.errors import UsageError
 from particlesim.render.scene import Frame, FrameSource
 from particlesim.render.stage import Array
+from particlesim.scenario.rendering import colorable
 
 _UNITS = {
     **dict.fromkeys(("x", "y", "z", "radius", "position"), "m"),
@@ -59,8 +60,7 @@ def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
 
 
 def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
-    derived = ("none", "x", "y", "z", *(("speed",) if "velocity" in fields else ()))
-    choices = sorted({*fields, *derived} - {"position", "id"})
+    choices = colorable(fields)[1:]
     close = get_close_matches(color_by, choices, 1)
     needed = "velocity" if color_by == "speed" else color_by
     hint = f"Did you mean '{close[0]}'? " if close else ""

@@ -117,19 +117,31 @@ def _failed(out: Path, error: OSError) -> InputOutputError:
     )
 
 
+def find_ffmpeg() -> str:
+    """The program that encodes videos. Raises UsageError when there is none."""
+    import imageio_ffmpeg
+
+    try:
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except RuntimeError as error:
+        raise UsageError(
+            f"there is no ffmpeg to write videos with: {error}",
+            "Reinstall the package imageio-ffmpeg, which carries it, or render to .webp or .png.",
+        ) from None
+
+
 class Mp4Writer:
     """H.264 in MP4: yuv420p, limited range, BT.709 (tagged, or browsers show wrong colours), index at the
     front."""
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
-        import imageio_ffmpeg
-
+        ffmpeg = find_ffmpeg()
         self.out, self.part = out, _temporary(out)
         width, height = settings.size
         # -nostdin: ffmpeg leaves the terminal alone. A session of its own: Ctrl-C reaches us alone, and we
         # clean up.
         command = [
-            imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-hide_banner", "-loglevel", "error",
+            ffmpeg, "-y", "-hide_banner", "-loglevel", "error",
             "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
             "-r", f"{settings.fps:.9g}", "-i", "pipe:0",
             "-an", "-vf", "scale=out_color_matrix=bt709:out_range=tv,"

@@ -5,6 +5,7 @@ Plain data: importing this module loads neither Numba nor Pillow. Colours are sR
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
 from annotated_types import Ge, Gt, Le
@@ -17,6 +18,13 @@ from particlesim.units import Degrees, Hertz, Metres, Number, Vector
 Fraction = Annotated[float, Field(ge=0, le=1)]
 ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "blackbody"]
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
+
+
+def colorable(fields: Collection[str]) -> tuple[str, ...]:
+    """What `color_by` may be for a trajectory with these fields."""
+    speed = ("speed",) if {"velocity", "speed"} & set(fields) else ()
+    own = sorted({*fields, *speed, "x", "y", "z"} - {"position", "id"})
+    return ("auto", "none", *own)
 
 
 class Camera(Model):
