@@ -23,7 +23,8 @@ from particlesim.flows import FLOWS
 from particlesim.fluids import FLUIDS
 from particlesim.forces import FORCES, Force
 from particlesim.forces.drag import Atmosphere
-from particlesim.forces.expression import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, VARIABLES
+from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
+from particlesim.forces.operations import FUNCTIONS, VARIABLES
 from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
 from particlesim.layouts import LAYOUTS

@@ -50,7 +50,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Distribution, "[distribution](#distributions)"),
 )
 
-NAME_PATTERN = next(m.pattern for m in get_args(Name)[1:] if isinstance(m, StringConstraints))
+NAME_PATTERN = next(str(m.pattern) for m in get_args(Name)[1:] if isinstance(m, StringConstraints))
 TUPLES = {2: "`[a, b]`", 3: "`[x, y, z]`"}
 CHOICES = {get_args(MethodName): "[method](#integrators)", get_args(FluidName): "[fluid](#fluids)"}
 
