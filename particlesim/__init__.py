@@ -1,12 +1,12 @@
 """psim: particle simulations from declarative files.
 
-    import particlesim as ps
+import particlesim as ps
 
-    scenario = ps.load("scenarios/fountain.toml", overrides={"simulation.dt": 1e-3})
-    result = ps.run(scenario, output="fountain.vtkhdf")
-    result.final.position  # [m], shape [n, 3]
-    with ps.open("fountain.vtkhdf") as trajectory:
-        frame = trajectory[-1]
+scenario = ps.load("scenarios/fountain.toml", overrides={"simulation.dt": 1e-3})
+result = ps.run(scenario, output="fountain.vtkhdf")
+result.final.position  # [m], shape [n, 3]
+with ps.open("fountain.vtkhdf") as trajectory:
+    frame = trajectory[-1]
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from particlesim.scenario.load import from_table, load, loads
     from particlesim.scenario.scenario import Scenario
     from particlesim.trajectory.frame import Frame
-    from particlesim.trajectory.reader import Trajectory, open  # noqa: A004
+    from particlesim.trajectory.reader import Trajectory, open
 
 # Names are imported when they are first used: the compiler takes half a second, and reading a file needs none of it.
 _HOME = {

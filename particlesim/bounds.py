@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
@@ -17,6 +18,8 @@ from particlesim.integrators import METHODS, Verlet
 from particlesim.recording import recorded_fields
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import select_fields
+
+Floats = NDArray[np.float64]
 
 BASE_MEMORY = 250 << 20
 """Python, its libraries and the compiler [bytes]."""
@@ -56,7 +59,11 @@ def needs(scenario: Scenario) -> Needs:
             here = _alive(group, Schedule(group, scenario.streams(group)), times)
             per_particle = 8 * number + 8 + 26
         verlet = isinstance(METHODS[group.integrator or scenario.simulation.integrator], Verlet)
-        memory += int(here.max() * (per_particle + (4 * number if verlet else 0)) * (1.5 if group in scenario.emitters else 1))
+        memory += int(
+            here.max()
+            * (per_particle + (4 * number if verlet else 0))
+            * (1.5 if group in scenario.emitters else 1)
+        )
         alive += here
     ratio = GZIP_RATIO if scenario.output.compression == "gzip" else 1.0
     disk = int(grid.frames * (alive.mean() * stored * ratio + FRAME_BYTES) + 65536)
@@ -64,7 +71,7 @@ def needs(scenario: Scenario) -> Needs:
     return Needs(int(alive.max()), grid.steps, grid.frames, float(alive.mean() * grid.steps), memory, disk)
 
 
-def _alive(emitter: Emitter, schedule: Schedule, times: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _alive(emitter: Emitter, schedule: Schedule, times: Floats) -> Floats:
     """Most particles of an emitter alive at some times."""
     longest = largest(emitter.lifetime) if emitter.lifetime is not None else np.inf
     born = np.array([schedule.before(float(t)) for t in times], dtype=float)

@@ -6,7 +6,7 @@ for one, so that value k depends on number k alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Union
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -26,12 +26,11 @@ class Distribution(Model):
     """Base of all distributions."""
 
     @classmethod
-    def model_parametrized_name(cls, params: tuple[type[Any], ...]) -> str:
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
         """'Uniform length' instead of Python's spelling, for messages and the schema."""
-        parts = [cls.__name__]
-        for mark in getattr(params[0], "__metadata__", ()):
-            parts.append(mark.noun if isinstance(mark, Unit) else repr(mark).replace("(", " ").replace(")", ""))
-        return " ".join(parts)
+        marks = getattr(params[0], "__metadata__", ())
+        words = [m.noun if isinstance(m, Unit) else repr(m).replace("(", " ").replace(")", "") for m in marks]
+        return " ".join([cls.__name__, *words])
 
     def quantile(self, u: Floats) -> Floats:
         """Values at cumulative probabilities u in (0, 1), shape [n]."""
@@ -178,7 +177,7 @@ class Choice(Distribution, Generic[Q]):
 
 
 if TYPE_CHECKING:
-    Sampled = Q | Distribution
+    Sampled = Union[Q, Distribution]  # noqa: UP007
 else:
 
     class Sampled:
@@ -186,7 +185,13 @@ else:
 
         def __class_getitem__(cls, quantity: Any) -> Any:
             # typing cannot substitute a type variable inside generic models, hence by hand.
-            choices = Uniform[quantity] | Normal[quantity] | LogNormal[quantity] | Exponential[quantity] | Choice[quantity]
+            choices = (
+                Uniform[quantity]
+                | Normal[quantity]
+                | LogNormal[quantity]
+                | Exponential[quantity]
+                | Choice[quantity]
+            )
             return quantity | Annotated[choices, Field(discriminator="type")]
 
 

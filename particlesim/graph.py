@@ -72,11 +72,12 @@ class Graph:
             kind = "coupled: steps together" if island.coupled else "independent particles: steps in blocks"
             lines.append(f"island {number + 1} ({kind}, {island.method})")
             for group in island.groups:
-                node = next(n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name)
+                node = next(
+                    n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name
+                )
                 lines.append(f"  {node.kind} {node.name}: {node.detail}")
-                for edge in self.edges:
-                    if edge.target == node:
-                        lines.append(f"    <- {edge.source.kind} {edge.source.name}: {edge.source.detail}")
+                sources = [edge.source for edge in self.edges if edge.target == node]
+                lines += [f"    <- {source.kind} {source.name}: {source.detail}" for source in sources]
         return "\n".join(lines)
 
     def as_mermaid(self) -> str:
@@ -86,8 +87,7 @@ class Graph:
         for node in self.nodes:
             label = f"{node.kind} {node.name}<br/>{node.detail}".replace('"', "'")
             lines.append(f'  {number[node.key]}["{label}"]')
-        for edge in self.edges:
-            lines.append(f"  {number[edge.source.key]} -->|{edge.verb}| {number[edge.target.key]}")
+        lines += [f"  {number[e.source.key]} -->|{e.verb}| {number[e.target.key]}" for e in self.edges]
         return "\n".join(lines)
 
 
@@ -103,22 +103,32 @@ def build_graph(scenario: Scenario) -> Graph:
         edges.extend(Edge(node, groups[name], verb) for name in targets)
 
     for label, force in zip(labels, scenario.forces, strict=False):
-        act(Node("force", label, force.formula), "acts on", [g.name for g in scenario.groups if acts_on(force, g)])
+        act(
+            Node("force", label, force.formula),
+            "acts on",
+            [g.name for g in scenario.groups if acts_on(force, g)],
+        )
     for label, springs in zip(labels[len(scenario.forces) :], scenario.springs, strict=True):
         detail = f"{len(springs.pairs)} springs, k = {springs.stiffness:g} N/m"
         act(Node("springs", label, detail), "joins", list(dict.fromkeys(springs.groups())))
     for k, plane in enumerate(scenario.planes):
-        act(Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario))
+        act(
+            Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
+        )
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
     islands = _islands(scenario)
     recorder = Node("recorder", "trajectory", f"{scenario.grid.frames} frames")
-    integrators = {name: Node("integrator", name, METHODS[name].summary) for name in {i.method for i in islands}}
+    integrators = {
+        name: Node("integrator", name, METHODS[name].summary) for name in {i.method for i in islands}
+    }
     nodes += [*sorted(integrators.values(), key=lambda n: n.name), recorder]
     for island in islands:
         edges += [Edge(groups[g.name], integrators[island.method], "stepped by") for g in island.groups]
-    edges += [Edge(node, recorder, "recorded by") for node in sorted(integrators.values(), key=lambda n: n.name)]
+    edges += [
+        Edge(node, recorder, "recorded by") for node in sorted(integrators.values(), key=lambda n: n.name)
+    ]
     return Graph(tuple(nodes), tuple(edges), islands)
 
 

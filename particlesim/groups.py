@@ -102,12 +102,18 @@ class Group(Model):
                     at=("radius",),
                     hint="give the distribution a min" if isinstance(self.radius, Distribution) else None,
                 )
-        for name, least in (("mass", "greater than 0"), ("radius", "0 or more"), ("temperature", "0 or more")):
+        for name, least in (
+            ("mass", "greater than 0"),
+            ("radius", "0 or more"),
+            ("temperature", "0 or more"),
+        ):
             value = getattr(self, name)
             if isinstance(value, Distribution):
                 low = smallest(value)
                 if low < 0 or (low == 0 and name == "mass"):
-                    raise invalid(f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min")
+                    raise invalid(
+                        f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min"
+                    )
         if self.cooling is not None and self.temperature is None:
             raise invalid("cooling needs a temperature to begin with", at=("cooling",))
         return self

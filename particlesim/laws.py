@@ -28,7 +28,7 @@ LEAVE = 3
 
 
 class Particle(NamedTuple):
-    """One particle as a law sees it: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], time [s]."""
+    """One particle: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], and the time [s]."""
 
     x: float
     y: float
@@ -43,7 +43,7 @@ class Particle(NamedTuple):
 
 
 class Generic(NamedTuple):
-    """A quantity given by laws: its stub, the laws by record type, and how many numbers it returns (0: laws do not add up)."""
+    """A quantity given by laws: its stub, the laws by record type, how many numbers it returns (0: laws do not add up)."""
 
     function: Callable[..., Any]
     laws: dict[type, Callable[..., Any]]
@@ -114,58 +114,58 @@ def evaluate(generic: Callable[..., Any], record: Record, p: Particle) -> Any:
 @generic(3)
 def force(f: Any, p: Particle) -> Vector:
     """Force on a particle [N]."""
-    return evaluate(force, f, p)  # type: ignore[no-any-return]
+    return evaluate(force, f, p)
 
 
 @generic(1)
 def potential(f: Any, p: Particle) -> float:
     """Potential energy of a particle in a conservative force [J]: F = −∇U."""
-    return evaluate(potential, f, p)  # type: ignore[no-any-return]
+    return evaluate(potential, f, p)
 
 
 @generic(9)
 def force_dx(f: Any, p: Particle) -> Matrix:
     """Jacobian of a force by position, ∂f_i/∂x_j [N/m], row by row."""
-    return evaluate(force_dx, f, p)  # type: ignore[no-any-return]
+    return evaluate(force_dx, f, p)
 
 
 @generic(9)
 def force_dv(f: Any, p: Particle) -> Matrix:
     """Jacobian of a force by velocity, ∂f_i/∂v_j [N s/m], row by row."""
-    return evaluate(force_dv, f, p)  # type: ignore[no-any-return]
+    return evaluate(force_dv, f, p)
 
 
 @generic(3)
 def bond_force(f: Any, b: Any) -> Vector:
     """Force on the first end of a bond [N]; the second end feels its opposite."""
-    return evaluate(bond_force, f, b)  # type: ignore[no-any-return]
+    return evaluate(bond_force, f, b)
 
 
 @generic(1)
 def bond_potential(f: Any, b: Any) -> float:
     """Potential energy of a bond [J]."""
-    return evaluate(bond_potential, f, b)  # type: ignore[no-any-return]
+    return evaluate(bond_potential, f, b)
 
 
 @generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""
-    return evaluate(velocity, f, p)  # type: ignore[no-any-return]
+    return evaluate(velocity, f, p)
 
 
 @generic(9)
 def velocity_dx(f: Any, p: Particle) -> Matrix:
     """Gradient of a fluid's velocity, ∂w_i/∂x_j [1/s], row by row."""
-    return evaluate(velocity_dx, f, p)  # type: ignore[no-any-return]
+    return evaluate(velocity_dx, f, p)
 
 
 @generic(0)
 def gap(c: Any, p: Particle) -> float:
     """Distance from a particle's surface to a collider [m]; negative where it overlaps."""
-    return evaluate(gap, c, p)  # type: ignore[no-any-return]
+    return evaluate(gap, c, p)
 
 
 @generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
     """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL or LEAVE)."""
-    return evaluate(contact, c, p)  # type: ignore[no-any-return]
+    return evaluate(contact, c, p)

@@ -109,7 +109,9 @@ def run(
         raise
     except KeyboardInterrupt:
         status = "interrupted"
-        raise Interrupted(f"stopped at t = {simulation.time:.9g} s of {scenario.grid.duration:.9g} s") from None
+        raise Interrupted(
+            f"stopped at t = {simulation.time:.9g} s of {scenario.grid.duration:.9g} s"
+        ) from None
     finally:
         simulation.close()
         if writer is not None:
@@ -165,7 +167,15 @@ def _steps(
             elapsed = time.perf_counter() - began
             done = simulation.particle_steps
             progress(
-                Progress(simulation.step, grid.steps, simulation.time, simulation.count, done, elapsed, len(log.times))
+                Progress(
+                    simulation.step,
+                    grid.steps,
+                    simulation.time,
+                    simulation.count,
+                    done,
+                    elapsed,
+                    len(log.times),
+                )
             )
 
     for step in (0, *grid.frame_steps()):

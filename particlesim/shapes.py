@@ -70,7 +70,9 @@ class Box(Shape):
     def _ordered(self) -> Box:
         for k, axis in enumerate("xyz"):
             if self.max[k] < self.min[k]:
-                raise invalid(f"max is less than min in {axis}", at=("max", k), also=[(("min", k), "min is given here")])
+                raise invalid(
+                    f"max is less than min in {axis}", at=("max", k), also=[(("min", k), "min is given here")]
+                )
         return self
 
     def sample(self, streams: Streams, first: int, count: int) -> Floats:
@@ -130,7 +132,9 @@ class Shell(Shape):
     @model_validator(mode="after")
     def _ordered(self) -> Shell:
         if self.outer < self.inner:
-            raise invalid("outer is less than inner", at=("outer",), also=[(("inner",), "inner is given here")])
+            raise invalid(
+                "outer is less than inner", at=("outer",), also=[(("inner",), "inner is given here")]
+            )
         return self
 
     def sample(self, streams: Streams, first: int, count: int) -> Floats:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from particlesim.engine.simulation import Simulation
 from particlesim.forces.stokes_drag import StokesDrag
-from particlesim.laws import Particle, velocity
+from particlesim.laws import velocity
 from particlesim.scenario.scenario import Scenario, acts_on
 
 FASTEST = 4
@@ -33,10 +35,10 @@ class Watch:
                 speed2 = (state.v[:, : state.count].astype(float) ** 2).sum(axis=0)
                 flows = tuple(flow.record() for flow in force.flow)
                 for i in np.argsort(speed2)[-FASTEST:]:
-                    x, v, r = state.x[:, i].astype(float), state.v[:, i].astype(float), float(state.radius[i])
-                    p = Particle(*x, *v, float(state.mass[i]), r, 0.0, simulation.time)
-                    relative = np.linalg.norm(v - np.array(velocity(flows, p)))
-                    reynolds = float(2 * r * (force.rho or 0) * relative / force.eta)
+                    p = state.particle(int(i), simulation.time)
+                    wx, wy, wz = velocity(flows, p)
+                    relative = math.hypot(p.vx - wx, p.vy - wy, p.vz - wz)
+                    reynolds = 2 * p.r * (force.rho or 0) * relative / force.eta
                     if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
                         self._largest[label] = (reynolds, simulation.time)
 

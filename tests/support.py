@@ -57,7 +57,11 @@ def clock(n: int, start: float = -np.inf, stop: float = np.inf) -> Clock:
 
 
 def program(
-    method: str, forces: Sequence[Any] = (), contacts: Any = NO_CONTACTS, dynamics: Any = None, dtype: Any = np.float64
+    method: str,
+    forces: Sequence[Any] = (),
+    contacts: Any = NO_CONTACTS,
+    dynamics: Any = None,
+    dtype: Any = np.float64,
 ) -> Program:
     """A program of records, in the precision of the run."""
     return Program(
@@ -77,7 +81,10 @@ def cast(record: Any, dtype: Any) -> Any:
 
 
 def careful(
-    continuous: Sequence[Any] = (), discrete: Sequence[Any] = (), *, tolerance: float = 4 * np.finfo(float).eps
+    continuous: Sequence[Any] = (),
+    discrete: Sequence[Any] = (),
+    *,
+    tolerance: float = 4 * np.finfo(float).eps,
 ) -> Careful:
     """Careful contacts; the resting planes are the continuous ones without rebound."""
     return Careful(

@@ -51,7 +51,9 @@ class Springs(Model):
                 raise invalid(f"joins particle {a} to itself", at=("pairs", k))
             key = frozenset((a, b)) if within else (a, b)
             if key in seen:
-                raise invalid("this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")])
+                raise invalid(
+                    "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
+                )
             seen[key] = k
         return self
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
@@ -48,7 +49,9 @@ class Plane(Model):
         for name in ("restitution", "tangential_loss"):
             if self.contact != "bounce" and name in self.model_fields_set:
                 raise invalid(
-                    f'{name} acts only with contact = "bounce"', at=(name,), also=[(("contact",), f"{self.contact} here")]
+                    f'{name} acts only with contact = "bounce"',
+                    at=(name,),
+                    also=[(("contact",), f"{self.contact} here")],
                 )
         return self
 
@@ -61,7 +64,8 @@ class Plane(Model):
             bounce, loss = 1.0, 1.0  # nothing of the velocity is left
         elif self.contact == "kill":
             bounce, loss = 0.0, 0.0  # the velocity of the impact stays in the record
-        for axis, kind in enumerate((PlaneXRecord, PlaneYRecord, PlaneZRecord)):
+        along: tuple[Callable[..., AnyPlaneRecord], ...] = (PlaneXRecord, PlaneYRecord, PlaneZRecord)
+        for axis, kind in enumerate(along):
             if abs(normal[axis]) == 1:
                 side = normal[axis]
                 return kind(side, side * self.point[axis], bounce, 1 - loss, outcome)

@@ -90,7 +90,9 @@ class Emitter(Group):
     @model_validator(mode="after")
     def _emits(self) -> Emitter:
         if self.rate is None and not self.bursts():
-            raise invalid("emits nothing", allowed="rate = 150, or burst = { count = 500, at = 1.0 }, or both")
+            raise invalid(
+                "emits nothing", allowed="rate = 150, or burst = { count = 500, at = 1.0 }, or both"
+            )
         if self.rate is None and self.stop is not None:
             raise invalid("stop ends the rate, and there is none", at=("stop",))
         if self.stop is not None and self.stop <= self.start:
@@ -101,7 +103,9 @@ class Emitter(Group):
                 raise invalid("a burst before the beginning", at=at)
         if isinstance(self.lifetime, Distribution) and not smallest(self.lifetime) > 0:
             raise invalid(
-                "this distribution can give a lifetime that is not greater than 0", at=("lifetime",), hint="add min"
+                "this distribution can give a lifetime that is not greater than 0",
+                at=("lifetime",),
+                hint="add min",
             )
         return self
 

@@ -64,14 +64,20 @@ def cache_directory() -> Path | None:
         probe.touch()
         probe.unlink()
     except (OSError, RuntimeError) as error:  # RuntimeError: no home directory
-        problem = f"kernels are compiled anew in every process: {error}; set PSIM_CACHE_DIR to a writable directory"
+        problem = (
+            f"kernels are compiled anew in every process: {error}; set PSIM_CACHE_DIR to a writable directory"
+        )
         return None
     return path
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function for the hot path: releases the GIL, kept on disk, arithmetic as in `FAST`."""
-    dispatcher = numba.njit(**_KERNEL)(function)
+    return keep_on_disk(numba.njit(**_KERNEL)(function))
+
+
+def keep_on_disk(dispatcher: Any) -> Any:
+    """Switch on the disk cache of a compiled function."""
     directory = cache_directory()
     if directory is not None:
         # Numba reads the directory when caching is switched on. Its setting is global, so it is given back at once:

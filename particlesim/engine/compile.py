@@ -70,6 +70,16 @@ def add(a: Any, b: Any) -> Any:
     return stub()
 
 
+def outline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator like `inline` for what is rarely called: compiled as a function of its own."""
+
+    def register(select: Callable[..., Any]) -> Callable[..., Any]:
+        overload(stub, jit_options={**INLINE, "forceinline": False}, strict=False)(select)
+        return select
+
+    return register
+
+
 def inline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorator: `select(types...)` returns the implementation of `stub` for these types; it is inlined."""
 

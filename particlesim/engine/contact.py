@@ -11,10 +11,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from numba import types
-from numba.extending import overload
 
-from particlesim.engine.cache import FAST
-from particlesim.engine.compile import inline, stub
+from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
 
@@ -131,7 +129,7 @@ def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
     return stub()
 
 
-@overload(_separate, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_separate)
 def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Callable[..., Any]:
     def impl(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
         slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
@@ -148,12 +146,14 @@ def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Ca
     return impl
 
 
-def _time_of_impact(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+def _time_of_impact(
+    method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
+) -> Any:
     """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
     return stub()
 
 
-@overload(_time_of_impact, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(_time_of_impact)
 def _time_of_impact_overload(
     method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any]:
@@ -197,7 +197,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     return stub()
 
 
-@overload(trace, jit_options={"fastmath": FAST, "error_model": "numpy"}, strict=False)
+@outline(trace)
 def _trace(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
 ) -> Callable[..., Any] | None:

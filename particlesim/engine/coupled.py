@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-
 from particlesim.bonds.spring import Pair
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import fetch, held, note, span, store, type_of
@@ -210,7 +209,9 @@ def _evolve(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end:
     kind = method.instance_class
     if kind is StagedComposition:
 
-        def composition(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any) -> None:
+        def composition(
+            method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any
+        ) -> None:
             now = t
             for stage in range(method.kicks.size):
                 kick, drift = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
@@ -234,7 +235,9 @@ def _evolve(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end:
         return composition
     if kind is StagedRungeKutta:
 
-        def runge_kutta(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any) -> None:
+        def runge_kutta(
+            method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any
+        ) -> None:
             stages = method.b.size
             for stage in range(stages + 1):
                 # Place of the stage; after the last one, the end of the step.
@@ -333,7 +336,16 @@ def _collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Impl:
                         k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
                     )
                     p = Particle(
-                        before[0, i], before[1, i], before[2, i], before[3, i], before[4, i], before[5, i], q.m, q.r, q.T, begin
+                        before[0, i],
+                        before[1, i],
+                        before[2, i],
+                        before[3, i],
+                        before[4, i],
+                        before[5, i],
+                        q.m,
+                        q.r,
+                        q.T,
+                        begin,
                     )
                     r, _, outcome = trace(WHOLE_STEP, Newtonian(), (mean,), part.contacts, p, hi, ())
                     forget(c.memory, i)
@@ -395,7 +407,7 @@ def step_island(
         for i in range(n):
             drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
             drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
-            broken |= not (drop == 0)
+            broken |= drop != 0
         if broken:
             for i in range(n):
                 c.x[i], c.y[i], c.z[i] = work.before[0, i], work.before[1, i], work.before[2, i]
@@ -406,8 +418,6 @@ def step_island(
     add_bonds(bonds, c, work.force)
     settle(parts, c, work.force, end)
     return steps
-
-
 
 
 @kernel

@@ -12,11 +12,14 @@ import numpy as np
 
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
+    KEPT,
     block_of,
     chosen,
     fetch,
     held,
+    keep,
     note,
+    put_back,
     recall,
     remember,
     span,
@@ -28,7 +31,6 @@ from particlesim.engine.columns import (
 from particlesim.engine.compile import inline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.steppers import Newtonian, advance, derivative, restart
-from particlesim.laws import PASS
 
 BLOCK = 512
 """Particles in a block: 7 columns of 4 KiB stay in a 32 KiB cache."""
@@ -56,7 +58,9 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
             for i in range(c.x.size):
                 begin, hi = span(c.clock, i, t, end, h)
                 p = fetch(c, i, begin)
-                q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+                q, memory = advance(
+                    program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i)
+                )
                 r, outcome = meet(program.contacts.colliders, q)
                 idle = still(c.clock, hi)
                 store(c, i, chosen(idle, p, r))
@@ -83,7 +87,13 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
                 if hi > 0:
                     p = fetch(c, i, begin)
                     q, memory, outcome = trace(
-                        program.method, program.dynamics, program.forces, program.contacts, p, hi, recall(c.memory, i)
+                        program.method,
+                        program.dynamics,
+                        program.forces,
+                        program.contacts,
+                        p,
+                        hi,
+                        recall(c.memory, i),
                     )
                     store(c, i, q)
                     remember(c.memory, i, True, memory)
@@ -130,18 +140,14 @@ def step_range(
     A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
     first particle k, so that the caller can look for the step and the particle.
     """
-    keep = np.empty((6, block), columns.x.dtype)
+    kept = np.empty((KEPT, block))
     marks = np.empty(block, np.bool_)
     for lo in range(first, last, block):
         c = block_of(columns, lo, min(last, lo + block))
         n = c.x.size
         h = type_of(c.x[0], dt)
-        keep[0, :n] = c.x
-        keep[1, :n] = c.y
-        keep[2, :n] = c.z
-        keep[3, :n] = c.vx
-        keep[4, :n] = c.vy
-        keep[5, :n] = c.vz
+        for i in range(n):
+            keep(c, kept, i)
         for s in range(steps):
             step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
         refresh(program, c, (first_step + steps) * dt)
@@ -150,12 +156,8 @@ def step_range(
             # x − x is 0 for every finite x, NaN otherwise
             drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
             drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
-            broken |= not (drop == 0)
+            broken |= drop != 0
         if broken:
             faults[lo] = True
-            c.x[:] = keep[0, :n]
-            c.y[:] = keep[1, :n]
-            c.z[:] = keep[2, :n]
-            c.vx[:] = keep[3, :n]
-            c.vy[:] = keep[4, :n]
-            c.vz[:] = keep[5, :n]
+            for i in range(n):
+                put_back(c, kept, i)

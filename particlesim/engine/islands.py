@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,12 @@ class IndependentIsland:
     """One group of particles that do not act on each other, with its emitter if it has one."""
 
     def __init__(
-        self, scenario: Scenario, island: Island, state: GroupState, births: tuple[int, int], block: int = BLOCK
+        self,
+        scenario: Scenario,
+        island: Island,
+        state: GroupState,
+        births: tuple[int, int],
+        block: int = BLOCK,
     ) -> None:
         (group,), (forces,), (planes,) = island.groups, island.forces, island.planes
         self.states = [state]
@@ -279,7 +285,7 @@ class CoupledIsland:
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
         whole = self.island_columns()
-        return [_stretch(whole, a, b) for a, b in zip(self._bounds, self._bounds[1:], strict=False)]
+        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
@@ -298,7 +304,14 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         done = step_island(
-            self._staged, self.parts, self.bonds, self.island_columns(), self._work, first, last - first, self.dt
+            self._staged,
+            self.parts,
+            self.bonds,
+            self.island_columns(),
+            self._work,
+            first,
+            last - first,
+            self.dt,
         )
         if done == last - first:
             return None, None, None
@@ -307,7 +320,7 @@ class CoupledIsland:
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""
         columns = self.island_columns()
-        copy = replace_arrays(columns)
+        copy = copied(columns)
         step_island(self._staged, self.parts, self.bonds, copy, self._work, step, 1, self.dt)
         wild = ~np.isfinite(self._work.force).all(axis=0)
         row = int(wild.argmax() if wild.any() else np.abs(self._work.force).sum(axis=0).argmax())
@@ -318,7 +331,9 @@ class CoupledIsland:
 def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:
     """Whether a kernel must read the radii of a group: a law does, or planes hold back particles that have a size."""
     from_file = isinstance(group, Particles) and isinstance(group.layout, File)
-    return any(force.needs_radius() for force in forces) or (bool(planes) and (group.has_radius() or from_file))
+    return any(force.needs_radius() for force in forces) or (
+        bool(planes) and (group.has_radius() or from_file)
+    )
 
 
 def _stretch(c: Columns, a: int, b: int) -> Columns:
@@ -327,15 +342,18 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
     heat = c.thermal
     if heat is not None:
         heat = Thermal(heat.start[a:b], heat.birth[a:b], heat.rate, heat.ambient)
-    plain = [column[a:b] if column is not None else None for column in c[:8]]
-    return Columns(*plain, heat, clock, tuple(column[a:b] for column in c.memory))
+    return c._replace(
+        **{name: getattr(c, name)[a:b] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
+        r=None if c.r is None else c.r[a:b],
+        thermal=heat,
+        clock=clock,
+        memory=tuple(column[a:b] for column in c.memory),
+    )
 
 
-def replace_arrays(c: Columns) -> Columns:
+def copied(c: Columns) -> Columns:
     """Columns with position, velocity and memory copied."""
     return c._replace(
         **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
         memory=tuple(column.copy() for column in c.memory),
     )
-
-

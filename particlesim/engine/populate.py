@@ -77,4 +77,3 @@ def _pin(state: GroupState, group: Group) -> None:
     if pinned:
         fixed = np.isinf(state.start[: state.count])
         state.v[:, : state.count][:, fixed] = 0
-

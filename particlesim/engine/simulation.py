@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,9 @@ class Simulation:
         by_name = {state.name: state for island in self._islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
         self._kicks = sorted(
-            (round(at / scenario.grid.dt), k) for k, kick in enumerate(scenario.impulses) for at in kick.times()
+            (round(at / scenario.grid.dt), k)
+            for k, kick in enumerate(scenario.impulses)
+            for at in kick.times()
         )
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
@@ -76,7 +79,9 @@ class Simulation:
                 continue
             (group,) = island.groups
             # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
-            births = (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
+            births = (
+                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
+            )
             state = states.get(group.name) or populate(self.scenario, island, group, 0)
             extra = {} if block is None else {"block": block}
             islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
@@ -160,9 +165,13 @@ class Simulation:
         """
         total = dict.fromkeys(self.ledger_columns(), 0.0)
         columns = {
-            state.name: c for island in self._islands for state, c in zip(island.states, island.columns(), strict=True)
+            state.name: c
+            for island in self._islands
+            for state, c in zip(island.states, island.columns(), strict=True)
         }
-        for (name, forces), group, state in zip(self._sources, self.scenario.groups, self.states, strict=True):
+        for (name, forces), group, state in zip(
+            self._sources, self.scenario.groups, self.states, strict=True
+        ):
             records = tuple(as_precision(self.scenario.forces[k].record(), state.dtype) for k in forces)
             sums = measure(records, columns[name], self.time, self.team)
             if group.dynamics.type == "second_order":
@@ -171,7 +180,7 @@ class Simulation:
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 total[f"potential.{self._labels[k]}"] += value
         labels = iter(self._labels[len(self.scenario.forces) :])
-        names = {springs: label for springs, label in zip(self.scenario.springs, labels, strict=True)}
+        names = dict(zip(self.scenario.springs, labels, strict=True))
         for island, structure in zip(self._islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 energies = bond_energy(island.bonds, island.island_columns())
@@ -192,11 +201,9 @@ class Simulation:
         state = island.states[fault.member]
         time = fault.step * self.scenario.grid.dt
         row = fault.row
-        x, v = state.x[:, row].astype(float), state.v[:, row].astype(float)
-        heat = float(state.temperature(time)[row]) if state.warm else 0.0
-        p = Particle(*x, *v, float(state.mass[row]), float(state.radius[row]), heat, time)
+        p = state.particle(row, time)
         name, size = self._strongest(state.name, p)
-        where = f"({x[0]:.6g}, {x[1]:.6g}, {x[2]:.6g}) m with velocity ({v[0]:.6g}, {v[1]:.6g}, {v[2]:.6g}) m/s"
+        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
         message = (
             f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
             f"it was at {where}"
@@ -226,4 +233,4 @@ class Simulation:
 def rows(states: Sequence[GroupState]) -> list[slice]:
     """Rows of every group in a frame: groups follow each other."""
     ends = np.cumsum([0, *(state.count for state in states)]).tolist()
-    return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+    return [slice(a, b) for a, b in pairwise(ends)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.groups import Cooling
-from particlesim.laws import KILL, LEAVE, STICK
+from particlesim.laws import KILL, LEAVE, STICK, Particle
 
 CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside"}
 """Why a particle died, by code."""
@@ -100,6 +100,13 @@ class GroupState:
         """Ages at a time [s], shape [n]."""
         return time - self.birth[: self.count] if self.clocked else np.full(self.count, time)
 
+    def particle(self, row: int, time: float) -> Particle:
+        """One particle as laws see it, in plain Python; its temperature is 0 if it has none."""
+        x, y, z = (float(c) for c in self.x[:, row])
+        vx, vy, vz = (float(c) for c in self.v[:, row])
+        heat = float(self.temperature(time)[row]) if self.warm else 0.0
+        return Particle(x, y, z, vx, vy, vz, float(self.mass[row]), float(self.radius[row]), heat, time)
+
     def columns(self, *, radius: bool, thermal: bool) -> Columns:
         """The arrays as kernels take them, with what its laws use."""
         n = self.count
@@ -110,8 +117,12 @@ class GroupState:
             born = self.birth[:n] if self.clocked else np.zeros(n)
             heat = Thermal(self.heat[:n], born, rate, ambient)
         return Columns(
-            *(self.x[k, :n] for k in range(3)),
-            *(self.v[k, :n] for k in range(3)),
+            self.x[0, :n],
+            self.x[1, :n],
+            self.x[2, :n],
+            self.v[0, :n],
+            self.v[1, :n],
+            self.v[2, :n],
             self.mass[:n],
             self.radius[:n] if radius else None,
             heat,

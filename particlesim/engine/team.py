@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 PIECES_PER_THREAD = 4
@@ -25,7 +26,9 @@ class Team:
         self.threads = available_cores() if threads is None else threads
         self._pool = ThreadPoolExecutor(self.threads, "psim") if self.threads > 1 else None
 
-    def over_range(self, count: int, grain: int, work: Callable[[int, int], Any], *, worth: bool = True) -> None:
+    def over_range(
+        self, count: int, grain: int, work: Callable[[int, int], Any], *, worth: bool = True
+    ) -> None:
         """Call work(first, last) for ranges that cover [0, count) and begin at multiples of `grain`.
 
         With `worth` False, or one thread, everything is done in one call by the caller's thread.
@@ -36,7 +39,7 @@ class Team:
             return
         pieces = min(self.threads * PIECES_PER_THREAD, grains)
         cuts = [grain * (grains * k // pieces) for k in range(pieces)] + [count]
-        self._wait(self._pool.submit(work, a, b) for a, b in zip(cuts, cuts[1:], strict=False))
+        self._wait(self._pool.submit(work, a, b) for a, b in pairwise(cuts))
 
     def each(self, jobs: Iterable[Callable[[], Any]], *, worth: bool = True) -> None:
         """Run jobs that do not depend on each other."""

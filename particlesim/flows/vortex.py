@@ -90,7 +90,11 @@ def turning(
     """Gradient of w = ω(ρ²) a × d, with ω = rate and dω/d(ρ²) = slope."""
     dx, dy, dz = p.x - f.cx, p.y - f.cy, p.z - f.cz
     along = dx * f.ax + dy * f.ay + dz * f.az
-    ex, ey, ez = 2 * slope * (dx - along * f.ax), 2 * slope * (dy - along * f.ay), 2 * slope * (dz - along * f.az)
+    ex, ey, ez = (
+        2 * slope * (dx - along * f.ax),
+        2 * slope * (dy - along * f.ay),
+        2 * slope * (dz - along * f.az),
+    )
     ux, uy, uz, _ = across(f, p)
     return (
         ux * ex,

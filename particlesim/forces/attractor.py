@@ -12,9 +12,20 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from particlesim.forces.base import Force
-from particlesim.laws import ZERO_MATRIX, Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, potential
 from particlesim.crossfield import invalid
+from particlesim.forces.base import Force
+from particlesim.laws import (
+    ZERO_MATRIX,
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    potential,
+)
 from particlesim.units import CubicMetresPerSecondSquared, Kilograms, Metres, Number
 from particlesim.units import Vector as Vector3
 
@@ -43,12 +54,18 @@ class Attractor(Force):
     @model_validator(mode="after")
     def _one_strength(self) -> Attractor:
         if self.strength is None and self.mass is None:
-            raise invalid("needs a strength", allowed="strength (G M, in m³/s² for exponent 2), or mass in kg")
+            raise invalid(
+                "needs a strength", allowed="strength (G M, in m³/s² for exponent 2), or mass in kg"
+            )
         if self.strength is not None and self.mass is not None:
-            raise invalid("strength and mass contradict each other", at=("mass",), also=[(("strength",), "given here")])
+            raise invalid(
+                "strength and mass contradict each other", at=("mass",), also=[(("strength",), "given here")]
+            )
         if self.mass is not None and self.exponent != 2:
             raise invalid(
-                "a mass attracts with exponent 2", at=("exponent",), also=[(("mass",), "give strength instead of mass")]
+                "a mass attracts with exponent 2",
+                at=("exponent",),
+                also=[(("mass",), "give strength instead of mass")],
             )
         return self
 

@@ -18,7 +18,18 @@ from particlesim.crossfield import invalid
 from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.gravity import STANDARD_GRAVITY
-from particlesim.laws import ZERO_MATRIX, Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, potential
+from particlesim.laws import (
+    ZERO_MATRIX,
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    potential,
+)
 from particlesim.units import CubicMetres, KilogramsPerCubicMetre, Metres, MetresPerSecondSquared
 from particlesim.units import Vector as Vector3
 from particlesim.vectors import norm, unit
@@ -47,9 +58,13 @@ class Buoyancy(Force):
         if self.fluid is None and self.density is None:
             raise invalid("needs the fluid's density", allowed='fluid = "water", or density = 1000')
         if self.fluid is not None and self.density is not None:
-            raise invalid("fluid and density contradict each other", at=("density",), also=[(("fluid",), "given here")])
+            raise invalid(
+                "fluid and density contradict each other", at=("density",), also=[(("fluid",), "given here")]
+            )
         if self.fluid is not None and self.fluid not in WITH_DENSITY:
-            raise invalid(f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density instead")
+            raise invalid(
+                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density instead"
+            )
         if self.surface is not None and self.volume is not None:
             raise invalid(
                 "partial immersion is that of a sphere: it takes its volume from the radius",

@@ -32,7 +32,18 @@ from particlesim.forces.fluid_laws import (
     drag_slope,
     drag_speed,
 )
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, velocity, velocity_dx
+from particlesim.laws import (
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    velocity,
+    velocity_dx,
+)
 from particlesim.model import Model
 from particlesim.units import Kelvin, KilogramsPerCubicMetre, Metres, Number, PascalSeconds, SquareMetres
 
@@ -75,10 +86,14 @@ class Drag(Force):
         if self.fluid is None and self.density is None:
             raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
         if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
-            raise invalid(f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well")
+            raise invalid(
+                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well"
+            )
         if self.coefficient == "schiller_naumann":
             if self.fluid is None and self.viscosity is None:
-                raise invalid("schiller_naumann needs the viscosity", at=("coefficient",), allowed="fluid or viscosity")
+                raise invalid(
+                    "schiller_naumann needs the viscosity", at=("coefficient",), allowed="fluid or viscosity"
+                )
             if isinstance(self.density, Atmosphere):
                 raise invalid(
                     "schiller_naumann needs one density everywhere",
@@ -101,7 +116,9 @@ class Drag(Force):
     def record(self) -> DragRecord:
         rho: Constant | StandardAtmosphere = Constant(self.rho)
         if isinstance(self.density, Atmosphere):
-            rho = StandardAtmosphere(self.density.sea_level, self.density.temperature_offset, self.density.humidity)
+            rho = StandardAtmosphere(
+                self.density.sea_level, self.density.temperature_offset, self.density.humidity
+            )
         c_d: Constant | SchillerNaumann
         if self.coefficient == "schiller_naumann":
             eta = self.viscosity if self.viscosity is not None else FLUIDS[self.fluid or ""].viscosity

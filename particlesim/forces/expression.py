@@ -48,13 +48,13 @@ class Ray(NamedTuple):
 @generic(1)
 def value(f: Any, p: Particle) -> float:
     """Value of an expression at a particle."""
-    return evaluate(value, f, p)  # type: ignore[no-any-return]
+    return evaluate(value, f, p)
 
 
 @generic(1)
 def slope(f: Any, p: Ray) -> float:
     """Derivative of an expression along a direction."""
-    return evaluate(slope, f, p)  # type: ignore[no-any-return,arg-type]
+    return evaluate(slope, f, p)  # type: ignore[arg-type]
 
 
 class Constant(NamedTuple):
@@ -521,7 +521,11 @@ class _Builder:
             return self._call(node)
         if isinstance(node, ast.IfExp):
             return self._choice(node)
-        raise self._error(node, "not allowed in an expression", "numbers, names, + - * / **, functions and a if b < c else d")
+        raise self._error(
+            node,
+            "not allowed in an expression",
+            "numbers, names, + - * / **, functions and a if b < c else d",
+        )
 
     def _number(self, node: ast.Constant) -> Node:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
@@ -548,7 +552,9 @@ class _Builder:
         if isinstance(node.op, ast.Pow):
             return self._power(node)
         if type(node.op) not in _BINARY:
-            hint = "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
+            hint = (
+                "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
+            )
             raise self._error(node, "unknown operator", hint)
         return self._folded(_BINARY[type(node.op)](self.build(node.left), self.build(node.right)), node)
 
@@ -614,7 +620,9 @@ class _Builder:
             except (ArithmeticError, TypeError, ValueError):  # 1/0, 9.0**999 and the complex (−8)**0.5
                 number = math.nan
         if not math.isfinite(number):
-            raise self._error(node, "this is no finite number", "the constants in it give infinity, or nothing real")
+            raise self._error(
+                node, "this is no finite number", "the constants in it give infinity, or nothing real"
+            )
         return Constant(number)
 
 
@@ -625,4 +633,6 @@ def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> s
 
 def reads(node: Node, variable: type) -> bool:
     """Whether an expression reads a variable."""
-    return isinstance(node, variable) or any(isinstance(part, tuple) and reads(part, variable) for part in node)
+    return isinstance(node, variable) or any(
+        isinstance(part, tuple) and reads(part, variable) for part in node
+    )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import keyword
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+from pydantic import Field as _Default
 from pydantic import StringConstraints, model_validator
 
 from particlesim.crossfield import invalid
@@ -44,17 +45,22 @@ class Field(Force):
     """Components of the force in newtons, as expressions of x, y, z, vx, vy, vz, t, m, r, T and the constants."""
     potential: Expression | None = None
     """Potential energy in joules as an expression, instead of the force; F = −∇U."""
-    constants: dict[Name, Number] = {}
+    constants: dict[Name, Number] = _Default(default_factory=dict)
     """Numbers by name, for use in the expressions."""
 
     formula: ClassVar[str] = "f = f(x, v, t, m, r, T), or f = −∇U"
-    energy: ClassVar[str] = "U as written, if a potential is given; else none: a field need not derive from one"
+    energy: ClassVar[str] = (
+        "U as written, if a potential is given; else none: a field need not derive from one"
+    )
     needs_velocity: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _parses(self) -> Field:
         if (self.force is None) == (self.potential is None):
-            raise invalid("needs either force or potential", allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"')
+            raise invalid(
+                "needs either force or potential",
+                allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"',
+            )
         for name in self.constants:
             _check_constant(name)
         for path, text in self._texts():

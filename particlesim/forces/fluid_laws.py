@@ -16,31 +16,31 @@ from particlesim.laws import Particle, evaluate, generic, helper, law
 @generic(1)
 def density(f: Any, p: Particle) -> float:
     """Density of the fluid at the particle's place [kg/m³]."""
-    return evaluate(density, f, p)  # type: ignore[no-any-return]
+    return evaluate(density, f, p)
 
 
 @generic(1)
 def density_slope(f: Any, p: Particle) -> float:
     """Change of the density with height, dρ/dy [kg/m⁴]."""
-    return evaluate(density_slope, f, p)  # type: ignore[no-any-return]
+    return evaluate(density_slope, f, p)
 
 
 @generic(1)
 def drag_speed(f: Any, q: Particle) -> float:
     """Drag coefficient times speed, c_d |u| [m/s], finite at rest; the velocity u of q is relative to the fluid."""
-    return evaluate(drag_speed, f, q)  # type: ignore[no-any-return]
+    return evaluate(drag_speed, f, q)
 
 
 @generic(1)
 def drag_slope(f: Any, q: Particle) -> float:
     """Change of the drag coefficient times speed with the speed, d(c_d |u|)/d|u|, for u ≠ 0."""
-    return evaluate(drag_slope, f, q)  # type: ignore[no-any-return]
+    return evaluate(drag_slope, f, q)
 
 
 @generic(1)
 def cross_section(f: Any, p: Particle) -> float:
     """Area that the flow sees [m²]."""
-    return evaluate(cross_section, f, p)  # type: ignore[no-any-return]
+    return evaluate(cross_section, f, p)
 
 
 class Constant(NamedTuple):
@@ -131,7 +131,7 @@ def standard_atmosphere_slope(f: StandardAtmosphere, p: Particle) -> float:
 @helper
 def speed(q: Particle) -> float:
     """|u|."""
-    return np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)  # type: ignore[no-any-return]
+    return np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
 
 
 @law(drag_speed, Constant)

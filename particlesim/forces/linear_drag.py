@@ -11,7 +11,18 @@ from annotated_types import Ge
 
 from particlesim.flows import AnyFlow
 from particlesim.forces.base import Force
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, velocity, velocity_dx
+from particlesim.laws import (
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    velocity,
+    velocity_dx,
+)
 from particlesim.units import KilogramsPerSecond
 
 

@@ -12,12 +12,12 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from annotated_types import Gt
 from pydantic import model_validator
 
+from particlesim.crossfield import invalid
 from particlesim.flows import AnyFlow
 from particlesim.fluids import FLUIDS, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.linear_drag import scaled, viscous_dv, viscous_force
 from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, law, velocity_dx
-from particlesim.crossfield import invalid
 from particlesim.units import KilogramsPerCubicMetre, PascalSeconds
 
 
@@ -44,7 +44,9 @@ class StokesDrag(Force):
             raise invalid("needs the fluid's viscosity", allowed='fluid = "water", or viscosity = 1.0e-3')
         if self.fluid is not None and self.viscosity is not None:
             raise invalid(
-                "fluid and viscosity contradict each other", at=("viscosity",), also=[(("fluid",), "the fluid has its own")]
+                "fluid and viscosity contradict each other",
+                at=("viscosity",),
+                also=[(("fluid",), "the fluid has its own")],
             )
         return self
 

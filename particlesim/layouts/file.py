@@ -45,9 +45,13 @@ class File(Layout):
 
     def _read(self, path: Path) -> dict[str, Floats]:
         if path.is_dir():
-            raise UsageError(f"{path} is a directory, not a file of particles", "name a .csv, .npy or .vtkhdf file")
+            raise UsageError(
+                f"{path} is a directory, not a file of particles", "name a .csv, .npy or .vtkhdf file"
+            )
         if not path.is_file():
-            raise UsageError(f"{path} does not exist", "the path of a layout is relative to the scenario's folder")
+            raise UsageError(
+                f"{path} does not exist", "the path of a layout is relative to the scenario's folder"
+            )
         suffix = path.suffix.lower()
         if suffix == ".csv":
             return _read_csv(path)
@@ -55,7 +59,9 @@ class File(Layout):
             return _read_npy(path)
         if suffix in (".vtkhdf", ".h5", ".hdf5"):
             return self._read_trajectory(path)
-        raise UsageError(f"{path}: unknown kind of file {suffix!r}", "particles are read from .csv, .npy and .vtkhdf")
+        raise UsageError(
+            f"{path}: unknown kind of file {suffix!r}", "particles are read from .csv, .npy and .vtkhdf"
+        )
 
     def _read_trajectory(self, path: Path) -> dict[str, Floats]:
         from particlesim.trajectory import reader
@@ -97,7 +103,9 @@ def _read_csv(path: Path) -> dict[str, Floats]:
         try:
             table = np.loadtxt(lines, delimiter=",", ndmin=2)
         except ValueError as error:
-            raise UsageError(f"{path}: {error}", "every line after the header holds one number per column") from None
+            raise UsageError(
+                f"{path}: {error}", "every line after the header holds one number per column"
+            ) from None
     if table.size == 0:
         raise UsageError(f"{path} holds no particles")
     if table.shape[1] != len(header):
@@ -129,8 +137,12 @@ def _checked(path: Path, columns: dict[str, Floats]) -> dict[str, Floats]:
     for name, column in columns.items():
         bad = np.flatnonzero(~np.isfinite(column))
         if bad.size:
-            raise UsageError(f"{path}: {name} of particle {bad[0]} is {column[bad[0]]}", "every number must be finite")
-        if (name == "mass" and (column <= 0).any()) or (name in ("radius", "temperature") and (column < 0).any()):
+            raise UsageError(
+                f"{path}: {name} of particle {bad[0]} is {column[bad[0]]}", "every number must be finite"
+            )
+        if (name == "mass" and (column <= 0).any()) or (
+            name in ("radius", "temperature") and (column < 0).any()
+        ):
             raise UsageError(f"{path}: {name} of particle {int(column.argmin())} is {column.min()}")
     if len(columns["x"]) == 0:
         raise UsageError(f"{path} holds no particles")

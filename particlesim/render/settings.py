@@ -60,7 +60,9 @@ class RenderSettings(_Model):
         description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'none', or 'auto': "
         "the speed if velocity is recorded, else one colour.",
     )
-    colormap: ColormapName = Field("viridis", description="Colours from the low to the high end of the range.")
+    colormap: ColormapName = Field(
+        "viridis", description="Colours from the low to the high end of the range."
+    )
     color_range: tuple[Finite, Finite] | Literal["auto"] = Field(
         "auto", description="Values at the two ends of the colour map; 'auto' fits the recorded values."
     )

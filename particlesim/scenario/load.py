@@ -50,4 +50,6 @@ def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Sce
         raise diagnose(error, source, Scenario) from None
     if mistakes:
         raise scenario_error(source, mistakes)
-    return scenario.loaded_from(folder, tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings))
+    return scenario.loaded_from(
+        folder, tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
+    )

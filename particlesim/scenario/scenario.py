@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field as _Field
 from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
 from particlesim.bonds import Springs
@@ -106,7 +105,7 @@ class Scenario(Model):
     def _agrees(self, info: ValidationInfo) -> Scenario:
         """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
         raised."""
-        mistakes = []
+        mistakes: list[Invalid] = []
         for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
             mistakes += check(self)
             if mistakes:
@@ -169,7 +168,9 @@ def _names(scenario: Scenario) -> Iterator[Invalid]:
     for k, force in enumerate(scenario.forces):
         if force.name is not None and force.name in named:
             other = ("forces", named[force.name], "name")
-            yield Invalid(f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),))
+            yield Invalid(
+                f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),)
+            )
         if force.name is not None:
             named[force.name] = k
 
@@ -199,7 +200,9 @@ def _needs(scenario: Scenario) -> Iterator[Invalid]:
     for k, force in enumerate(scenario.forces):
         for path, group in _group_tables(scenario):
             if force.on is not None and group.name in force.on and (why := _cannot_feel(force, group)):
-                yield Invalid(why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),))
+                yield Invalid(
+                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),)
+                )
             if not acts_on(force, group):
                 continue
             from_file = isinstance(group, Particles) and isinstance(group.layout, File)
@@ -229,7 +232,9 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
     for k, impulse in enumerate(scenario.impulses):
         for j, at in enumerate(impulse.times()):
             if at >= end:
-                path: Keys = ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                path: Keys = (
+                    ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                )
                 yield Invalid("a kick after the end of the run", path, duration)
     for k, emitter in enumerate(scenario.emitters):
         if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
@@ -271,7 +276,9 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
                     hint="name the groups that the plane acts on with on = [...]",
                 )
         for place, group in ((path, first), (other, second)):
-            reads = [force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()]
+            reads = [
+                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+            ]
             if group.cooling is not None and reads:
                 yield Invalid(
                     f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
@@ -294,7 +301,9 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
                 )
                 continue
             if group.dynamics.type == "tracer":
-                yield Invalid("tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),))
+                yield Invalid(
+                    "tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),)
+                )
             number = group.layout.number()
             for j, pair in enumerate(springs.pairs):
                 if number is not None and pair[end] >= number:

@@ -12,9 +12,7 @@ from particlesim.groups import MethodName
 from particlesim.model import Model
 from particlesim.units import Hertz, Seconds
 
-FieldName = Literal[
-    "velocity", "speed", "acceleration", "force", "mass", "radius", "temperature", "age"
-]
+FieldName = Literal["velocity", "speed", "acceleration", "force", "mass", "radius", "temperature", "age"]
 
 
 class Simulation(Model):
@@ -38,7 +36,11 @@ class Simulation(Model):
         if self.dt is None and self.substeps is None:
             raise invalid("needs a step", allowed="dt = 0.001 (seconds), or substeps = 16 (steps per frame)")
         if self.dt is not None and self.substeps is not None:
-            raise invalid("dt and substeps contradict each other", at=("substeps",), also=[(("dt",), "dt is given here")])
+            raise invalid(
+                "dt and substeps contradict each other",
+                at=("substeps",),
+                also=[(("dt",), "dt is given here")],
+            )
         return self
 
 

@@ -78,7 +78,9 @@ def _step(simulation: Simulation) -> tuple[str, str]:
     return ("simulation", "dt" if simulation.dt is not None else "substeps")
 
 
-def _not_reached(simulation: Simulation, output: Output, dt: float, every: int | None, ratio: float) -> Invalid:
+def _not_reached(
+    simulation: Simulation, output: Output, dt: float, every: int | None, ratio: float
+) -> Invalid:
     """The duration is no whole number of steps: say which durations and steps would be."""
     below, above = max(math.floor(ratio), 1) * dt, math.ceil(ratio) * dt
     durations = f"{below:.10g}" if math.isclose(below, above) else f"{below:.10g} or {above:.10g}"

@@ -75,7 +75,9 @@ FORCE_CASES: dict[str, Force] = {
     "rotating": RotatingFrame(angular_velocity=(0.3, -1.0, 0.5), center=_CENTER),
     "spinning_up": RotatingFrame(angular_velocity=(0.3, -1.0, 0.5), angular_acceleration=(0.1, 0.2, -0.7)),
     "field": Field(force=("-k*x + vy", "sin(t)*m - y*vz**2", "r*T/300 - z*abs(vx)"), constants={"k": 0.4}),
-    "potential": Field(potential="k*m*exp(-hypot(x, y)**2) * cos(z + t) + 3/2*z**2 * r", constants={"k": 0.4}),
+    "potential": Field(
+        potential="k*m*exp(-hypot(x, y)**2) * cos(z + t) + 3/2*z**2 * r", constants={"k": 0.4}
+    ),
 }
 
 COLLIDER_RECORDS: dict[str, Any] = {

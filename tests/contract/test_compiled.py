@@ -72,7 +72,9 @@ def compiled(generic: Callable[..., Any], records: list[Any], points: list[Any])
 
 def tolerance(generic: Callable[..., Any], record: Any) -> float:
     """Rounding errors of the largest number, relative."""
-    differences = generic is force_dx and {PotentialRecord, StandardAtmosphere} & {type(r) for r in records_in(record)}
+    differences = generic is force_dx and {PotentialRecord, StandardAtmosphere} & {
+        type(r) for r in records_in(record)
+    }
     # Finite differences of ρ over 2 m, 1/4000 of its scale height, and of ∇U over 10⁻⁵ of the scale, enlarge them.
     return (1e6 if differences else 128) * EPS
 
@@ -84,7 +86,9 @@ def check(generic: Callable[..., Any], records: list[Any], points: list[Any]) ->
         expected = np.array([np.atleast_1d(generic(record, p)) for p in points], float)
         assert np.isfinite(expected).all(), record
         scale = np.abs(expected).max()
-        np.testing.assert_allclose(actual[k], expected, rtol=0, atol=tolerance(generic, record) * scale, err_msg=str(record))
+        np.testing.assert_allclose(
+            actual[k], expected, rtol=0, atol=tolerance(generic, record) * scale, err_msg=str(record)
+        )
 
 
 @pytest.mark.parametrize("generic", [force, potential, force_dx, force_dv], ids=lambda g: g.__name__)
@@ -132,7 +136,7 @@ def test_contacts() -> None:
             assert outcome == what
             np.testing.assert_allclose(q, expected, rtol=0, atol=8 * EPS * np.abs(p[:6]).max())
             outcomes.add(outcome)
-    assert outcomes == {0, 1, 2}
+    assert outcomes == {0, 1, 2, 3}
 
 
 def test_a_record_is_no_plain_tuple() -> None:

@@ -135,7 +135,15 @@ def test_slopes_are_linear_in_the_direction() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["hypot(x, y)**2", "sqrt(x**2 + y**2)", "hypot(x, y)**3", "(x**2 + y**2)**0.5", "abs(x) + abs(y)", "(x**2)**(1+t)"]
+    "text",
+    [
+        "hypot(x, y)**2",
+        "sqrt(x**2 + y**2)",
+        "hypot(x, y)**3",
+        "(x**2 + y**2)**0.5",
+        "abs(x) + abs(y)",
+        "(x**2)**(1+t)",
+    ],
 )
 def test_a_particle_at_the_center_of_a_potential_feels_no_force(text: str) -> None:
     p = P._replace(x=0.0, y=0.0)
@@ -290,7 +298,19 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
 @given(
     st.lists(
         st.sampled_from(
-            [*VARIABLES, *FUNCTIONS, *"()+-*/<>=,.:[]{}'\"\\\n# ~^%@;!é", "**", "if", "else", "lambda", "9", "1e5", "_", "\r\n"]
+            [
+                *VARIABLES,
+                *FUNCTIONS,
+                *"()+-*/<>=,.:[]{}'\"\\\n# ~^%@;!é",
+                "**",
+                "if",
+                "else",
+                "lambda",
+                "9",
+                "1e5",
+                "_",
+                "\r\n",
+            ]
         ),
         max_size=25,
     ).map("".join)
@@ -304,14 +324,12 @@ def check_harmless(text: str) -> None:
     try:
         node = parse(text, {"k": 2.0})
     except ExpressionError as error:
-        assert 0 <= error.offset <= max(len(text) - 1, 0)
+        assert 0 <= error.offset <= max(len(text) - 1, 0)  # noqa: PT017
     else:
         assert isinstance(node, tuple)
 
 
 # Random trees against Python's own arithmetic
-
-
 
 
 PYTHON: dict[str, Any] = {name: getattr(math, name, None) for name in FUNCTIONS} | {

@@ -47,7 +47,9 @@ def differences(f: Callable[[Particle], Any], p: Particle, names: str, h: float 
     def at(name: str, step: float) -> NDArray[np.float64]:
         return np.atleast_1d(np.asarray(f(p._replace(**{name: getattr(p, name) + step})), float))
 
-    columns = [(8 * (at(n, h) - at(n, -h)) - (at(n, 2 * h) - at(n, -2 * h))) / (12 * h) for n in names.split()]
+    columns = [
+        (8 * (at(n, h) - at(n, -h)) - (at(n, 2 * h) - at(n, -2 * h))) / (12 * h) for n in names.split()
+    ]
     return np.stack(columns, axis=1)
 
 
@@ -164,7 +166,9 @@ def test_vortex_turns_like_a_solid_body_on_its_axis(profile: Any) -> None:
         p = PARTICLES[0]._replace(x=x, y=0.0)
         np.testing.assert_allclose(velocity(model.record(), p), (0, rate * x, 0), rtol=1e-9, atol=0)
         expected = [[0, -rate, 0], [rate, 0, 0], [0, 0, 0]]
-        np.testing.assert_allclose(np.reshape(velocity_dx(model.record(), p), (3, 3)), expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            np.reshape(velocity_dx(model.record(), p), (3, 3)), expected, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_lamb_oseen_gradient_where_the_series_takes_over() -> None:
@@ -188,7 +192,9 @@ def test_drag_at_rest_relative_to_the_fluid(model: Force) -> None:
     slope = {"linear_drag": 2.0, "drag": 0.0}[model.type]
     if isinstance(model, Drag) and model.coefficient == "schiller_naumann":
         slope = 6 * np.pi * 1.81e-5 * p.r
-    np.testing.assert_allclose(np.reshape(force_dv(model.record(), p), (3, 3)), -slope * np.eye(3), rtol=1e-14)
+    np.testing.assert_allclose(
+        np.reshape(force_dv(model.record(), p), (3, 3)), -slope * np.eye(3), rtol=1e-14
+    )
     if slope:
         slow = p._replace(vx=1e-18)
         assert force(model.record(), slow)[0] == pytest.approx(-slope * 1e-18, rel=1e-9)
@@ -244,11 +250,13 @@ def test_documented(cls: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "cls", [c for c in FORCES if c.__name__ not in ("Gravity", "PointSpring", "LinearDrag", "Field")], ids=lambda c: c.__name__
+    "cls",
+    [c for c in FORCES if c.__name__ not in ("Gravity", "PointSpring", "LinearDrag", "Field")],
+    ids=lambda c: c.__name__,
 )
 def test_sources_are_named(cls: type[Force]) -> None:
     doc = sys.modules[cls.__module__].__doc__ or ""
-    assert "Source:" in doc or "(" in doc and any(char.isdigit() for char in doc)
+    assert "Source:" in doc or ("(" in doc and any(char.isdigit() for char in doc))
 
 
 def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:

@@ -1,0 +1,93 @@
+"""Which quantity colours the particles, and its values in a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+
+from particlesim.errors import UsageError
+from particlesim.render.scene import Frame, FrameSource
+from particlesim.render.stage import Array
+
+_UNITS = {
+    **dict.fromkeys(("x", "y", "z", "radius", "position"), "m"),
+    **dict.fromkeys(("speed", "velocity"), "m/s"),
+    "acceleration": "m/s²",
+    "force": "N",
+    "mass": "kg",
+    "density": "kg/m³",
+    "temperature": "K",
+    **dict.fromkeys(("age", "lifetime", "birth_time"), "s"),
+    "charge": "C",
+    "pressure": "Pa",
+    **dict.fromkeys(("kinetic_energy", "potential_energy", "energy"), "J"),
+}
+
+
+@dataclass(frozen=True)
+class Coloring:
+    """`kind`: "none", "group", or "value"; `name` is what the legend shows, `field` what is read, `axis` its component."""
+
+    kind: str
+    name: str = ""
+    field: str = ""
+    axis: int | None = None
+    unit: str = ""
+
+
+def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
+    """What `color_by` means for this trajectory. Raises UsageError when it is not recorded."""
+    fields = tuple(source.fields)
+    if color_by == "auto":
+        color_by = "speed" if {"speed", "velocity"} & set(fields) else "none"
+    if color_by == "none":
+        return Coloring("none")
+    units: dict[str, str] = {**_UNITS, **getattr(source, "units", {})}
+    unit = units.get(color_by, "")
+    if color_by == "group" and "group" in fields:
+        return Coloring("group", "group", "group")
+    if color_by in fields:
+        return Coloring("value", color_by.replace("_", " "), color_by, unit=unit)
+    if color_by in ("x", "y", "z"):
+        return Coloring("value", color_by, "position", "xyz".index(color_by), unit)
+    if color_by == "speed" and "velocity" in fields:
+        return Coloring("value", "speed", "velocity", unit=unit)
+    raise _not_recorded(color_by, fields)
+
+
+def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
+    derived = ("none", "x", "y", "z", *(("speed",) if "velocity" in fields else ()))
+    choices = sorted({*fields, *derived} - {"position", "id"})
+    close = get_close_matches(color_by, choices, 1)
+    needed = "velocity" if color_by == "speed" else color_by
+    return UsageError(
+        f"cannot colour by '{color_by}': the trajectory does not record it",
+        (f"Did you mean '{close[0]}'? " if close else "")
+        + f'Possible here: {", ".join(choices)}. To record it, add "{needed}" to output.fields and run again.',
+    )
+
+
+def values_of(frame: Frame, coloring: Coloring) -> Array | None:
+    """The coloured quantity, shape [n], or None when particles are not coloured by a value."""
+    if coloring.kind != "value":
+        return None
+    values = np.asarray(frame.position if coloring.field == "position" else frame[coloring.field])
+    if coloring.axis is not None:
+        return values[:, coloring.axis]
+    if values.ndim == 2:
+        return np.sqrt(np.einsum("ij,ij->i", values, values))
+    return values
+
+
+def color_indices(frame: Frame, coloring: Coloring, low: float, high: float, count: int) -> Array:
+    """Index into a palette of `count` colours, uint16 [n]; values that are not finite take the low end."""
+    if coloring.kind == "group":
+        return np.asarray(np.asarray(frame["group"]).astype(np.int64) % count, np.uint16)
+    values = values_of(frame, coloring)
+    if values is None:
+        return np.zeros(len(frame.position), np.uint16)
+    share = (values.astype(np.float32) - np.float32(low)) * np.float32((count - 1) / (high - low))
+    share = np.nan_to_num(share, nan=0.0, posinf=count - 1, neginf=0.0)
+    return (np.clip(share, 0, count - 1) + np.float32(0.5)).astype(np.uint16)

@@ -1,0 +1,53 @@
+"""What the renderer draws: planes, and a source of recorded frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class PlaneShape:
+    """An infinite plane: a point on it [m] and the normal that points to the side where particles may be."""
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+class Frame(Protocol):
+    """One recorded instant. `frame["velocity"]` is a recorded field, shape [n] or [n, 3]."""
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def position(self) -> npt.NDArray[Any]: ...
+    @property
+    def id(self) -> npt.NDArray[Any]: ...
+    def __getitem__(self, name: str, /) -> npt.NDArray[Any]: ...
+
+
+@runtime_checkable
+class FrameSource(Protocol):
+    """A trajectory: `times` [s] in rising order, shape [frames], and the names of the recorded `fields`.
+
+    Two optional attributes are used where they exist: `units`, a mapping from field name to the unit shown in the
+    legend, and `groups`, the names that the integers of the field "group" stand for.
+    """
+
+    @property
+    def times(self) -> npt.NDArray[Any]: ...
+    @property
+    def fields(self) -> tuple[str, ...]: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> Frame: ...
+
+
+def sample_indices(count: int, limit: int) -> Iterator[int]:
+    """At most `limit` frame numbers spread evenly over `count` frames, first and last included."""
+    return iter(np.unique(np.linspace(0, count - 1, min(count, limit)).round().astype(int)).tolist())

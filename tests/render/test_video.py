@@ -1,0 +1,147 @@
+"""Videos: what players see in them, and what is left when something goes wrong."""
+
+from __future__ import annotations
+
+import stat
+import sys
+
+import numpy as np
+import pytest
+
+from particlesim.errors import InputOutputError, UsageError
+from particlesim.render import RenderSettings, render_frame, render_video, writers
+
+from .conftest import FLOOR, ArrayFrame, ArraySource, single
+
+SMALL = {"size": (128, 72), "shadows": False}
+
+
+@pytest.fixture
+def settings():
+    return RenderSettings(**SMALL)
+
+
+def test_mp4_is_what_every_player_takes(cloud, settings, tmp_path):
+    av = pytest.importorskip("av")
+    calls = []
+    report = render_video(
+        cloud, tmp_path / "a.mp4", settings, planes=FLOOR, title="Title", progress=lambda *a: calls.append(a)
+    )
+    assert (report.frames, report.path, report.warnings) == (12, tmp_path / "a.mp4", ())
+    assert calls == [(k, 12) for k in range(1, 13)]
+    with av.open(str(report.path)) as container:
+        stream = container.streams.video[0]
+        context = stream.codec_context
+        assert (context.name, context.pix_fmt, context.width, context.height) == ("h264", "yuv420p", 128, 72)
+        assert stream.average_rate == 30
+        assert (context.colorspace, context.color_primaries, context.color_trc) == (1, 1, 1), "1 is BT.709"
+        assert context.color_range == 1, "limited range"
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    assert len(pictures) == 12
+    expected = render_frame(cloud, 7, settings, planes=FLOOR, title="Title")
+    assert np.abs(pictures[7].astype(float) - expected).mean() < 4, "the colours survive"
+    data = report.path.read_bytes()
+    assert 0 < data.find(b"moov") < data.find(b"mdat"), "players can start before the end has arrived"
+    assert list(tmp_path.iterdir()) == [report.path]
+
+
+def test_webp_and_png(cloud, settings, tmp_path):
+    from PIL import Image
+
+    render_video(cloud, tmp_path / "a.webp", settings, frames=slice(0, 4))
+    with Image.open(tmp_path / "a.webp") as image:
+        assert (image.n_frames, image.size) == (4, (128, 72))
+    report = render_video(cloud, tmp_path / "one.png", settings, frames=slice(3, 4))
+    with Image.open(report.path) as image:
+        assert report.path.name == "one.png"
+        assert image.size == (128, 72)
+    render_video(cloud, tmp_path / "many.png", settings, frames=slice(0, 3))
+    render_video(cloud, tmp_path / "p%03d.png", settings, frames=slice(0, 2))
+    names = sorted(path.name for path in tmp_path.glob("*.png"))
+    assert names == ["many-0001.png", "many-0002.png", "many-0003.png", "one.png", "p001.png", "p002.png"]
+
+
+def test_orbit_turns_the_camera(cloud, tmp_path):
+    from PIL import Image
+
+    still = ArraySource([ArrayFrame(k / 30, cloud[0].position, cloud[0].values) for k in range(3)])
+    turning = RenderSettings(**SMALL, camera={"orbit": 600}, time_label=False)
+    render_video(still, tmp_path / "a.png", turning)
+    first, last = (np.asarray(Image.open(tmp_path / f"a-000{k}.png")) for k in (1, 3))
+    assert np.array_equal(first, render_frame(still, 0, turning))
+    assert np.abs(first.astype(int) - last).max() > 50
+
+
+def test_pictures_do_not_depend_on_threads(cloud, settings, tmp_path):
+    for threads in (1, 2, 3):
+        render_video(cloud, tmp_path / f"{threads}-%d.png", settings, frames=slice(0, 3), threads=threads)
+    for k in (1, 2, 3):
+        assert (tmp_path / f"1-{k}.png").read_bytes() == (tmp_path / f"2-{k}.png").read_bytes()
+        assert (tmp_path / f"1-{k}.png").read_bytes() == (tmp_path / f"3-{k}.png").read_bytes()
+
+
+def test_existing_files_are_kept_unless_told(cloud, settings, tmp_path):
+    for name in ("a.mp4", "a.webp", "a-0002.png"):
+        (tmp_path / name).write_text("precious")
+    for name in ("a.mp4", "a.webp", "a.png"):
+        with pytest.raises(UsageError, match="exists already"):
+            render_video(cloud, tmp_path / name, settings, frames=slice(0, 3))
+    assert all(path.read_text() == "precious" for path in tmp_path.iterdir())
+    render_video(cloud, tmp_path / "a.mp4", settings, frames=slice(0, 3), overwrite=True)
+    assert (tmp_path / "a.mp4").stat().st_size > 500
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a", "missing/a.mp4", ".", "same-%%.png", "bad-%q.png"])
+def test_unusable_places(cloud, settings, tmp_path, name):
+    with pytest.raises(UsageError) as caught:
+        render_video(cloud, tmp_path / name, settings)
+    assert caught.value.hint
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_frame(cloud, settings, tmp_path):
+    with pytest.raises(UsageError, match="no frame"):
+        render_video(ArraySource([]), tmp_path / "a.mp4", settings)
+    with pytest.raises(UsageError, match="no frame"):
+        render_video(cloud, tmp_path / "a.mp4", settings, frames=slice(5, 5))
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+@pytest.mark.parametrize("name", ["a.mp4", "a.webp", "a.png"])
+def test_nothing_is_left_after_an_interrupt(cloud, settings, tmp_path, name, error):
+    def stop(done, total):
+        if done == 3:
+            raise error
+
+    with pytest.raises(error):
+        render_video(cloud, tmp_path / name, settings, progress=stop)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a shell script")
+def test_failing_ffmpeg_is_quoted_and_leaves_nothing(cloud, settings, tmp_path, monkeypatch):
+    import imageio_ffmpeg
+
+    fake = tmp_path / "ffmpeg"
+    fake.write_text("#!/bin/sh\necho 'No space left on device' >&2\nexit 1\n")
+    fake.chmod(fake.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(fake))
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with pytest.raises(InputOutputError, match="No space left on device"):
+        render_video(cloud, folder / "a.mp4", settings)
+    assert not list(folder.iterdir())
+
+
+def test_positions_that_are_not_finite_are_reported(settings, tmp_path):
+    report = render_video(single([[np.nan, 0, 0], [0, 1, 0]]), tmp_path / "a.png", settings)
+    assert any("1 positions are not finite" in warning for warning in report.warnings)
+
+
+def test_numbers_of_files():
+    from pathlib import Path
+
+    assert writers.numbered(Path("a.png"), 1) == [Path("a.png")]
+    assert writers.numbered(Path("a.png"), 2) == [Path("a-0001.png"), Path("a-0002.png")]
+    assert writers.numbered(Path("f/%02d.png"), 1) == [Path("f/01.png")]
