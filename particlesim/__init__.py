@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         ScenarioError,
         UsageError,
     )
+    from particlesim.filming import film
     from particlesim.runner import Progress, Result, run
     from particlesim.scenario.load import from_table, load, loads
     from particlesim.scenario.scenario import Scenario
@@ -38,6 +39,7 @@ _HOME = {
     "PsimError": "particlesim.errors",
     "ScenarioError": "particlesim.errors",
     "UsageError": "particlesim.errors",
+    "film": "particlesim.filming",
     "Progress": "particlesim.runner",
     "Result": "particlesim.runner",
     "run": "particlesim.runner",
@@ -63,6 +65,7 @@ __all__ = [
     "Trajectory",
     "UsageError",
     "__version__",
+    "film",
     "from_table",
     "load",
     "loads",

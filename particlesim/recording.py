@@ -10,25 +10,11 @@ from numpy.typing import NDArray
 
 from particlesim.engine.simulation import Simulation, rows
 from particlesim.engine.state import GroupState
-from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
 
 Array = NDArray[Any]
 Buffer = Callable[[str, int], Array]
-
-
-def recorded_fields(scenario: Scenario) -> tuple[str, ...]:
-    """Fields of a scenario's trajectory beside position and id."""
-    groups = ("group",) if len(scenario.groups) > 1 else ()
-    if scenario.output.fields is not None:
-        return (*scenario.output.fields, *groups)
-    fields = ["velocity"]
-    if any(group.has_radius() for group in scenario.groups):
-        fields.append("radius")
-    if any(group.temperature is not None for group in scenario.groups):
-        fields.append("temperature")
-    return (*fields, *groups)
 
 
 def column(simulation: Simulation, field: str, out: Array) -> Array:

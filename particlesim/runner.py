@@ -15,9 +15,9 @@ from particlesim.bounds import check_fits, needs
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
-from particlesim.errors import DivergenceError, Interrupted
+from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.provenance import provenance
-from particlesim.recording import columns_of, frame_of, recorded_fields
+from particlesim.recording import columns_of, frame_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
@@ -89,6 +89,8 @@ def run(
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
     recorded until then are kept.
     """
+    if threads is not None and threads < 1:
+        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
     path = None if output is None else Path(output)
     if path is not None:
         check_target(path, overwrite=overwrite)
@@ -138,7 +140,7 @@ def _writer(
 ) -> TrajectoryWriter:
     return TrajectoryWriter(
         path,
-        fields=recorded_fields(scenario),
+        fields=scenario.recorded_fields(),
         groups=[group.name for group in scenario.groups],
         ledger=simulation.ledger_columns() if scenario.output.ledger else (),
         provenance=provenance(scenario),
@@ -160,7 +162,7 @@ def _steps(
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
     grid = simulation.scenario.grid
-    fields = recorded_fields(simulation.scenario)
+    fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
         if progress is not None:

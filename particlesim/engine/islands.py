@@ -19,7 +19,6 @@ from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record, group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
-from particlesim.engine.team import Team
 from particlesim.errors import UsageError
 from particlesim.forces import Force
 from particlesim.graph import Island
@@ -27,6 +26,7 @@ from particlesim.groups import Group, Particles
 from particlesim.integrators import METHODS
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
+from particlesim.team import Team
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""

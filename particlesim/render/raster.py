@@ -24,8 +24,9 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
     """Keep the two nearest spheres of every sample of the band that starts at `row0`.
 
     Ray (vx, vy, 1) t and sphere (c, r): the ray passes the centre at t₀ = c·d / d², at the distance |q|,
-    q = c − t₀ d, and meets the sphere at t₀ − √((r² − q²) / d²). Computing q first keeps far, small spheres exact. A
-    sample within half a sample outside the outline counts, at the depth of the outline: shading weighs it.
+    q = c − t₀ d, and meets the sphere at t₀ − √((r² − q²) / d²). Computing q first keeps far, small spheres
+    exact. A sample within half a sample outside the outline counts, at the depth of the outline: shading
+    weighs it.
     """
     near, near_id, far, far_id = layers.near, layers.near_id, layers.far, layers.far_id
     rows = min(BAND, view.height - row0)
@@ -56,7 +57,8 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
 
 @lean
 def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> None:
-    """Depth [scene units] of the nearest sphere in the band of a parallel projection with `scale` texels per unit."""
+    """Depth [scene units] of the nearest sphere in the band of a parallel projection with `scale` texels per
+    unit."""
     size = len(depth)
     stop = min(row0 + BAND, size)
     depth[row0:stop] = np.inf
@@ -78,7 +80,8 @@ def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> N
 
 @kernel
 def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Float32s) -> None:
-    """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k + 1 texels."""
+    """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k +
+    1 texels."""
     size = len(depth)
     for y in range(size):
         for x in range(size):

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.render.settings import RenderSettings
+from particlesim.scenario.rendering import RenderSettings
 
 MOST_FRAMES = 1_000_000
 
@@ -14,8 +14,8 @@ MOST_FRAMES = 1_000_000
 def video_speed(times: npt.NDArray[np.floating], settings: RenderSettings) -> float:
     """Simulated seconds per second of video.
 
-    As the settings say; else 1 when the recording is about as dense as the video (between half and four video frames
-    per recorded frame), else such that each recorded frame is shown once.
+    As the settings say; else 1 when the recording is about as dense as the video (between half and four
+    video frames per recorded frame), else such that each recorded frame is shown once.
     """
     if settings.speed is not None:
         return settings.speed
@@ -24,7 +24,7 @@ def video_speed(times: npt.NDArray[np.floating], settings: RenderSettings) -> fl
     interval = float(times[-1] - times[0]) / (len(times) - 1)
     return (
         1.0
-        if 0.5 <= interval * settings.fps * (1 + 1e-9) and interval * settings.fps <= 4
+        if interval * settings.fps * (1 + 1e-9) >= 0.5 and interval * settings.fps <= 4
         else interval * settings.fps
     )
 
@@ -40,8 +40,8 @@ def timeline(times: npt.NDArray[np.floating], settings: RenderSettings) -> npt.N
     if span / step > MOST_FRAMES:
         raise UsageError(
             f"the video would have {span / step:.3g} frames",
-            f"{span:g} simulated seconds at speed {step * settings.fps:g}: raise `speed` (simulated seconds per second "
-            "of video).",
+            f"{span:g} simulated seconds at speed {step * settings.fps:g}: raise `speed` "
+            "(simulated seconds per second of video).",
         )
     moments = times[0] + step * np.arange(int(span / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(times, moments), 1, max(len(times) - 1, 1))
@@ -49,4 +49,4 @@ def timeline(times: npt.NDArray[np.floating], settings: RenderSettings) -> npt.N
     after = np.minimum(after, len(times) - 1)
     # A tie within rounding goes to the earlier frame.
     closer = (times[after] - moments) < (moments - times[before]) - 1e-9 * step
-    return np.where(closer, after, before)
+    return np.asarray(np.where(closer, after, before))

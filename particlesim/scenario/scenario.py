@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
@@ -19,8 +19,8 @@ from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
 from particlesim.model import Model
 from particlesim.names import did_you_mean
-from particlesim.render.settings import RenderSettings
-from particlesim.scenario.simulation import Output, Simulation
+from particlesim.scenario.rendering import RenderSettings, colorable
+from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
 from particlesim.streams import Streams
 
@@ -101,12 +101,24 @@ class Scenario(Model):
             labels.append(label)
         return tuple(labels)
 
+    def recorded_fields(self) -> tuple[str, ...]:
+        """Fields of the trajectory beside position and id."""
+        groups = ("group",) if len(self.groups) > 1 else ()
+        if self.output.fields is not None:
+            return (*self.output.fields, *groups)
+        fields = ["velocity"]
+        if any(group.has_radius() for group in self.groups):
+            fields.append("radius")
+        if any(group.temperature is not None for group in self.groups):
+            fields.append("temperature")
+        return (*fields, *groups)
+
     @model_validator(mode="after")
     def _agrees(self, info: ValidationInfo) -> Scenario:
         """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
         raised."""
         mistakes: list[Invalid] = []
-        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined):
+        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined, _colors):
             mistakes += check(self)
             if mistakes:
                 break  # later checks rely on earlier ones
@@ -285,6 +297,21 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
                     (*place, "cooling"),
                     ((("springs", k), "joined here"),),
                 )
+
+
+def _colors(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos show what the trajectory holds."""
+    name, fields = scenario.render.color_by, scenario.recorded_fields()
+    if name not in (*fields, "position", "id") and name not in (known := colorable(fields)):
+        hint = did_you_mean(name, known)
+        if hint is None and name in get_args(FieldName):
+            hint = f"to record it: fields = [..., {name!r}] under [output]"
+        yield Invalid(
+            f"the trajectory does not hold {name!r}",
+            ("render", "color_by"),
+            allowed=", ".join(known),
+            hint=hint,
+        )
 
 
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:

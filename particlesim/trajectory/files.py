@@ -57,7 +57,7 @@ def open_file(path: Path) -> h5py.File:
         if block.marked:
             raise UsageError(
                 f"{path} is open in another program that writes it, or was when that was killed",
-                "Close that program; `psim inspect` repairs a trajectory whose simulation was killed.",
+                "Close that program; `psim inspect --repair` mends a trajectory whose simulation was killed.",
             ) from error
         raise damaged(path, error) from error
     try:

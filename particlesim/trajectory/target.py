@@ -14,7 +14,7 @@ from particlesim.errors import InputOutputError, UsageError
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written; make its folders.
+    """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written. Nothing is made.
 
     Raises UsageError.
     """
@@ -24,17 +24,14 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         raise UsageError(
             f"{path} exists", "Overwrite it with --force (overwrite=True), or choose another name."
         )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
+    folder = path.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent  # what is missing will be made there
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is no folder", "A file is in the way; choose another place to write to.")
+    if not os.access(folder, os.W_OK | os.X_OK):
         raise UsageError(
-            f"{path.parent} is no folder", "A file is in the way; choose another place to write to."
-        ) from None
-    except OSError as error:
-        raise UsageError(f"cannot create the folder {path.parent}: {error.strerror}") from error
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise UsageError(
-            f"cannot write into the folder {path.parent}", "Choose another place, or its permissions."
+            f"cannot write into the folder {folder}", "Choose another place, or its permissions."
         )
 
 
@@ -42,7 +39,8 @@ def check_target(path: Path, *, overwrite: bool) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary name beside `path`; the file written there becomes `path` if the block ends without error.
 
-    Whatever goes wrong, `path` is as it was and no partial file stays. OSError is raised as InputOutputError.
+    Missing folders are made. Whatever goes wrong, `path` is as it was and no partial file stays. OSError is raised as
+    InputOutputError.
     """
     temporary = _temporary_name(path)
     try:
@@ -71,6 +69,7 @@ def write_error(path: Path, error: BaseException) -> InputOutputError:
 def _temporary_name(path: Path) -> Path:
     """A free name in the same folder (so that renaming is atomic), with the permissions of a new file."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(
             prefix=f".{path.name}.", suffix=".part" + path.suffix, dir=path.parent
         )

@@ -1,0 +1,172 @@
+"""The command `psim`: its subcommands, and the way in.
+
+Only Typer is imported here; every subcommand imports what it needs when it is called, so that help is instant.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from psim.check import check
+from psim.describe import describe
+from psim.examples import examples
+from psim.export import export
+from psim.graph import graph
+from psim.inspect import inspect
+from psim.new import new
+from psim.plot import plot
+from psim.render import render
+from psim.report import guarded
+from psim.run import run
+from psim.schema import schema
+
+app = typer.Typer(
+    name="psim",
+    help="Particle simulations from TOML files: [bold]run[/bold] a scenario, [bold]render[/bold] it, look inside.",
+    epilog="[bold]Start here[/bold]\n\n"
+    "psim examples fountain --copy .\n\n"
+    "psim run fountain.toml --video\n\n"
+    "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 the simulation diverged, "
+    "4 input or output failed, 130 interrupted.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+
+_SIMULATE, _LOOK, _LEARN = "Simulate", "Look", "Learn"
+
+# name, function, help panel, examples
+_COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
+    (
+        "run",
+        run,
+        _SIMULATE,
+        (
+            "psim run fountain.toml --video",
+            "psim run fountain.toml --set simulation.dt=1e-3 --set forces.air.coefficient=0.3 -o fine.vtkhdf",
+            "psim run fountain.toml --json > summary.json",
+        ),
+    ),
+    (
+        "check",
+        check,
+        _SIMULATE,
+        ("psim check scenarios/*.toml", "psim check fountain.toml --set emitters.drops.rate=1e6"),
+    ),
+    (
+        "render",
+        render,
+        _LOOK,
+        (
+            "psim render outputs/fountain.vtkhdf",
+            "psim render outputs/fountain.vtkhdf -o still.png --frames=-1: --look dots --color-by y",
+            "psim render outputs/fountain.vtkhdf -o turn.webp --size 640x360 --set render.camera.orbit=20",
+        ),
+    ),
+    (
+        "inspect",
+        inspect,
+        _LOOK,
+        ("psim inspect outputs/fountain.vtkhdf", "psim inspect outputs/fountain.vtkhdf --json"),
+    ),
+    (
+        "plot",
+        plot,
+        _LOOK,
+        (
+            "psim plot outputs/fountain.vtkhdf energy",
+            "psim plot outputs/fountain.vtkhdf y --ids 0,1,2 -o height.svg",
+        ),
+    ),
+    (
+        "export",
+        export,
+        _LOOK,
+        (
+            "psim export outputs/fountain.vtkhdf -o last.csv --frames=-1:",
+            "psim export outputs/fountain.vtkhdf -o all.npz",
+        ),
+    ),
+    ("new", new, _LEARN, ("psim new sparks --template emitter",)),
+    ("examples", examples, _LEARN, ("psim examples", "psim examples fountain --copy .")),
+    ("describe", describe, _LEARN, ("psim describe", "psim describe drag", "psim describe rk4")),
+    ("graph", graph, _LEARN, ("psim graph fountain.toml", "psim graph fountain.toml --mermaid >> README.md")),
+    ("schema", schema, _LEARN, ("psim schema -o psim.schema.json",)),
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from particlesim.version import __version__
+
+        print(f"psim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _psim(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", "-V", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def _unwrapped(text: str) -> str:
+    """A docstring with one line per paragraph, which the terminal's width folds."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
+
+
+for _name, _function, _panel, _examples in _COMMANDS:
+    app.command(
+        _name,
+        help=_unwrapped(_function.__doc__),
+        rich_help_panel=_panel,
+        epilog="[bold]Examples[/bold]\n\n" + "\n\n".join(_examples).replace("[", r"\["),
+        no_args_is_help=_name not in ("schema", "examples", "describe"),
+    )(guarded(_function))
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """SIGTERM ends a run as Ctrl-C does: what was computed is kept."""
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit code."""
+    with contextlib.suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, _terminate)
+    try:
+        app(prog_name="psim")
+    except SystemExit as end:
+        if end.code == 2 and "--json" in sys.argv[1:]:
+            _usage_as_json(end.__context__)
+        raise
+    finally:
+        _flush()
+
+
+def _usage_as_json(error: BaseException | None) -> None:
+    """A mistake in the arguments, which Typer has explained on stderr, for programs that read stdout."""
+    if error is not None and hasattr(error, "format_message"):
+        print(json.dumps({"error": error.format_message(), "exit_code": 2}, ensure_ascii=False))
+
+
+def _flush() -> None:
+    """Write out stdout. A reader that has gone away (`psim schema | head`) is no mistake."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,53 @@
+"""`psim check`: validate scenarios without running them, and tell what would run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from psim.complete import scenario_files
+from psim.options import Overrides
+from psim.report import as_data, report
+from psim.talk import print_json
+
+
+def check(
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Scenarios, TOML files.", autocompletion=scenario_files),
+    ],
+    overrides: Overrides = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON list, an object per scenario.")
+    ] = False,
+) -> None:
+    """Validate scenarios and print what would run.
+
+    Nothing is computed or written. Prints particles, steps, memory and disk of every scenario; every mistake is shown
+    with its place. Exit code 2 if any scenario cannot be run.
+    """
+    import particlesim as ps
+    from psim.plan import default_output, plan, show_plan
+
+    worst = 0
+    results = []
+    for number, path in enumerate(scenarios):
+        try:
+            planned = plan(ps.load(path, overrides or ()), default_output(path))
+        except ps.PsimError as error:
+            worst = max(worst, error.exit_code)
+            if not as_json:
+                report(error)
+            results.append({"scenario": str(path), **as_data(error)})
+            continue
+        results.append({"scenario": str(path), **planned, "exit_code": 0})
+        if not as_json:
+            if number:
+                print()
+            show_plan(str(path), planned)
+    if as_json:
+        print_json(results)
+    if worst:
+        raise typer.Exit(worst)

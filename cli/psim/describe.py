@@ -1,0 +1,173 @@
+"""`psim describe`: formula, parameters and units of everything that a scenario may name."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from psim.talk import facts, paint
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from particlesim.integrators import Method
+
+
+def _names(incomplete: str = "") -> list[str]:
+    return sorted(name for _, names in _sections() for name in names if name.startswith(incomplete))
+
+
+def describe(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME]", help="A force, flow, layout, integrator or table.", autocompletion=_names
+        ),
+    ] = None,
+) -> None:
+    """Explain a force, flow, layout, integrator or table of a scenario.
+
+    Shows its formula, energy and parameters with their units. Without a name: what there is.
+    """
+    sections = dict(_sections())
+    if name is None:
+        for title, entries in sections.items():
+            print(paint(title, "bold", sys.stdout))
+            facts([(key, _headline(entry)) for key, entry in entries.items()], sys.stdout)
+        return
+    for entries in sections.values():
+        if name in entries:
+            _show(name, entries[name])
+            return
+    raise _unknown(name)
+
+
+def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Titles, and what there is under them by the name that scenarios use: models, or methods."""
+    from particlesim.flows import FLOWS
+    from particlesim.forces import FORCES
+    from particlesim.integrators import METHODS
+    from particlesim.layouts import LAYOUTS
+    from particlesim.scenario.scenario import Scenario
+
+    for title, models in (("Forces", FORCES), ("Flows", FLOWS), ("Layouts", LAYOUTS)):
+        yield title, {model.model_fields["type"].default: model for model in models}
+    yield "Integrators", dict(METHODS)
+    yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}
+
+
+def _tables(scenario: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
+    """The tables of a scenario file that are one model: [simulation], [[planes]] ..."""
+    from typing import get_args
+
+    from pydantic import BaseModel
+
+    for name, field in scenario.model_fields.items():
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield name, kind
+
+
+def _headline(entry: Any) -> str:
+    if _is_method(entry):
+        return str(entry.summary)
+    formula = getattr(entry, "formula", None)
+    first = (inspect.getdoc(entry) or "").split("\n\n")[0].replace("\n", " ")
+    return f"{formula}. {first}" if formula else first
+
+
+def _is_method(entry: Any) -> bool:
+    return not isinstance(entry, type)
+
+
+def _show(name: str, entry: Any) -> None:
+    print(paint(name, "bold", sys.stdout))
+    if _is_method(entry):
+        _show_method(entry)
+        return
+    print("  " + (inspect.getdoc(entry) or "").replace("\n", "\n  "))
+    facts([("formula", getattr(entry, "formula", "")), ("energy", getattr(entry, "energy", ""))], sys.stdout)
+    _show_parameters(entry)
+
+
+def _show_method(method: Method) -> None:
+    rows = [
+        ("what", method.summary),
+        ("order", str(method.order)),
+        ("cost", f"{method.evaluations} force evaluations per step"),
+        ("symplectic", "yes" if method.symplectic else "no"),
+        ("reversible", "yes" if method.reversible else "no"),
+        ("without inertia", method.first_order or "the same"),
+    ]
+    facts(rows, sys.stdout)
+
+
+def _show_parameters(model: type[BaseModel]) -> None:
+    from particlesim.scenario.schema import json_schema
+
+    schema = json_schema(model)
+    required = schema.get("required", ())
+    print(paint("parameters", "bold", sys.stdout))
+    rows = []
+    for name, entry in schema["properties"].items():
+        if name == "type":
+            continue
+        text = entry.get("description", "")
+        unit = _unit(entry)
+        notes = [f"in {unit}"] if unit and unit != "1" else []
+        if name in required:
+            notes.append("required")
+        elif entry.get("default") not in (None, [], "", {}):
+            notes.append(f"default {_toml(entry['default'])}")
+        if "enum" in entry:
+            notes.append("one of " + ", ".join(map(str, entry["enum"])))
+        rows.append((name, f"{text} ({'; '.join(notes)})" if notes else text))
+    facts(rows, sys.stdout)
+
+
+def _unit(schema: Any) -> str:
+    """The unit of a quantity, of the components of a vector, or of the first alternative that has one."""
+    if not isinstance(schema, dict):
+        return ""
+    if "x-unit" in schema:
+        return str(schema["x-unit"])
+    items = schema.get("items", ())
+    return next(
+        filter(
+            None, map(_unit, (*schema.get("anyOf", ()), *(items if isinstance(items, list) else (items,))))
+        ),
+        "",
+    )
+
+
+def _toml(value: Any) -> str:
+    """A default as the file would write it, on one line."""
+    if isinstance(value, dict):
+        return (
+            "{ "
+            + ", ".join(f"{key} = {_toml(child)}" for key, child in value.items() if child is not None)
+            + " }"
+        )
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(child) for child in value) + "]"
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f'"{value}"'
+        if isinstance(value, str)
+        else str(value)
+    )
+
+
+def _unknown(name: str) -> Exception:
+    from particlesim.errors import UsageError
+    from particlesim.names import did_you_mean
+
+    return UsageError(
+        f"there is nothing called {name!r}",
+        did_you_mean(name, _names()) or "psim describe lists what there is.",
+    )

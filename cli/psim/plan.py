@@ -1,0 +1,75 @@
+"""What a scenario would run: its size, known before it starts."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from psim.talk import facts, number, paint, warn
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def default_output(scenario: Path) -> Path:
+    """Where a run lands unless told otherwise."""
+    return Path("outputs") / f"{scenario.stem}.vtkhdf"
+
+
+def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
+    """Particles, steps, frames, memory and disk of a run, as plain data.
+
+    Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
+    """
+    from particlesim.bounds import check_fits, needs
+
+    required = needs(scenario)
+    check_fits(required, output)
+    grid = scenario.grid
+    return {
+        "title": scenario.title,
+        "groups": [group.name for group in scenario.groups],
+        "forces": list(scenario.force_labels()),
+        "particles": required.particles,
+        "duration": grid.duration,
+        "steps": grid.steps,
+        "dt": grid.dt,
+        "dt_asked": grid.asked,
+        "integrator": scenario.simulation.integrator,
+        "precision": scenario.simulation.precision,
+        "frames": required.frames,
+        "fields": ["position", "id", *scenario.recorded_fields()],
+        "particle_steps": required.particle_steps,
+        "memory": required.memory,
+        "disk": required.disk,
+        "output": None if output is None else str(output),
+    }
+
+
+def show_plan(name: str, planned: dict[str, Any]) -> None:
+    """A plan on stdout, for people."""
+    from particlesim.bounds import size
+
+    steps = f"{planned['steps']:,} of {planned['dt']:.6g} s"
+    if planned["dt_asked"] is not None:
+        steps += f" (dt = {planned['dt_asked']:.6g} s is shortened, so that frames fall on steps)"
+    title = f" · {planned['title']}" if planned["title"] else ""
+    print(paint(f"{name}{title}", "bold", sys.stdout))
+    facts(
+        (
+            ("groups", ", ".join(planned["groups"])),
+            ("forces", ", ".join(planned["forces"]) or "none"),
+            ("particles", f"at most {planned['particles']:,} at once"),
+            ("time", f"{planned['duration']:.6g} s"),
+            ("steps", steps),
+            ("method", f"{planned['integrator']}, {planned['precision']} precision"),
+            ("work", f"about {number(planned['particle_steps'])} particle-steps"),
+            ("frames", f"{planned['frames']:,} with {', '.join(planned['fields'])}"),
+            ("memory", f"about {size(planned['memory'])}"),
+            ("disk", f"about {size(planned['disk'])} for {planned['output']}"),
+        ),
+        sys.stdout,
+    )
+    if planned["output"] is not None and Path(planned["output"]).exists():
+        warn(f"{planned['output']} exists; psim run needs --force or another --output")

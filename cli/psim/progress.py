@@ -1,0 +1,135 @@
+"""Progress of long work: a live line on a terminal, a plain line now and then elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from psim.talk import animated, duration, rate, say
+
+if TYPE_CHECKING:
+    from particlesim.runner import Progress
+
+FIRST_LINE, LINE_EVERY = 10.0, 30.0
+"""Seconds before the first plain line, and between them: a log of CI stays short."""
+
+
+@contextmanager
+def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """A function that shows the progress of a run; None when nothing is to be shown."""
+    if quiet:
+        yield None
+    elif not animated():
+        yield _plain_run(name)
+    else:
+        with _bar(name) as bar:
+            task = bar.add_task(name, total=None, note="preparing")
+
+            speed = _Speed()
+
+            def show(p: Progress) -> None:
+                note = f"{p.particles:,} particles  t = {p.time:.4g} s  {speed.of(p)}"
+                bar.update(task, total=p.steps, completed=p.step, note=note)
+
+            yield show
+
+
+@contextmanager
+def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A function that shows how many pictures are done; None when nothing is to be shown."""
+    if quiet:
+        yield None
+    elif not animated():
+        due = _Due()
+
+        def line(done: int, total: int) -> None:
+            if due.now():
+                left = duration(due.elapsed * (total - done) / done)
+                say(f"{name}: {done} of {total} pictures, {left} left")
+
+        yield line
+    else:
+        with _bar(name) as bar:
+            task = bar.add_task(name, total=None, note="preparing")
+            began = time.perf_counter()
+
+            def show(done: int, total: int) -> None:
+                speed = done / max(time.perf_counter() - began, 1e-9)
+                bar.update(
+                    task, total=total, completed=done, note=f"picture {done} of {total}  {speed:.1f}/s"
+                )
+
+            yield show
+
+
+class _Due:
+    """Tells when the next plain line is due."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter()
+        self._next = FIRST_LINE
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the work began."""
+        return time.perf_counter() - self._began
+
+    def now(self) -> bool:
+        if self.elapsed < self._next:
+            return False
+        self._next = self.elapsed + LINE_EVERY
+        return True
+
+
+class _Speed:
+    """Particle-steps per second since the first interval: the one in which kernels are compiled does not count."""
+
+    def __init__(self) -> None:
+        self._first: Progress | None = None
+
+    def of(self, p: Progress) -> str:
+        if self._first is None:
+            self._first = p if p.step else None
+            return ""
+        seconds = p.elapsed - self._first.elapsed
+        return rate((p.particle_steps - self._first.particle_steps) / seconds) if seconds > 0 else ""
+
+
+def _plain_run(name: str) -> Callable[[Progress], None]:
+    due, speed = _Due(), _Speed()
+
+    def line(p: Progress) -> None:
+        fast = speed.of(p)
+        if fast and due.now():
+            left = duration(p.elapsed * (p.steps - p.step) / p.step)
+            done = f"{100 * p.step / p.steps:.0f} %"
+            say(f"{name}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
+
+    return line
+
+
+def _bar(name: str) -> Any:
+    """A bar that takes itself away when the work is done: a summary follows."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("[bold]{task.description}", markup=True),
+        BarColumn(bar_width=None),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[note]}", markup=False),
+        TimeRemainingColumn(compact=True),
+        console=Console(stderr=True, highlight=False),
+        transient=True,
+        refresh_per_second=8,
+    )

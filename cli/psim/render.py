@@ -1,0 +1,94 @@
+"""`psim render`: make a video or pictures of a trajectory."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from psim.options import Force, Frames, Overrides, Quiet, Threads, TrajectoryFile, parse_frames
+
+
+def render(
+    trajectory: TrajectoryFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="What to write: .mp4, .webp or .png; the trajectory's name with .mp4 by default.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in pixels, such as 1280x720.")
+    ] = None,
+    look: Annotated[str | None, typer.Option(help="How particles are drawn: spheres or dots.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Pictures per second of video.")] = None,
+    speed: Annotated[float | None, typer.Option(help="Simulated seconds per second of video.")] = None,
+    color_by: Annotated[
+        str | None, typer.Option(metavar="FIELD", help="Field that colours particles, or none.")
+    ] = None,
+    camera_eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera is [m].")] = None,
+    camera_target: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="What the camera looks at [m].")
+    ] = None,
+    frames: Frames = None,
+    overrides: Overrides = None,
+    force: Force = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Render a trajectory to a video or to pictures.
+
+    The look is that of the scenario's \\[render] table; options change it, and --set render.KEY=VALUE changes anything in
+    it. Several PNG pictures are numbered. Nothing half-written is left behind, whatever happens.
+    """
+    import particlesim as ps
+    from psim.progress import render_progress
+    from psim.talk import duration, say, warn
+
+    given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
+    settings = [f"render.{name}={json.dumps(value)}" for name, value in given.items() if value is not None]
+    if size is not None:
+        settings.append(f"render.size=[{_numbers(size, 'x', 2, '--size', '1280x720')}]")
+    if camera_eye is not None:
+        settings.append(f"render.camera.eye=[{_numbers(camera_eye, ',', 3, '--camera-eye', '4,2,6')}]")
+    if camera_target is not None:
+        settings.append(
+            f"render.camera.target=[{_numbers(camera_target, ',', 3, '--camera-target', '0,1,0')}]"
+        )
+    out = output or trajectory.with_suffix(".mp4")
+    with render_progress(out.name, quiet=quiet) as progress:
+        made = ps.film(
+            trajectory,
+            out,
+            [*settings, *(overrides or ())],
+            frames=parse_frames(frames),
+            overwrite=force,
+            threads=threads,
+            progress=progress,
+        )
+    if quiet:
+        return
+    for text in made.warnings:
+        warn(text)
+    pictures = "1 picture" if made.frames == 1 else f"{made.frames:,} pictures"
+    say(f"{pictures} in {duration(made.seconds)}, {made.frames / made.seconds:.1f} per second")
+    print(made.path)
+
+
+def _numbers(text: str, separator: str, count: int, option: str, example: str) -> str:
+    """The numbers of an option, as TOML separates them. Raises UsageError unless there are `count` of them."""
+    from particlesim.errors import UsageError
+
+    parts = [part.strip() for part in text.lower().split(separator)]
+    try:
+        [float(part) for part in parts]
+    except ValueError:
+        parts = []
+    if len(parts) != count:
+        raise UsageError(f"{option} {text!r} is not {count} numbers", f"Write it as {option} {example}.")
+    return ", ".join(parts)

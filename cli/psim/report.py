@@ -1,0 +1,122 @@
+"""Errors and interruptions: the one place that turns them into messages and exit codes."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from psim.talk import paint
+
+if TYPE_CHECKING:
+    from particlesim.errors import Diagnostic
+
+BUG = 70
+"""Exit code of a mistake in psim itself (EX_SOFTWARE of sysexits.h): never taken for a failed check."""
+
+_ISSUES = "please report it, with the scenario and the lines above, where you got psim from"
+
+
+def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A subcommand whose errors are told to the user, and end it with their exit code."""
+
+    @functools.wraps(command)
+    def call(**arguments: Any) -> None:
+        try:
+            command(**arguments)
+            sys.stdout.flush()
+        except Exception as error:
+            raise typer.Exit(report(error, as_json=bool(arguments.get("as_json")))) from None
+        except KeyboardInterrupt as error:
+            raise typer.Exit(report(error, as_json=bool(arguments.get("as_json")))) from None
+
+    return call
+
+
+def report(error: BaseException, *, as_json: bool = False) -> int:
+    """Tell `error`, on stderr or as JSON on stdout; return the exit code that belongs to it."""
+    from particlesim.errors import PsimError
+
+    if isinstance(error, typer.Exit):
+        return error.exit_code
+    if _is_usage(error):  # Typer shows its own
+        raise error
+    if isinstance(error, BrokenPipeError):
+        # The reader has gone (`psim schema | head`). Python would complain again when it closes stdout.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if os.environ.get("PSIM_DEBUG", "") not in ("", "0"):
+        traceback.print_exception(error)
+    if not isinstance(error, PsimError):
+        error = _as_psim_error(error)
+    if as_json:
+        print(json.dumps(as_data(error), ensure_ascii=False))
+    else:
+        _print(error)
+    return error.exit_code
+
+
+def _is_usage(error: BaseException) -> bool:
+    """Whether it is an error of the parser of arguments. (Typer carries Click's classes under changing names.)"""
+    return hasattr(error, "format_message")
+
+
+def _as_psim_error(error: BaseException) -> Any:
+    """The error of the library that says what happened; a bug shows its traceback."""
+    from particlesim.errors import InputOutputError, Interrupted, PsimError
+
+    if isinstance(error, KeyboardInterrupt):
+        return Interrupted("stopped")
+    if isinstance(error, MemoryError):
+        detail = f": {error}" if str(error) else ""
+        return InputOutputError(f"out of memory{detail}", 'Use fewer particles, or precision = "single".')
+    if isinstance(error, OSError):
+        what = f"{error.filename}: " if error.filename else ""
+        hint = "Free some space, or write elsewhere." if error.errno == errno.ENOSPC else None
+        return InputOutputError(f"{what}{error.strerror or error}", hint)
+    traceback.print_exception(error)
+    bug = PsimError(f"this is a mistake in psim: {type(error).__name__}: {error}", _ISSUES)
+    bug.exit_code = BUG
+    return bug
+
+
+def _print(error: Any) -> None:
+    """The message and the hint; mistakes in a scenario with the lines they stand in."""
+    from particlesim.errors import Interrupted, ScenarioError
+
+    color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+    if isinstance(error, ScenarioError):
+        from particlesim.scenario.report import render_all
+
+        print(render_all(error.diagnostics, color=color), file=sys.stderr)
+        return
+    word, style = ("interrupted", "yellow") if isinstance(error, Interrupted) else ("error", "red")
+    print(f"{paint(word, style)}: {error.message}", file=sys.stderr)
+    if error.hint:
+        print(f"  {paint('help', 'cyan')}: {error.hint}", file=sys.stderr)
+
+
+def as_data(error: Any) -> dict[str, Any]:
+    """An error as plain data, for JSON."""
+    data = {"error": error.message, "hint": error.hint, "exit_code": error.exit_code}
+    return data | {"diagnostics": [_diagnostic(d) for d in getattr(error, "diagnostics", ())]}
+
+
+def _diagnostic(diagnostic: Diagnostic) -> dict[str, Any]:
+    span = diagnostic.span
+    return {
+        "message": diagnostic.message,
+        "path": diagnostic.path,
+        "file": None if diagnostic.file is None else str(diagnostic.file),
+        "line": None if span is None else span.line,
+        "column": None if span is None else span.column,
+        "allowed": diagnostic.allowed,
+        "hint": diagnostic.hint,
+    }

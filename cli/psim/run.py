@@ -1,0 +1,131 @@
+"""`psim run`: run a scenario, write its trajectory and, on request, its video."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from psim.options import Force, Overrides, Quiet, ScenarioFile, Threads
+from psim.progress import render_progress, run_progress
+
+if TYPE_CHECKING:
+    from particlesim.runner import Result
+    from particlesim.scenario.scenario import Scenario
+
+ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
+
+
+def run(
+    scenario: ScenarioFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="The trajectory to write; outputs/SCENARIO.vtkhdf by default.",
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    force: Force = False,
+    video: Annotated[bool, typer.Option("--video", help="Also render an MP4 beside the trajectory.")] = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")
+    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
+) -> None:
+    """Run a scenario and write its trajectory.
+
+    The trajectory opens in ParaView as it is. Shows progress and ends with a summary; the paths of what was written go to
+    stdout. Ctrl-C keeps every frame that was finished.
+    """
+    import particlesim as ps
+
+    loaded = ps.load(scenario, overrides or ())
+    path = _output(scenario, output)
+    if dry_run:
+        _dry_run(loaded, scenario, path, as_json)
+        return
+    film = path.with_suffix(".mp4") if video else None
+    _check_targets(loaded, path, film, force)
+    quiet = quiet or as_json
+    result = _simulate(loaded, scenario, path, force, threads, quiet)
+    warnings = list(result.warnings)
+    if film is not None:
+        warnings += _render(path, film, force, threads, quiet)
+    from psim.summary import show_summary, summary
+
+    told = summary(result, scenario, film, warnings)
+    if as_json:
+        from psim.talk import print_json
+
+        print_json(told)
+    elif not quiet:
+        show_summary(told)
+        print(path)
+        if film is not None:
+            print(film)
+
+
+def _output(scenario: Path, output: Path | None) -> Path:
+    """Where the trajectory goes. Raises UsageError for a name that no reader would take for one."""
+    from particlesim.errors import UsageError
+    from psim.plan import default_output
+
+    path = default_output(scenario) if output is None else output
+    if not path.is_dir() and path.suffix.lower() not in ENDINGS:
+        hint = f"Name it {path.with_suffix('.vtkhdf')}, so that ParaView knows what it is."
+        if path.suffix.lower() == ".mp4":
+            hint = "For a video beside the trajectory: --video."
+        raise UsageError(f"{path} does not have the ending of a trajectory", hint)
+    return path
+
+
+def _dry_run(loaded: Scenario, scenario: Path, path: Path, as_json: bool) -> None:
+    from psim.plan import plan, show_plan
+    from psim.talk import print_json
+
+    planned = plan(loaded, path)
+    if as_json:
+        print_json({"scenario": str(scenario), **planned, "exit_code": 0})
+    else:
+        show_plan(str(scenario), planned)
+
+
+def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool) -> None:
+    """Refuse what could not be written at the end, before anything is computed."""
+    from particlesim.trajectory.target import check_target
+
+    check_target(path, overwrite=force)
+    if film is not None:
+        from particlesim.filming import check_film
+
+        check_film(loaded, film, overwrite=force)
+
+
+def _simulate(
+    loaded: Scenario, scenario: Path, path: Path, force: bool, threads: int | None, quiet: bool
+) -> Result:
+    """Run; an error in the middle says where the frames before it are."""
+    import particlesim as ps
+
+    try:
+        with run_progress(scenario.stem, quiet=quiet) as progress:
+            return ps.run(loaded, path, overwrite=force, threads=threads, progress=progress)
+    except (ps.Interrupted, ps.DivergenceError) as error:
+        kept = f"every frame before that is in {path}"
+        error.hint = f"{error.hint}; {kept}" if error.hint else kept
+        raise
+
+
+def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: bool) -> list[Any]:
+    """Render the trajectory; returns what to warn of."""
+    import particlesim as ps
+
+    with render_progress(film.name, quiet=quiet) as progress:
+        report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
+    return list(report.warnings)

@@ -1,0 +1,113 @@
+"""What a run did: a table for people, an object for programs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from psim.talk import duration, facts, paint, rate, say, warn
+
+if TYPE_CHECKING:
+    from particlesim.runner import Result
+
+_CAUSES = {
+    "age": "of age",
+    "cold": "cold",
+    "recycled": "recycled",
+    "plane": "at a plane",
+    "outside": "outside",
+}
+
+
+def summary(result: Result, scenario: Path, video: Path | None, warnings: list[str]) -> dict[str, Any]:
+    """The facts of a run as plain data, in SI units."""
+    grid = result.scenario.grid
+    dead = sum(result.died.values())
+    return {
+        "scenario": str(scenario),
+        "title": result.scenario.title,
+        "trajectory": str(result.path),
+        "video": None if video is None else str(video),
+        "bytes": result.path.stat().st_size if result.path is not None else 0,
+        "frames": len(result.times),
+        "particles": {
+            "placed": len(result.final) + dead - result.born,
+            "born": result.born,
+            "died": result.died,
+            "alive": len(result.final),
+        },
+        "time": float(result.times[-1]),
+        "steps": result.steps,
+        "dt": grid.dt,
+        "dt_asked": grid.asked,
+        "particle_steps": result.particle_steps,
+        "seconds": result.seconds,
+        "particle_steps_per_second": result.particle_steps / result.seconds if result.seconds > 0 else None,
+        "energy": _ends(result.energy) if result.ledger else None,
+        "momentum": _momentum(result),
+        "warnings": warnings,
+        "exit_code": 0,
+    }
+
+
+def _ends(values: Any) -> dict[str, float]:
+    return {"first": float(values[0]), "last": float(values[-1])}
+
+
+def _momentum(result: Result) -> dict[str, list[float]] | None:
+    if not result.ledger:
+        return None
+    axes = [result.ledger[f"momentum.{axis}"] for axis in "xyz"]
+    return {end: [float(values[k]) for values in axes] for end, k in (("first", 0), ("last", -1))}
+
+
+def show_summary(told: dict[str, Any]) -> None:
+    """The table on stderr."""
+    from particlesim.bounds import size
+
+    steps = f"{told['time']:.6g} s in {told['steps']:,} steps of {told['dt']:.6g} s"
+    if told["dt_asked"] is not None:
+        steps += f" (shortened from {told['dt_asked']:.6g} s, so that frames fall on steps)"
+    speed = told["particle_steps_per_second"]
+    rows = [
+        ("particles", _particles(told["particles"])),
+        ("time", steps),
+        ("took", duration(told["seconds"]) + (f", {rate(speed)}" if speed else "")),
+        ("energy", _change(told["energy"])),
+        ("momentum", _momentum_text(told["momentum"])),
+        ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
+    ]
+    say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
+    facts(rows, sys.stderr)
+    for text in told["warnings"]:
+        warn(text)
+
+
+def _particles(count: dict[str, Any]) -> str:
+    """'30,000 born, 12,000 alive, 18,000 died (17,000 of age, 1,000 outside)'."""
+    parts = [f"{count['placed']:,} placed"] if count["placed"] else []
+    parts += [f"{count['born']:,} born"] if count["born"] else []
+    parts.append(f"{count['alive']:,} alive")
+    if count["died"]:
+        causes = ", ".join(
+            f"{number:,} {_CAUSES.get(name, name)}" for name, number in sorted(count["died"].items())
+        )
+        parts.append(f"{sum(count['died'].values()):,} died ({causes})")
+    return ", ".join(parts)
+
+
+def _change(ends: dict[str, float] | None) -> str:
+    """'12.3 J → 12.1 J (−1.6 %)'."""
+    if ends is None:
+        return ""
+    first, last = ends["first"], ends["last"]
+    text = f"{first:.6g} J → {last:.6g} J"
+    return f"{text} ({100 * (last - first) / abs(first):+.3g} %)" if first else text
+
+
+def _momentum_text(ends: dict[str, list[float]] | None) -> str:
+    if ends is None:
+        return ""
+    first, last = (", ".join(f"{value:.4g}" for value in ends[end]) for end in ("first", "last"))
+    return f"({first}) → ({last}) kg m/s"
