@@ -73,6 +73,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
 
     @property
@@ -101,6 +102,8 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
+            return None, None, None
         faults = np.zeros(self.state.count, np.bool_)
         if self.state.count:
             columns = self.columns()[0]
