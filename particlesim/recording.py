@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from particlesim.engine.simulation import Simulation, rows
 from particlesim.engine.state import GroupState
-from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
 

@@ -19,7 +19,9 @@ def check(
         typer.Argument(metavar="SCENARIO...", help="Scenarios, TOML files.", autocompletion=scenario_files),
     ],
     overrides: Overrides = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, an object per scenario.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON list, an object per scenario.")
+    ] = False,
 ) -> None:
     """Validate scenarios and print what would run.
 

@@ -9,7 +9,13 @@ from typing import Any
 import typer
 
 _COMMON = (
-    *("simulation.duration", "simulation.dt", "simulation.integrator", "simulation.seed", "simulation.precision"),
+    *(
+        "simulation.duration",
+        "simulation.dt",
+        "simulation.integrator",
+        "simulation.seed",
+        "simulation.precision",
+    ),
     *("output.fps", "output.fields", "output.precision", "output.compression", "output.ledger"),
     *("render.look", "render.size", "render.color_by", "render.camera.eye", "render.camera.target"),
 )
@@ -50,7 +56,8 @@ def _files(incomplete: str, endings: tuple[str, ...]) -> list[str]:
     names = [
         f"{path.name}/" if path.is_dir() else path.name
         for path in found
-        if (path.is_dir() or path.suffix in endings) and (start.startswith(".") or not path.name.startswith("."))
+        if (path.is_dir() or path.suffix in endings)
+        and (start.startswith(".") or not path.name.startswith("."))
     ]
     return [f"{folder}{slash}{name}" for name in names if name.startswith(start)]
 

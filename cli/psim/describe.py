@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +23,9 @@ def _names(incomplete: str = "") -> list[str]:
 def describe(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="A force, flow, layout, integrator or table.", autocompletion=_names),
+        typer.Argument(
+            metavar="[NAME]", help="A force, flow, layout, integrator or table.", autocompletion=_names
+        ),
     ] = None,
 ) -> None:
     """Explain a force, flow, layout, integrator or table of a scenario.
@@ -74,8 +75,14 @@ def _headline(entry: Any) -> str:
     if _is_method(entry):
         return str(entry.summary)
     formula = getattr(entry, "formula", None)
-    first = (inspect.getdoc(entry) or "").split("\n\n")[0].replace("\n", " ")
+    first = _doc(entry).split("\n\n")[0].replace("\n", " ")
     return f"{formula}. {first}" if formula else first
+
+
+def _doc(entry: Any) -> str:
+    import inspect
+
+    return inspect.getdoc(entry) or ""
 
 
 def _is_method(entry: Any) -> bool:
@@ -87,7 +94,7 @@ def _show(name: str, entry: Any) -> None:
     if _is_method(entry):
         _show_method(entry)
         return
-    print("  " + (inspect.getdoc(entry) or "").replace("\n", "\n  "))
+    print("  " + _doc(entry).replace("\n", "\n  "))
     facts([("formula", getattr(entry, "formula", "")), ("energy", getattr(entry, "energy", ""))], sys.stdout)
     _show_parameters(entry)
 
@@ -134,20 +141,38 @@ def _unit(schema: Any) -> str:
     if "x-unit" in schema:
         return str(schema["x-unit"])
     items = schema.get("items", ())
-    return next(filter(None, map(_unit, (*schema.get("anyOf", ()), *(items if isinstance(items, list) else (items,))))), "")
+    return next(
+        filter(
+            None, map(_unit, (*schema.get("anyOf", ()), *(items if isinstance(items, list) else (items,))))
+        ),
+        "",
+    )
 
 
 def _toml(value: Any) -> str:
     """A default as the file would write it, on one line."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(child)}" for key, child in value.items() if child is not None) + " }"
+        return (
+            "{ "
+            + ", ".join(f"{key} = {_toml(child)}" for key, child in value.items() if child is not None)
+            + " }"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(_toml(child) for child in value) + "]"
-    return str(value).lower() if isinstance(value, bool) else f'"{value}"' if isinstance(value, str) else str(value)
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f'"{value}"'
+        if isinstance(value, str)
+        else str(value)
+    )
 
 
 def _unknown(name: str) -> Exception:
     from particlesim.errors import UsageError
     from particlesim.names import did_you_mean
 
-    return UsageError(f"there is nothing called {name!r}", did_you_mean(name, _names()) or "psim describe lists what there is.")
+    return UsageError(
+        f"there is nothing called {name!r}",
+        did_you_mean(name, _names()) or "psim describe lists what there is.",
+    )

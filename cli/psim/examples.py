@@ -14,7 +14,8 @@ from psim.options import Force
 
 def examples(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="The one to print or copy.", autocompletion=example_names)
+        str | None,
+        typer.Argument(metavar="[NAME]", help="The one to print or copy.", autocompletion=example_names),
     ] = None,
     copy: Annotated[
         Path | None, typer.Option("--copy", metavar="DIR", help="Copy it, or all of them, into this folder.")
@@ -58,7 +59,10 @@ def _list(shipped: list[Path]) -> None:
 
     tables: list[dict[str, Any]] = [tomllib.loads(path.read_text(encoding="utf-8")) for path in shipped]
     facts(
-        [(path.stem, table.get("description") or table.get("title", "")) for path, table in zip(shipped, tables, strict=True)],
+        [
+            (path.stem, table.get("description") or table.get("title", ""))
+            for path, table in zip(shipped, tables, strict=True)
+        ],
         sys.stdout,
     )
 

@@ -12,11 +12,15 @@ from psim.options import Force, Frames, Quiet, TrajectoryFile, parse_frames
 
 def export(
     trajectory: TrajectoryFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .csv or .npz.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .csv or .npz.")
+    ],
     frames: Frames = None,
     fields: Annotated[
         str | None,
-        typer.Option(metavar="A,B,...", help="Only these fields, beside position and id; all recorded by default."),
+        typer.Option(
+            metavar="A,B,...", help="Only these fields, beside position and id; all recorded by default."
+        ),
     ] = None,
     force: Force = False,
     quiet: Quiet = False,

@@ -19,7 +19,9 @@ def inspect(
     ] = False,
     repair: Annotated[
         bool,
-        typer.Option("--repair", help="First make the file of a killed run an ordinary one, which ParaView opens too."),
+        typer.Option(
+            "--repair", help="First make the file of a killed run an ordinary one, which ParaView opens too."
+        ),
     ] = False,
 ) -> None:
     """Show what is inside a trajectory: frames, fields, energies, where it comes from.
@@ -62,14 +64,30 @@ def _show(found: dict[str, Any]) -> None:
     groups = (f"{name} ({count:,})" if count is not None else name for name, count in found["groups"].items())
     rows.append(("groups", ", ".join(groups)))
     facts(rows, sys.stdout)
-    _table("fields", "at the last frame", [(n, f["unit"], _span(f["min"], f["max"])) for n, f in found["fields"].items()])
+    _table(
+        "fields",
+        "at the last frame",
+        [(n, f["unit"], _span(f["min"], f["max"])) for n, f in found["fields"].items()],
+    )
     ledger = [
         (n, entry["unit"], f"{number(entry['first'])} → {number(entry['last'])}")
         for n, entry in found["ledger"].items()
         if entry["first"] is not None and entry["last"] is not None
     ]
     _table("ledger", "from the first frame to the last", ledger)
-    known = ("command", "started", "host", "git", "seed", "dt", "psim", "python", "numpy", "numba", "overrides")
+    known = (
+        "command",
+        "started",
+        "host",
+        "git",
+        "seed",
+        "dt",
+        "psim",
+        "python",
+        "numpy",
+        "numba",
+        "overrides",
+    )
     print(paint("origin", "bold", sys.stdout))
     facts([(name, str(origin[name]).replace("\n", ", ")) for name in known if name in origin], sys.stdout)
 
@@ -103,7 +121,7 @@ def _range(values: dict[str, Any], low: str, high: str, unit: str) -> str:
 
 def _span(low: Any, high: Any) -> str:
     """'0.1 to 2.5', per component for vectors."""
-    if low is None or isinstance(low, list) and None in low:
+    if low is None or (isinstance(low, list) and None in low):
         return ""
     if isinstance(low, list):
         return f"({', '.join(f'{v:.4g}' for v in low)}) to ({', '.join(f'{v:.4g}' for v in high)})"

@@ -37,7 +37,8 @@ def new(
 
     if template not in _templates():
         raise UsageError(
-            f"there is no template {template!r}", did_you_mean(template, _templates()) or f"There are {', '.join(_templates())}."
+            f"there is no template {template!r}",
+            did_you_mean(template, _templates()) or f"There are {', '.join(_templates())}.",
         )
     path = name if name.suffix == ".toml" else name.with_name(f"{name.name}.toml")
     check_target(path, overwrite=force)

@@ -30,13 +30,19 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Threads = Annotated[
     int | None,
     typer.Option(
-        "--threads", "-j", metavar="N", min=1, help="Threads at most; all cores by default. Results do not depend on it."
+        "--threads",
+        "-j",
+        metavar="N",
+        min=1,
+        help="Threads at most; all cores by default. Results do not depend on it.",
     ),
 ]
 Frames = Annotated[
     str | None,
     typer.Option(
-        "--frames", metavar="A:B", help="Only these frames, as Python counts: 10:20, 100:, ::2, or --frames=-1: for the last."
+        "--frames",
+        metavar="A:B",
+        help="Only these frames, as Python counts: 10:20, 100:, ::2, or --frames=-1: for the last.",
     ),
 ]
 
@@ -55,6 +61,7 @@ def parse_frames(text: str | None) -> slice | None:
         return slice(parts[0], parts[0] + 1 if parts[0] != -1 else None)
     if len(parts) not in (2, 3) or (len(parts) == 3 and parts[2] == 0):
         raise UsageError(
-            f"--frames {text!r} names no frames", "Write A:B, counted from 0 and without B: 10:20, 100:, ::2, -1: or 7."
+            f"--frames {text!r} names no frames",
+            "Write A:B, counted from 0 and without B: 10:20, 100:, ::2, -1: or 7.",
         )
     return slice(*parts)

@@ -22,11 +22,18 @@ def plot(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="Image to write: .png, .svg or .pdf; TRAJECTORY-QUANTITY.png by default."
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Image to write: .png, .svg or .pdf; TRAJECTORY-QUANTITY.png by default.",
         ),
     ] = None,
-    ids: Annotated[str | None, typer.Option(metavar="A,B,...", help="Only the particles with these ids.")] = None,
-    group: Annotated[str | None, typer.Option(metavar="NAME", help="Only the particles of this group.")] = None,
+    ids: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Only the particles with these ids.")
+    ] = None,
+    group: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the particles of this group.")
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:

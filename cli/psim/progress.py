@@ -57,7 +57,9 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
 
             def show(done: int, total: int) -> None:
                 speed = done / max(time.perf_counter() - began, 1e-9)
-                bar.update(task, total=total, completed=done, note=f"picture {done} of {total}  {speed:.1f}/s")
+                bar.update(
+                    task, total=total, completed=done, note=f"picture {done} of {total}  {speed:.1f}/s"
+                )
 
             yield show
 
@@ -111,7 +113,14 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
 def _bar(name: str) -> Any:
     """A bar that takes itself away when the work is done: a summary follows."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     return Progress(
         SpinnerColumn(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -16,16 +15,25 @@ def render(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="What to write: .mp4, .webp or .png; the trajectory's name with .mp4 by default."
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="What to write: .mp4, .webp or .png; the trajectory's name with .mp4 by default.",
         ),
     ] = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Width and height in pixels, such as 1280x720.")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in pixels, such as 1280x720.")
+    ] = None,
     look: Annotated[str | None, typer.Option(help="How particles are drawn: spheres or dots.")] = None,
     fps: Annotated[float | None, typer.Option(help="Pictures per second of video.")] = None,
     speed: Annotated[float | None, typer.Option(help="Simulated seconds per second of video.")] = None,
-    color_by: Annotated[str | None, typer.Option(metavar="FIELD", help="Field that colours particles, or none.")] = None,
+    color_by: Annotated[
+        str | None, typer.Option(metavar="FIELD", help="Field that colours particles, or none.")
+    ] = None,
     camera_eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera is [m].")] = None,
-    camera_target: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="What the camera looks at [m].")] = None,
+    camera_target: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="What the camera looks at [m].")
+    ] = None,
     frames: Frames = None,
     overrides: Overrides = None,
     force: Force = False,
@@ -37,6 +45,8 @@ def render(
     The look is that of the scenario's \\[render] table; options change it, and --set render.KEY=VALUE changes anything in
     it. Several PNG pictures are numbered. Nothing half-written is left behind, whatever happens.
     """
+    import json
+
     import particlesim as ps
     from psim.progress import render_progress
     from psim.talk import duration, say, warn
@@ -48,7 +58,9 @@ def render(
     if camera_eye is not None:
         settings.append(f"render.camera.eye=[{_numbers(camera_eye, ',', 3, '--camera-eye', '4,2,6')}]")
     if camera_target is not None:
-        settings.append(f"render.camera.target=[{_numbers(camera_target, ',', 3, '--camera-target', '0,1,0')}]")
+        settings.append(
+            f"render.camera.target=[{_numbers(camera_target, ',', 3, '--camera-target', '0,1,0')}]"
+        )
     out = output or trajectory.with_suffix(".mp4")
     with render_progress(out.name, quiet=quiet) as progress:
         made = ps.film(

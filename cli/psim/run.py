@@ -22,7 +22,10 @@ def run(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="The trajectory to write; outputs/SCENARIO.vtkhdf by default."
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="The trajectory to write; outputs/SCENARIO.vtkhdf by default.",
         ),
     ] = None,
     overrides: Overrides = None,
@@ -30,7 +33,9 @@ def run(
     video: Annotated[bool, typer.Option("--video", help="Also render an MP4 beside the trajectory.")] = False,
     threads: Threads = None,
     quiet: Quiet = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
 ) -> None:
     """Run a scenario and write its trajectory.

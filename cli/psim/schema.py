@@ -12,7 +12,8 @@ from psim.options import Force
 
 def schema(
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it there instead of printing it.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write it there instead of printing it."),
     ] = None,
     force: Force = False,
 ) -> None:

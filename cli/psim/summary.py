@@ -11,7 +11,13 @@ from psim.talk import duration, facts, paint, rate, say, warn
 if TYPE_CHECKING:
     from particlesim.runner import Result
 
-_CAUSES = {"age": "of age", "cold": "cold", "recycled": "recycled", "plane": "at a plane", "outside": "outside"}
+_CAUSES = {
+    "age": "of age",
+    "cold": "cold",
+    "recycled": "recycled",
+    "plane": "at a plane",
+    "outside": "outside",
+}
 
 
 def summary(result: Result, scenario: Path, video: Path | None, warnings: list[str]) -> dict[str, Any]:
@@ -84,7 +90,9 @@ def _particles(count: dict[str, Any]) -> str:
     parts += [f"{count['born']:,} born"] if count["born"] else []
     parts.append(f"{count['alive']:,} alive")
     if count["died"]:
-        causes = ", ".join(f"{number:,} {_CAUSES.get(name, name)}" for name, number in sorted(count["died"].items()))
+        causes = ", ".join(
+            f"{number:,} {_CAUSES.get(name, name)}" for name, number in sorted(count["died"].items())
+        )
         parts.append(f"{sum(count['died'].values()):,} died ({causes})")
     return ", ".join(parts)
 
