@@ -21,7 +21,7 @@ MISTAKES = {
     "broken TOML": (replaced("[simulation]", "[simulation"), "bad.toml:4"),
     "wrong type": (replaced("dt = 0.01", "dt = [1]"), "expected a duration"),
     "unknown key": (replaced("restitution", "restituton"), "did you mean 'restitution'?"),
-    "misspelt force": (replaced('"gravity"', '"gravty"'), 'did you mean "gravity"?'),
+    "misspelt force": (replaced('"gravity"', '"gravty"'), "did you mean 'gravity'?"),
     "NaN": (replaced("mass = 0.1", "mass = nan"), "must be finite"),
     "infinity": (replaced("duration = 0.1", "duration = inf"), "must be finite"),
     "negative mass": (replaced("mass = 0.1", "mass = -0.1"), "must be greater than 0"),
@@ -32,21 +32,21 @@ MISTAKES = {
     "unknown group": (replaced('type = "gravity"', 'type = "gravity"\non = ["bals"]'), "did you mean 'balls'?"),
     "code in an expression": (
         TINY + '\n[[forces]]\ntype = "field"\nforce = ["__import__(\'os\').getpid()", "0", "0"]\n',
-        "__import__",
+        "functions can be called",
     ),
     "odd video": (replaced("[64, 48]", "[65, 48]"), "multiple of 2"),
     "unknown color field": (replaced("size = [64, 48]", 'color_by = "sped"'), "did you mean 'speed'?"),
     "too many particles": (
         replaced(
             'layout = { type = "points", position = [[0, 1, 0], [0.5, 1, 0], [0, 1.5, 0.5]] }',
-            'layout = { type = "random", count = 100_000_000_000, shape = { type = "ball", center = [0, 1, 0], '
+            'layout = { type = "random", count = 10_000_000_000, shape = { type = "ball", center = [0, 1, 0], '
             "radius = 1 } }",
         ),
         "of memory",
     ),
     "too many frames": (
         replaced("duration = 0.1", "duration = 1e9").replace("fps = 20", "every = 1").replace("dt = 0.01", "dt = 1e-4"),
-        "on disk",
+        "frames",
     ),
     "missing particle file": (
         replaced(
@@ -123,7 +123,7 @@ def test_folder_that_may_not_be_written(psim):
         (("--threads", "0"), "greater than or equal to 1"),
         (("--set", "nonsense"), "not of the form key=value"),
         (("--set", "simulation.dt=soon"), "the value is not"),
-        (("--set", "simulation.dtt=1"), "did you mean 'dt'?"),
+        (("--set", "simulation.duraton=1"), "did you mean 'duration'?"),
         (("--set", "forces.wind.type=1"), "has no entry 'wind'"),
         (("--set", "particles.7.mass=1"), "particles"),
         (("--no-such-option",), "--no-such-option"),
@@ -171,7 +171,7 @@ def test_bad_trajectories(psim):
         (("render", "--size", "65x48"), "multiple of 2"),
         (("render", "--size", "big"), "Write it as --size 1280x720"),
         (("render", "--camera-eye", "1,2"), "Write it as --camera-eye 4,2,6"),
-        (("render", "--look", "shiny"), '"dots" or "spheres"'),
+        (("render", "--look", "shiny"), '"dots", "spheres"'),
         (("render", "--color-by", "sped"), "did you mean 'speed'?"),
         (("render", "--color-by", "age"), "under [output]"),
         (("render", "--frames", "some"), "names no frames"),
@@ -218,7 +218,7 @@ def test_check_tells_of_all_scenarios(psim):
 def test_in_a_process_of_its_own():
     Path("bad.toml").write_text(MISTAKES["misspelt force"][0])
     before = files()
-    refused(real("run", "bad.toml"), 'did you mean "gravity"?')
+    refused(real("run", "bad.toml"), "did you mean 'gravity'?")
     assert files() == before
 
 
