@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from psim import app
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -99,7 +100,13 @@ def environment() -> dict[str, str]:
 
 def start(*arguments: object, **options: Any) -> subprocess.Popen[str]:
     """`psim ARGUMENTS` in a process of its own."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment(), **options}
+    pipes = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+        "env": environment(),
+        **options,
+    }
     return subprocess.Popen([sys.executable, "-m", "psim", *map(str, arguments)], **pipes)
 
 

@@ -16,7 +16,15 @@ import particlesim as ps
 
 from .conftest import LONG, TINY, Ended, environment, files, real, start
 
-TABLE = ("Tiny", "3 placed, 3 alive", "0.1 s in 10 steps of 0.01 s", "3 frames", "particle-steps/s", "J →", "kg m/s")
+TABLE = (
+    "Tiny",
+    "3 placed, 3 alive",
+    "0.1 s in 10 steps of 0.01 s",
+    "3 frames",
+    "particle-steps/s",
+    "J →",
+    "kg m/s",
+)
 
 
 def test_run_writes_the_default_output_and_tells(psim):
@@ -35,7 +43,16 @@ def test_run_writes_the_default_output_and_tells(psim):
 
 
 def test_set_and_threads(psim):
-    arguments = ("--set", "simulation.dt=5e-3", "--set", "particles.balls.mass=2", "-j", "1", "-o", "deep/er/a.vtkhdf")
+    arguments = (
+        "--set",
+        "simulation.dt=5e-3",
+        "--set",
+        "particles.balls.mass=2",
+        "-j",
+        "1",
+        "-o",
+        "deep/er/a.vtkhdf",
+    )
     ended = psim("run", "tiny.toml", *arguments)
     assert ended.code == 0
     assert "20 steps of 0.005 s" in ended.err
@@ -71,7 +88,12 @@ def test_dry_run_writes_nothing(psim):
     before = files()
     ended = psim("run", "tiny.toml", "--dry-run", "-o", "new/a.vtkhdf")
     assert ended.code == 0
-    for words in ("at most 3 at once", "10 of 0.01 s", "3 with position, id, velocity, radius", "new/a.vtkhdf"):
+    for words in (
+        "at most 3 at once",
+        "10 of 0.01 s",
+        "3 with position, id, velocity, radius",
+        "new/a.vtkhdf",
+    ):
         assert words in ended.out
     assert psim("run", "tiny.toml", "--dry-run", "--json").json["steps"] == 10
     assert files() == before
@@ -85,7 +107,8 @@ def test_shortened_step_is_told(psim):
 
 def test_warnings_are_shown(psim):
     Path("fast.toml").write_text(
-        TINY + '\n[[forces]]\ntype = "stokes_drag"\nfluid = "water"\n'  # large balls: far beyond creeping flow
+        TINY
+        + '\n[[forces]]\ntype = "stokes_drag"\nfluid = "water"\n'  # large balls: far beyond creeping flow
     )
     ended = psim("run", "fast.toml")
     assert ended.code == 0
@@ -187,7 +210,10 @@ def test_terminal_shows_progress_and_colors():
     pty = pytest.importorskip("pty")
     Path("longer.toml").write_text(TINY.replace("duration = 0.1", "duration = 20.0"))
     main, other = pty.openpty()
-    options = {"stderr": other, "env": {**environment(), "TERM": "xterm-256color", "NO_COLOR": "", "COLUMNS": "120"}}
+    options = {
+        "stderr": other,
+        "env": {**environment(), "TERM": "xterm-256color", "NO_COLOR": "", "COLUMNS": "120"},
+    }
     process = start("run", "longer.toml", **options)
     os.close(other)
     seen = b""
