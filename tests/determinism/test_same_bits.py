@@ -54,7 +54,7 @@ def scenario(method: str, every: int = STEPS, **output: Any) -> ps.Scenario:
             "forces": [{"type": "gravity"}],
             "springs": [{"on": "chain", "pairs": [[0, 1], [1, 2]], "stiffness": 40, "damping": 0.1, "rest_length": 0.15}],
             "planes": [
-                {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1},
+                {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1, "on": ["sparks", "patient"]},
                 {"name": "trap", "point": [0.7, 0, 0], "normal": [-1, 0, 0], "contact": "kill", "on": ["sparks", "patient"]},
             ],
             "impulses": [{"at": [0.151, 0.4], "impulse": [0.001, 0.003, -0.001], "on": ["sparks", "chain"]}],
