@@ -6,11 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from particlesim.errors import UsageError
 from particlesim.render.scene import PlaneShape
-from particlesim.render.timeline import timeline
+from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
 from particlesim.scenario.scenario import Scenario
@@ -65,7 +63,7 @@ def check_film(scenario: Scenario, out: Path, *, overwrite: bool) -> None:
     check_target(out, overwrite=overwrite)
     find_ffmpeg()
     grid = scenario.grid
-    timeline(np.minimum(np.arange(grid.frames) * (grid.every * grid.dt), grid.duration), scenario.render)
+    video_step(grid.duration, grid.frames, scenario.render)
 
 
 def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:

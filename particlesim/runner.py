@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
@@ -131,7 +132,7 @@ def run(
         born=log.born,
         died=log.died,
         seconds=seconds,
-        warnings=(*watch.warnings, *problems),
+        warnings=(*advice(scenario), *watch.warnings, *problems),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
@@ -76,8 +75,14 @@ def _headline(entry: Any) -> str:
     if _is_method(entry):
         return str(entry.summary)
     formula = getattr(entry, "formula", None)
-    first = (inspect.getdoc(entry) or "").split("\n\n")[0].replace("\n", " ")
+    first = _doc(entry).split("\n\n")[0].replace("\n", " ")
     return f"{formula}. {first}" if formula else first
+
+
+def _doc(entry: Any) -> str:
+    import inspect
+
+    return inspect.getdoc(entry) or ""
 
 
 def _is_method(entry: Any) -> bool:
@@ -89,7 +94,7 @@ def _show(name: str, entry: Any) -> None:
     if _is_method(entry):
         _show_method(entry)
         return
-    print("  " + (inspect.getdoc(entry) or "").replace("\n", "\n  "))
+    print("  " + _doc(entry).replace("\n", "\n  "))
     facts([("formula", getattr(entry, "formula", "")), ("energy", getattr(entry, "energy", ""))], sys.stdout)
     _show_parameters(entry)
 

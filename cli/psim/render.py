@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -46,6 +45,8 @@ def render(
     The look is that of the scenario's \\[render] table; options change it, and --set render.KEY=VALUE changes anything in
     it. Several PNG pictures are numbered. Nothing half-written is left behind, whatever happens.
     """
+    import json
+
     import particlesim as ps
     from psim.progress import render_progress
     from psim.talk import duration, say, warn

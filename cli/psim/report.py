@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import functools
-import json
 import os
 import sys
-import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +42,7 @@ def report(error: BaseException, *, as_json: bool = False) -> int:
     from particlesim.errors import PsimError
 
     if isinstance(error, typer.Exit):
-        return error.exit_code
+        return int(error.exit_code)
     if _is_usage(error):  # Typer shows its own
         raise error
     if isinstance(error, BrokenPipeError):
@@ -53,14 +50,21 @@ def report(error: BaseException, *, as_json: bool = False) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     if os.environ.get("PSIM_DEBUG", "") not in ("", "0"):
-        traceback.print_exception(error)
-    if not isinstance(error, PsimError):
-        error = _as_psim_error(error)
+        _print_traceback(error)
+    told: PsimError = error if isinstance(error, PsimError) else _as_psim_error(error)
     if as_json:
-        print(json.dumps(as_data(error), ensure_ascii=False))
+        import json
+
+        print(json.dumps(as_data(told), ensure_ascii=False))
     else:
-        _print(error)
-    return error.exit_code
+        _print(told)
+    return told.exit_code
+
+
+def _print_traceback(error: BaseException) -> None:
+    import traceback
+
+    traceback.print_exception(error)
 
 
 def _is_usage(error: BaseException) -> bool:
@@ -70,6 +74,8 @@ def _is_usage(error: BaseException) -> bool:
 
 def _as_psim_error(error: BaseException) -> Any:
     """The error of the library that says what happened; a bug shows its traceback."""
+    import errno
+
     from particlesim.errors import InputOutputError, Interrupted, PsimError
 
     if isinstance(error, KeyboardInterrupt):
@@ -81,7 +87,7 @@ def _as_psim_error(error: BaseException) -> Any:
         what = f"{error.filename}: " if error.filename else ""
         hint = "Free some space, or write elsewhere." if error.errno == errno.ENOSPC else None
         return InputOutputError(f"{what}{error.strerror or error}", hint)
-    traceback.print_exception(error)
+    _print_traceback(error)
     bug = PsimError(f"this is a mistake in psim: {type(error).__name__}: {error}", _ISSUES)
     bug.exit_code = BUG
     return bug

@@ -17,6 +17,32 @@ from typing import Any
 import numba
 from numba.core import config
 
+
+def _without_blas() -> None:
+    """Import the part of Numba that would import SciPy, without SciPy.
+
+    It only asks whether BLAS is there for np.dot; that takes a tenth of a second in every process, and no kernel here
+    uses it. The answer is whether SciPy is installed. Kernels of others that use np.dot import it when they are compiled.
+    """
+    from importlib.util import find_spec
+
+    from numba.np import linalg
+
+    asked = linalg.ensure_blas
+
+    def installed() -> None:
+        if find_spec("scipy") is None:
+            raise ImportError("scipy is not installed")
+
+    linalg.ensure_blas = installed
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        linalg.ensure_blas = asked
+
+
+_without_blas()
+
 # contract: a·b + c in one rounding; nsz: −0 may become 0; arcp: x/m, y/m, z/m share one reciprocal.
 # Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
 FAST = {"contract", "nsz", "arcp"}

@@ -14,19 +14,35 @@ MOST_FRAMES = 1_000_000
 def video_speed(times: npt.NDArray[np.floating], settings: RenderSettings) -> float:
     """Simulated seconds per second of video.
 
-    As the settings say; else 1 when the recording is about as dense as the video (between half and four
-    video frames per recorded frame), else such that each recorded frame is shown once.
+    As the settings say; else 1 when the recording is about as dense as the video (between half and four video frames
+    per recorded frame), else such that each recorded frame is shown once.
     """
+    return _speed(float(times[-1] - times[0]) if len(times) else 0.0, len(times), settings)
+
+
+def _speed(span: float, recorded: int, settings: RenderSettings) -> float:
+    """`video_speed` for frames that cover `span` [s]."""
     if settings.speed is not None:
         return settings.speed
-    if len(times) < 2 or times[-1] <= times[0]:
+    if recorded < 2 or span <= 0:
         return 1.0
-    interval = float(times[-1] - times[0]) / (len(times) - 1)
-    return (
-        1.0
-        if interval * settings.fps * (1 + 1e-9) >= 0.5 and interval * settings.fps <= 4
-        else interval * settings.fps
-    )
+    ratio = span / (recorded - 1) * settings.fps
+    return 1.0 if ratio * (1 + 1e-9) >= 0.5 and ratio <= 4 else ratio
+
+
+def video_step(span: float, recorded: int, settings: RenderSettings) -> float:
+    """Simulated time [s] from one frame of a video to the next, for that many recorded frames that cover `span` [s].
+
+    Raises UsageError when the video would have an absurd number of frames.
+    """
+    step = _speed(span, recorded, settings) / settings.fps
+    if span / step > MOST_FRAMES:
+        raise UsageError(
+            f"the video would have {span / step:.3g} frames",
+            f"{span:g} simulated seconds at speed {step * settings.fps:g}: raise `speed` (simulated seconds per second "
+            "of video).",
+        )
+    return step
 
 
 def timeline(times: npt.NDArray[np.floating], settings: RenderSettings) -> npt.NDArray[np.intp]:
@@ -35,18 +51,12 @@ def timeline(times: npt.NDArray[np.floating], settings: RenderSettings) -> npt.N
     Raises UsageError when that makes an absurd number of frames.
     """
     times = np.asarray(times, float)
-    step = video_speed(times, settings) / settings.fps
     span = float(times[-1] - times[0])
-    if span / step > MOST_FRAMES:
-        raise UsageError(
-            f"the video would have {span / step:.3g} frames",
-            f"{span:g} simulated seconds at speed {step * settings.fps:g}: raise `speed` "
-            "(simulated seconds per second of video).",
-        )
+    step = video_step(span, len(times), settings)
     moments = times[0] + step * np.arange(int(span / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(times, moments), 1, max(len(times) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(times) - 1)
     # A tie within rounding goes to the earlier frame.
     closer = (times[after] - moments) < (moments - times[before]) - 1e-9 * step
-    return np.asarray(np.where(closer, after, before))
+    return np.where(closer, after, before)

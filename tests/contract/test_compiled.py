@@ -17,9 +17,10 @@ from numba.extending import overload
 
 from particlesim.engine.cache import FAST
 from particlesim.engine.compile import is_record
-from particlesim.forces.expression import Ray, parse, slope, value
+from particlesim.forces.expression import parse
 from particlesim.forces.field import PotentialRecord
 from particlesim.forces.fluid_laws import StandardAtmosphere
+from particlesim.forces.operations import Ray, slope, value
 from particlesim.laws import (
     GENERICS,
     Particle,

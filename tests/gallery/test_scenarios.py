@@ -139,8 +139,8 @@ def test_fountain_keeps_ten_thousand_drops_in_the_air_and_above_the_basin() -> N
 
 
 def test_beads_sink_with_their_terminal_velocity() -> None:
-    # v = v_t tanh(g' t / v_t) with g' = g (1 − ρ_f/ρ_s) and v_t² = 8 r ρ_s g' / (3 ρ_f c_d), all still on their way at
-    # 1.2 s. With τ = g' h / v_t < 0.02 for the smallest, RK4 errs by less than τ⁵ a step of v_t, and forgets it.
+    # v = v_t tanh(g' t / v_t) with g' = g (1 − ρ_f/ρ_s) and v_t² = 8 r ρ_s g' / (3 ρ_f c_d), still on their way at 1.2 s.
+    # With τ = g' h / v_t < 0.02 for the smallest, RK4 errs by less than τ⁵ a step of v_t, and forgets it.
     t = 1.2
     result = run("terminal_velocity", duration=t)
     radius, speed = result.final["radius"], -result.final.velocity[:, 1]

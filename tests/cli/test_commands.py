@@ -1,0 +1,306 @@
+"""The other subcommands, help, completion, and what importing costs."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft7Validator
+
+import particlesim as ps
+from particlesim.errors import UsageError
+from particlesim.examples_folder import examples_folder
+from particlesim.version import __version__
+from psim import complete
+from psim.options import parse_frames
+from psim.talk import duration, rate
+
+from .conftest import REPOSITORY, environment, files, real
+
+COMMANDS = (
+    "run",
+    "check",
+    "render",
+    "inspect",
+    "plot",
+    "export",
+    "new",
+    "examples",
+    "describe",
+    "graph",
+    "schema",
+)
+
+
+def test_help_and_version(psim):
+    assert psim("--version").out == f"psim {__version__}\n"
+    told = psim("--help")
+    assert told.code == 0
+    for word in (*COMMANDS, "Simulate", "Look", "Learn"):
+        assert word in told.out
+    for command in COMMANDS:
+        told = psim(command, "--help")
+        assert told.code == 0
+        assert f"psim {command} " in told.out.split("Examples")[1]
+
+
+def test_no_command_shows_help(psim):
+    ended = psim()
+    assert "Usage" in ended.out + ended.err
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; sys.argv = ['psim', '--help']\ntry:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
+    code += "print(sorted({m.split('.')[0] for m in sys.modules} | {'rich.progress'} & set(sys.modules)), file=sys.stderr)"
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True
+    )
+    for heavy in (
+        "pydantic",
+        "numpy",
+        "numba",
+        "h5py",
+        "scipy",
+        "pint",
+        "matplotlib",
+        "rich.progress",
+        "imageio",
+    ):
+        assert f"'{heavy}'" not in ended.stderr
+
+
+def test_a_simple_run_imports_nothing_needless():
+    code = "import sys; import particlesim as ps; ps.run(ps.load('tiny.toml'), 'a.vtkhdf')\n"
+    code += "print(' '.join(sys.modules))"
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True
+    )
+    for heavy in (
+        "scipy.linalg",
+        "scipy.special",
+        "pint",
+        "matplotlib",
+        "imageio_ffmpeg",
+        "PIL",
+        "rich",
+        "typer",
+    ):
+        assert heavy not in ended.stdout.split()
+
+
+def test_check(psim):
+    ended = psim("check", "tiny.toml")
+    assert ended.code == 0
+    for words in (
+        "tiny.toml · Tiny",
+        "balls",
+        "gravity",
+        "at most 3",
+        "10 of 0.01 s",
+        "symplectic_euler",
+        "MB",
+        "kB",
+    ):
+        assert words in ended.out
+    assert not ended.err
+    (told,) = psim("check", "tiny.toml", "--json").json
+    assert (told["particles"], told["steps"], told["frames"]) == (3, 10, 3)
+    assert set(files()) == {"tiny.toml"}
+
+
+def test_check_warns_of_output_that_exists(psim):
+    psim("run", "tiny.toml", "-q")
+    ended = psim("check", "tiny.toml")
+    assert ended.code == 0
+    assert "outputs/tiny.vtkhdf exists" in ended.err
+
+
+def test_inspect(psim, recorded):
+    told = psim("inspect", recorded)
+    for words in (
+        "Tiny",
+        "complete",
+        "3, 0 to 0.1 s",
+        "velocity",
+        "m/s",
+        "potential.gravity",
+        "J",
+        "balls (3)",
+    ):
+        assert words in told.out
+    assert psim("inspect", recorded, "--json").json["frames"] == 3
+    Path("again.toml").write_text(psim("inspect", recorded, "--scenario").out)
+    assert ps.load("again.toml").title == "Tiny"
+
+
+def test_plot(psim, recorded):
+    assert psim("plot", recorded, "energy").out == "recorded-energy.png\n"
+    assert Path("recorded-energy.png").read_bytes()[1:4] == b"PNG"
+    assert psim("plot", recorded, "y", "--ids", "0,2", "--group", "balls", "-o", "y.svg").out == "y.svg\n"
+    assert psim("plot", recorded, "energy").code == 2  # exists
+    assert psim("plot", recorded, "energy", "--force", "-q").out == ""
+
+
+def test_export(psim, recorded):
+    ended = psim("export", recorded, "-o", "last.csv", "--frames=-1:", "--fields", "velocity")
+    assert ended.out == "last.csv\n"
+    assert "3 rows" in ended.err
+    with Path("last.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["time"]) for row in rows] == [0.1] * 3
+    assert float(rows[0]["vy"]) == pytest.approx(-9.80665 * 0.1, rel=1e-6)
+    assert psim("export", recorded, "-o", "all.npz").code == 0
+
+
+def test_render(psim, recorded):
+    ended = psim(
+        "render",
+        recorded,
+        "-o",
+        "still.png",
+        "--frames",
+        "1",
+        "--look",
+        "dots",
+        "--color-by",
+        "y",
+        "--size",
+        "80x60",
+    )
+    assert ended.out == "still.png\n"
+    assert "1 picture in" in ended.err
+    arguments = (
+        "--camera-eye",
+        "1,2,3",
+        "--camera-target",
+        "0,1,0",
+        "--set",
+        "render.camera.fov=50",
+        "--fps",
+        "10",
+    )
+    assert psim("render", recorded, "-q", *arguments).out == ""
+    assert Path("recorded.mp4").stat().st_size > 100
+
+
+def test_graph(psim):
+    told = psim("graph", "tiny.toml").out
+    assert "particles balls: 3 particles" in told
+    assert "<- force gravity: f = m g" in told
+    assert psim("graph", "tiny.toml", "--mermaid").out.startswith("flowchart LR\n")
+
+
+@pytest.mark.parametrize("template", ["throw", "emitter", "springs"])
+def test_new(psim, template):
+    ended = psim("new", "my_scene", "--template", template)
+    assert ended.out == "my_scene.toml\n"
+    text = Path("my_scene.toml").read_text()
+    Draft7Validator(psim("schema").json).validate(tomllib.loads(text))
+    assert ps.load("my_scene.toml").title == "My scene"
+    assert psim("check", "my_scene.toml").code == 0
+
+
+def test_examples(psim):
+    told = psim("examples").out
+    names = {path.stem for path in examples_folder().glob("*.toml")}
+    assert names
+    assert names == {line.split()[0] for line in told.splitlines()}
+    assert psim("examples", "fountain").out == (examples_folder() / "fountain.toml").read_text()
+    assert psim("examples", "fountain", "--copy", "here").out == "here/fountain.toml\n"
+    assert psim("check", "here/fountain.toml").code == 0
+    assert psim("examples", "fountain", "--copy", "here").code == 2
+    assert psim("examples", "fountain", "--copy", "here", "--force").code == 0
+
+
+def test_examples_of_an_installed_package(tmp_path, monkeypatch):
+    """In a wheel the scenarios lie inside of the package."""
+    import particlesim.examples_folder as module
+
+    package = tmp_path / "site-packages" / "particlesim"
+    (package / "examples").mkdir(parents=True)
+    monkeypatch.setattr(module, "__file__", str(package / "examples_folder.py"))
+    assert module.examples_folder() == package / "examples"
+    (package / "examples").rmdir()
+    with pytest.raises(UsageError, match="missing"):
+        module.examples_folder()
+
+
+def test_describe(psim):
+    told = psim("describe").out
+    for word in ("gravity", "vortex", "lattice", "rk4", "emitters", "planes"):
+        assert word in told
+    told = psim("describe", "linear_drag").out
+    assert "f = −k (v − w)" in told
+    assert "in kg/s; required" in told
+    assert "4 force evaluations" in psim("describe", "rk4").out
+    for name in complete_names():
+        assert psim("describe", name).code == 0
+
+
+def complete_names() -> list[str]:
+    from psim.describe import _names
+
+    return _names()
+
+
+def test_schema_beside_the_scenarios_is_fresh(psim):
+    committed = (REPOSITORY / "scenarios" / "psim.schema.json").read_text()
+    assert committed == psim("schema").out, "psim schema -o scenarios/psim.schema.json --force"
+    assert psim("schema", "-o", "a.json").out == "a.json\n"
+    assert Path("a.json").read_text() == committed
+
+
+@pytest.mark.parametrize("path", sorted((REPOSITORY / "scenarios").glob("*.toml")), ids=lambda p: p.stem)
+def test_shipped_scenarios_name_their_schema_and_fit_it(path):
+    text = path.read_text()
+    assert text.startswith("#:schema ./psim.schema.json\n")
+    schema = json.loads((path.parent / "psim.schema.json").read_text())
+    Draft7Validator(schema).validate(tomllib.loads(text))
+
+
+def test_completion(tmp_path):
+    Path("runs").mkdir()
+    shutil.copy("tiny.toml", "runs/other.toml")
+    Path("notes.txt").touch()
+    assert complete.scenario_files("") == ["runs/", "tiny.toml"]
+    assert complete.scenario_files("runs/o") == ["runs/other.toml"]
+    assert complete.scenario_files("gone/x") == []
+    assert complete.trajectory_files("t") == []
+    assert "fountain" in complete.example_names("fou")
+    line = "psim run tiny.toml --set particles."
+    ended = real(
+        env={**environment(), "_PSIM_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "4"}
+    )
+    assert "particles.balls.mass=" in ended.out.split()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (None, None),
+        ("3", slice(3, 4)),
+        ("-1", slice(-1, None)),
+        ("2:5", slice(2, 5)),
+        ("::2", slice(None, None, 2)),
+    ],
+)
+def test_frames(text, expected):
+    assert parse_frames(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "a:b", "1:2:0", "1:2:3:4", "1.5"])
+def test_frames_that_are_none(text):
+    with pytest.raises(UsageError):
+        parse_frames(text)
+
+
+def test_units_of_talk():
+    assert [duration(t) for t in (0.5, 12.34, 200, 7500)] == ["0.50 s", "12.3 s", "3 min 20 s", "2 h 05 min"]
+    assert rate(3.21e8) == "321 M particle-steps/s"
+    assert rate(12) == "12 particle-steps/s"
