@@ -62,7 +62,7 @@ def scenario(method: str, every: int = STEPS, **output: Any) -> ps.Scenario:
                 }
             ],
             "planes": [
-                {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1},
+                {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1, "on": ["sparks", "patient"]},
                 {
                     "name": "trap",
                     "point": [0.7, 0, 0],
