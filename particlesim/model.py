@@ -32,7 +32,9 @@ class Model(BaseModel):
     )
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         made = handler(schema)
         properties = handler.resolve_ref_schema(made).get("properties", {})
         for name, text in field_docs(cls).items():
@@ -49,7 +51,9 @@ def field_docs(model: type[BaseModel]) -> dict[str, str]:
     for base in reversed(model.__mro__):
         if issubclass(base, Model) and not base.__pydantic_generic_metadata__["args"]:
             docs |= _texts_under_fields(base)
-    docs |= {name: info.description for name, info in model.model_fields.items() if info.description is not None}
+    docs |= {
+        name: info.description for name, info in model.model_fields.items() if info.description is not None
+    }
     return {name: text for name, text in docs.items() if name in model.model_fields}
 
 

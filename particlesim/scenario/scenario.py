@@ -295,7 +295,12 @@ def _colors(scenario: Scenario) -> Iterator[Invalid]:
         hint = did_you_mean(name, known)
         if hint is None and name in get_args(FieldName):
             hint = f"to record it: fields = [..., {name!r}] under [output]"
-        yield Invalid(f"the trajectory does not hold {name!r}", ("render", "color_by"), allowed=", ".join(known), hint=hint)
+        yield Invalid(
+            f"the trajectory does not hold {name!r}",
+            ("render", "color_by"),
+            allowed=", ".join(known),
+            hint=hint,
+        )
 
 
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:

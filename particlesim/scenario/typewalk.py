@@ -93,7 +93,9 @@ def child(parent: Node, step: str | int, raw: Any) -> Node | None:
         return None if branch is None else child(branch, step, raw)
     if parent.model is not None and isinstance(step, str):
         info = fields(parent.model).get(step)
-        return None if info is None else node(info.annotation, info.metadata, field_docs(parent.model).get(step))
+        return (
+            None if info is None else node(info.annotation, info.metadata, field_docs(parent.model).get(step))
+        )
     arguments = get_args(parent.annotation)
     if parent.is_list and isinstance(step, int) and arguments:
         if parent.origin is tuple and arguments[-1] is not Ellipsis:

@@ -99,7 +99,13 @@ def environment() -> dict[str, str]:
 
 def start(*arguments: object, **options: Any) -> subprocess.Popen[str]:
     """`psim ARGUMENTS` in a process of its own."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment(), **options}
+    pipes = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+        "env": environment(),
+        **options,
+    }
     return subprocess.Popen([sys.executable, "-m", "psim", *map(str, arguments)], **pipes)
 
 

@@ -29,7 +29,10 @@ MISTAKES = {
     "zero dt": (replaced("dt = 0.01", "dt = 0"), "must be greater than 0"),
     "negative dt": (replaced("dt = 0.01", "dt = -0.01"), "must be greater than 0"),
     "duration not reached": (replaced("duration = 0.1", "duration = 0.123"), "not a whole number of steps"),
-    "unknown group": (replaced('type = "gravity"', 'type = "gravity"\non = ["bals"]'), "did you mean 'balls'?"),
+    "unknown group": (
+        replaced('type = "gravity"', 'type = "gravity"\non = ["bals"]'),
+        "did you mean 'balls'?",
+    ),
     "code in an expression": (
         TINY + '\n[[forces]]\ntype = "field"\nforce = ["__import__(\'os\').getpid()", "0", "0"]\n',
         "functions can be called",
@@ -45,7 +48,9 @@ MISTAKES = {
         "of memory",
     ),
     "too many frames": (
-        replaced("duration = 0.1", "duration = 1e9").replace("fps = 20", "every = 1").replace("dt = 0.01", "dt = 1e-4"),
+        replaced("duration = 0.1", "duration = 1e9")
+        .replace("fps = 20", "every = 1")
+        .replace("dt = 0.01", "dt = 1e-4"),
         "frames",
     ),
     "missing particle file": (
@@ -71,7 +76,12 @@ def test_bad_scenario(psim, name):
     text, words = MISTAKES[name]
     Path("bad.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
     before = files()
-    for command in (("run",), ("run", "--video", "--force", "-o", "new/a.vtkhdf"), ("run", "--dry-run"), ("check",)):
+    for command in (
+        ("run",),
+        ("run", "--video", "--force", "-o", "new/a.vtkhdf"),
+        ("run", "--dry-run"),
+        ("check",),
+    ):
         refused(psim(*command, "bad.toml"), words)
     told = psim("run", "bad.toml", "--json")
     assert told.code == 2
@@ -123,7 +133,7 @@ def test_folder_that_may_not_be_written(psim):
         (("--threads", "0"), "greater than or equal to 1"),
         (("--set", "nonsense"), "not of the form key=value"),
         (("--set", "simulation.dt=soon"), "the value is not"),
-        (("--set", "simulation.duraton=1"), "did you mean 'duration'?"),
+        (("--set", "simulation.duraton=1"), "unknown key 'duraton'"),
         (("--set", "forces.wind.type=1"), "has no entry 'wind'"),
         (("--set", "particles.7.mass=1"), "particles"),
         (("--no-such-option",), "--no-such-option"),
@@ -160,7 +170,13 @@ def test_bad_trajectories(psim):
         "folder": "is a folder",
         "gone": "there is no file gone.vtkhdf",
     }.items():
-        for command in (("inspect",), ("render",), ("plot", "energy"), ("export", "-o", "a.csv"), ("inspect", "--repair")):
+        for command in (
+            ("inspect",),
+            ("render",),
+            ("plot", "energy"),
+            ("export", "-o", "a.csv"),
+            ("inspect", "--repair"),
+        ):
             refused(psim(command[0], f"{name}.vtkhdf", *command[1:]), words)
     assert files() == before
 
@@ -211,7 +227,9 @@ def test_check_tells_of_all_scenarios(psim):
     assert "must be greater than 0" in ended.err
     assert "gone.toml does not exist" in ended.err
     assert "tiny.toml · Tiny" in ended.out
-    codes = [entry["exit_code"] for entry in psim("check", "bad.toml", "tiny.toml", "gone.toml", "--json").json]
+    codes = [
+        entry["exit_code"] for entry in psim("check", "bad.toml", "tiny.toml", "gone.toml", "--json").json
+    ]
     assert codes == [2, 0, 2]
 
 

@@ -23,7 +23,19 @@ from particlesim.version import __version__
 
 from .conftest import REPOSITORY, environment, files, real
 
-COMMANDS = ("run", "check", "render", "inspect", "plot", "export", "new", "examples", "describe", "graph", "schema")
+COMMANDS = (
+    "run",
+    "check",
+    "render",
+    "inspect",
+    "plot",
+    "export",
+    "new",
+    "examples",
+    "describe",
+    "graph",
+    "schema",
+)
 
 
 def test_help_and_version(psim):
@@ -46,23 +58,55 @@ def test_no_command_shows_help(psim):
 def test_help_imports_nothing_heavy():
     code = "import sys; sys.argv = ['psim', '--help']\ntry:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
     code += "print(sorted({m.split('.')[0] for m in sys.modules} | {'rich.progress'} & set(sys.modules)), file=sys.stderr)"
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True)
-    for heavy in ("pydantic", "numpy", "numba", "h5py", "scipy", "pint", "matplotlib", "rich.progress", "imageio"):
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True
+    )
+    for heavy in (
+        "pydantic",
+        "numpy",
+        "numba",
+        "h5py",
+        "scipy",
+        "pint",
+        "matplotlib",
+        "rich.progress",
+        "imageio",
+    ):
         assert f"'{heavy}'" not in ended.stderr
 
 
 def test_a_simple_run_imports_nothing_needless():
     code = "import sys; import particlesim as ps; ps.run(ps.load('tiny.toml'), 'a.vtkhdf')\n"
     code += "print(' '.join(sys.modules))"
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True)
-    for heavy in ("scipy.linalg", "scipy.special", "pint", "matplotlib", "imageio_ffmpeg", "PIL", "rich", "typer"):
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment(), check=True
+    )
+    for heavy in (
+        "scipy.linalg",
+        "scipy.special",
+        "pint",
+        "matplotlib",
+        "imageio_ffmpeg",
+        "PIL",
+        "rich",
+        "typer",
+    ):
         assert heavy not in ended.stdout.split()
 
 
 def test_check(psim):
     ended = psim("check", "tiny.toml")
     assert ended.code == 0
-    for words in ("tiny.toml · Tiny", "balls", "gravity", "at most 3", "10 of 0.01 s", "symplectic_euler", "MB", "kB"):
+    for words in (
+        "tiny.toml · Tiny",
+        "balls",
+        "gravity",
+        "at most 3",
+        "10 of 0.01 s",
+        "symplectic_euler",
+        "MB",
+        "kB",
+    ):
         assert words in ended.out
     assert not ended.err
     (told,) = psim("check", "tiny.toml", "--json").json
@@ -79,7 +123,16 @@ def test_check_warns_of_output_that_exists(psim):
 
 def test_inspect(psim, recorded):
     told = psim("inspect", recorded)
-    for words in ("Tiny", "complete", "3, 0 to 0.1 s", "velocity", "m/s", "potential.gravity", "J", "balls (3)"):
+    for words in (
+        "Tiny",
+        "complete",
+        "3, 0 to 0.1 s",
+        "velocity",
+        "m/s",
+        "potential.gravity",
+        "J",
+        "balls (3)",
+    ):
         assert words in told.out
     assert psim("inspect", recorded, "--json").json["frames"] == 3
     Path("again.toml").write_text(psim("inspect", recorded, "--scenario").out)
@@ -106,10 +159,32 @@ def test_export(psim, recorded):
 
 
 def test_render(psim, recorded):
-    ended = psim("render", recorded, "-o", "still.png", "--frames", "1", "--look", "dots", "--color-by", "y", "--size", "80x60")
+    ended = psim(
+        "render",
+        recorded,
+        "-o",
+        "still.png",
+        "--frames",
+        "1",
+        "--look",
+        "dots",
+        "--color-by",
+        "y",
+        "--size",
+        "80x60",
+    )
     assert ended.out == "still.png\n"
     assert "1 picture in" in ended.err
-    arguments = ("--camera-eye", "1,2,3", "--camera-target", "0,1,0", "--set", "render.camera.fov=50", "--fps", "10")
+    arguments = (
+        "--camera-eye",
+        "1,2,3",
+        "--camera-target",
+        "0,1,0",
+        "--set",
+        "render.camera.fov=50",
+        "--fps",
+        "10",
+    )
     assert psim("render", recorded, "-q", *arguments).out == ""
     assert Path("recorded.mp4").stat().st_size > 100
 
@@ -199,13 +274,21 @@ def test_completion(tmp_path):
     assert complete.trajectory_files("t") == []
     assert "fountain" in complete.example_names("fou")
     line = "psim run tiny.toml --set particles."
-    ended = real(env={**environment(), "_PSIM_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "4"})
+    ended = real(
+        env={**environment(), "_PSIM_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "4"}
+    )
     assert "particles.balls.mass=" in ended.out.split()
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [(None, None), ("3", slice(3, 4)), ("-1", slice(-1, None)), ("2:5", slice(2, 5)), ("::2", slice(None, None, 2))],
+    [
+        (None, None),
+        ("3", slice(3, 4)),
+        ("-1", slice(-1, None)),
+        ("2:5", slice(2, 5)),
+        ("::2", slice(None, None, 2)),
+    ],
 )
 def test_frames(text, expected):
     assert parse_frames(text) == expected
