@@ -15,7 +15,6 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
 from particlesim.groups import Particles
 from particlesim.integrators import METHODS, Verlet
-from particlesim.scenario.recorded import recorded_fields
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import select_fields
 
@@ -48,7 +47,7 @@ def needs(scenario: Scenario) -> Needs:
     alive = np.zeros(len(times))
     memory = BASE_MEMORY
     number = 8 if scenario.simulation.precision == "double" else 4
-    fields = select_fields(recorded_fields(scenario))
+    fields = select_fields(scenario.recorded_fields())
     stored = sum(f.components * f.dtype(scenario.output.precision).itemsize for f in fields)
     for group in scenario.groups:
         if isinstance(group, Particles):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
@@ -18,7 +19,6 @@ from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
-from particlesim.scenario.recorded import recorded_fields
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
@@ -132,7 +132,7 @@ def run(
         born=log.born,
         died=log.died,
         seconds=seconds,
-        warnings=(*watch.warnings, *problems),
+        warnings=(*advice(scenario), *watch.warnings, *problems),
     )
 
 
@@ -141,7 +141,7 @@ def _writer(
 ) -> TrajectoryWriter:
     return TrajectoryWriter(
         path,
-        fields=recorded_fields(scenario),
+        fields=scenario.recorded_fields(),
         groups=[group.name for group in scenario.groups],
         ledger=simulation.ledger_columns() if scenario.output.ledger else (),
         provenance=provenance(scenario),
@@ -163,7 +163,7 @@ def _steps(
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
     grid = simulation.scenario.grid
-    fields = recorded_fields(simulation.scenario)
+    fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
         if progress is not None:

@@ -37,7 +37,7 @@ def columns(
     n = len(x)
 
     def filled(value: ArrayLike) -> NDArray[Any]:
-        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype), n))
+        return np.array(np.broadcast_to(np.asarray(value, dtype), n))
 
     memory = tuple(np.zeros(n, dtype) for _ in range(4)) if isinstance(METHODS[method], Verlet) else ()
     return Columns(

@@ -23,7 +23,6 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
     Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
     """
     from particlesim.bounds import check_fits, needs
-    from particlesim.scenario.recorded import recorded_fields
 
     required = needs(scenario)
     check_fits(required, output)
@@ -40,7 +39,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "integrator": scenario.simulation.integrator,
         "precision": scenario.simulation.precision,
         "frames": required.frames,
-        "fields": ["position", "id", *recorded_fields(scenario)],
+        "fields": ["position", "id", *scenario.recorded_fields()],
         "particle_steps": required.particle_steps,
         "memory": required.memory,
         "disk": required.disk,

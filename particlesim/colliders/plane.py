@@ -47,7 +47,7 @@ class Plane(Model):
     @model_validator(mode="after")
     def _bounces(self) -> Plane:
         for name in ("restitution", "tangential_loss"):
-            if self.contact != "bounce" and name in self.model_fields_set:
+            if self.contact != "bounce" and getattr(self, name) != type(self).model_fields[name].default:
                 raise invalid(
                     f'{name} acts only with contact = "bounce"',
                     at=(name,),

@@ -111,7 +111,7 @@ class Emitter(Group):
 
     @model_validator(mode="after")
     def _dies(self) -> Emitter:
-        if "when_full" in self.model_fields_set and self.limit is None:
+        if self.when_full != "recycle" and self.limit is None:
             raise invalid("when_full acts only with a limit", at=("when_full",))
         below = self.die.temperature_below if self.die is not None else None
         if below is not None:

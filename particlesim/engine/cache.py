@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import os
 import sys
 from collections.abc import Callable
@@ -99,7 +100,11 @@ def cache_directory() -> Path | None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function for the hot path: releases the GIL, kept on disk, arithmetic as in `FAST`."""
-    dispatcher = numba.njit(**_KERNEL)(function)
+    return keep_on_disk(numba.njit(**_KERNEL)(function))
+
+
+def keep_on_disk(dispatcher: Any) -> Any:
+    """Switch on the disk cache of a compiled function."""
     directory = cache_directory()
     if directory is not None:
         # Numba reads the directory when caching is switched on. Its setting is global, so it is given back at once:
@@ -111,3 +116,19 @@ def kernel(function: Callable[..., Any]) -> Any:
         finally:
             config.CACHE_DIR = before
     return dispatcher
+
+
+def start_quickly() -> None:
+    """Spare this process Numba's search for linear algebra, a quarter of a second that no kernel here needs.
+
+    Afterwards `numpy.dot` and its kin do not work inside any compiled function of the process, so only programs that
+    own their process, such as the command line, may call it, and before the first kernel runs.
+    """
+    name = "scipy.linalg"
+    if name in sys.modules:
+        return
+    sys.modules[name] = None  # type: ignore[assignment]  # an import of it fails at once
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del sys.modules[name]

@@ -86,6 +86,72 @@ def _block_of(c: Any, lo: Any, hi: Any) -> Impl:
     return lambda c, lo, hi: (c[0][lo:hi], *block_of(c[1:], lo, hi))
 
 
+KEPT = 13
+"""Numbers per particle that `keep` and `put_back` may use: position, velocity, memory, clock."""
+
+
+def keep(c: Any, kept: Any, i: Any) -> Any:
+    """Copy what a step changes in particle i to column i of `kept`, shape [KEPT, block], float64."""
+    return stub()
+
+
+@inline(keep)
+def _keep(c: Any, kept: Any, i: Any) -> Impl:
+    def impl(c: Any, kept: Any, i: Any) -> None:
+        _save((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
+        _save(c.memory, kept, 6, i)
+        _save(c.clock, kept, 10, i)
+
+    return impl
+
+
+def put_back(c: Any, kept: Any, i: Any) -> Any:
+    """Give particle i back what `keep` copied."""
+    return stub()
+
+
+@inline(put_back)
+def _put_back(c: Any, kept: Any, i: Any) -> Impl:
+    def impl(c: Any, kept: Any, i: Any) -> None:
+        _restore((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
+        _restore(c.memory, kept, 6, i)
+        _restore(c.clock, kept, 10, i)
+
+    return impl
+
+
+def _save(arrays: Any, kept: Any, row: Any, i: Any) -> Any:
+    return stub()
+
+
+@inline(_save)
+def _save_rows(arrays: Any, kept: Any, row: Any, i: Any) -> Impl:
+    if isinstance(arrays, types.NoneType) or len(arrays) == 0:
+        return lambda arrays, kept, row, i: None
+
+    def impl(arrays: Any, kept: Any, row: Any, i: Any) -> None:
+        kept[row, i] = arrays[0][i]
+        _save(arrays[1:], kept, row + 1, i)
+
+    return impl
+
+
+def _restore(arrays: Any, kept: Any, row: Any, i: Any) -> Any:
+    return stub()
+
+
+@inline(_restore)
+def _restore_rows(arrays: Any, kept: Any, row: Any, i: Any) -> Impl:
+    if isinstance(arrays, types.NoneType) or len(arrays) == 0:
+        return lambda arrays, kept, row, i: None
+
+    def impl(arrays: Any, kept: Any, row: Any, i: Any) -> None:
+        arrays[0][i] = kept[row, i]
+        _restore(arrays[1:], kept, row + 1, i)
+
+    return impl
+
+
 def load(column: Any, i: Any, like: Any) -> Any:
     """Value of an optional column; zero in the precision of `like` when it is absent."""
     return stub()

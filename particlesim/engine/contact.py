@@ -12,14 +12,16 @@ from typing import Any, NamedTuple
 
 from numba import types
 
+from particlesim.engine.columns import type_of
 from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, Particle, contact, gap
 
-MAX_IMPACTS = 16
-"""Impacts followed within one step; a particle with more is resting (Zeno) and finishes the step without rebound."""
+MAX_IMPACTS = 1024
+"""Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
+a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 2
-"""Impacts that take no time before a particle counts as resting."""
+"""Impacts in a row that take no time before a particle counts as resting."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
@@ -160,16 +162,17 @@ def _time_of_impact_overload(
     # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
     # third turn bisects, so that the bracket is sure to close.
     def impl(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+        half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
         early, late = h - h, h
         above = max(nearest(colliders, p), h - h)
         below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
         # A particle that touches and sinks at once hits now: resting contact must not cost a search.
-        now = h / 1073741824
+        now = h * type_of(h, 2.0**-30)
         if nearest(colliders, advance(method, dynamics, forces, p, now, memory)[0]) < 0:
             return now
         side = 0
         for turn in range(MAX_HALVINGS):
-            middle = early + (late - early) / 2
+            middle = early + (late - early) * half
             if not (early < middle < late):
                 break
             if turn % 3 != 2 and above > 0:
@@ -178,11 +181,11 @@ def _time_of_impact_overload(
             value = nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0])
             if value < 0:
                 late, below = middle, value
-                above = above / 2 if side == -1 else above
+                above = above * half if side == -1 else above
                 side = -1
             else:
                 early, above = middle, value
-                below = below / 2 if side == 1 else below
+                below = below * half if side == 1 else below
                 side = 1
         return late
 
@@ -232,12 +235,12 @@ def _trace(
                 p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
                 memory = restart(memory)
                 left = left - tau
-                legal = p
         else:
             q, after = advance(method, dynamics, forces, p, left, memory)
             p, memory = q, after
         if outcome == PASS and nearest(contacts.discrete, p) < 0:
-            p, outcome = _separate(contacts.discrete, p, legal, contacts.tolerance)
+            # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
+            p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
             memory = restart(memory)
         return p, memory, outcome
 

@@ -12,11 +12,14 @@ import numpy as np
 
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
+    KEPT,
     block_of,
     chosen,
     fetch,
     held,
+    keep,
     note,
+    put_back,
     recall,
     remember,
     span,
@@ -137,18 +140,14 @@ def step_range(
     A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
     first particle k, so that the caller can look for the step and the particle.
     """
-    keep = np.empty((6, block), columns.x.dtype)
+    kept = np.empty((KEPT, block))
     marks = np.empty(block, np.bool_)
     for lo in range(first, last, block):
         c = block_of(columns, lo, min(last, lo + block))
         n = c.x.size
         h = type_of(c.x[0], dt)
-        keep[0, :n] = c.x
-        keep[1, :n] = c.y
-        keep[2, :n] = c.z
-        keep[3, :n] = c.vx
-        keep[4, :n] = c.vy
-        keep[5, :n] = c.vz
+        for i in range(n):
+            keep(c, kept, i)
         for s in range(steps):
             step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
         refresh(program, c, (first_step + steps) * dt)
@@ -160,9 +159,5 @@ def step_range(
             broken |= drop != 0
         if broken:
             faults[lo] = True
-            c.x[:] = keep[0, :n]
-            c.y[:] = keep[1, :n]
-            c.z[:] = keep[2, :n]
-            c.vx[:] = keep[3, :n]
-            c.vy[:] = keep[4, :n]
-            c.vz[:] = keep[5, :n]
+            for i in range(n):
+                put_back(c, kept, i)

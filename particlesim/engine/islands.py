@@ -19,7 +19,6 @@ from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record, group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
-from particlesim.engine.team import Team
 from particlesim.errors import UsageError
 from particlesim.forces import Force
 from particlesim.graph import Island
@@ -27,6 +26,7 @@ from particlesim.groups import Group, Particles
 from particlesim.integrators import METHODS
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
+from particlesim.team import Team
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
@@ -73,6 +73,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
 
     @property
@@ -101,6 +102,8 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
+            return None, None, None
         faults = np.zeros(self.state.count, np.bool_)
         if self.state.count:
             columns = self.columns()[0]

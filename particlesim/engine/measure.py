@@ -17,8 +17,8 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch
 from particlesim.engine.compile import inline, stub
 from particlesim.engine.coupled import Bonds
-from particlesim.engine.team import Team
 from particlesim.laws import bond_potential, force, potential
+from particlesim.team import Team
 
 CHUNK = 4096
 

@@ -47,8 +47,10 @@ def contacts_record(planes: Sequence[Plane], group: Group, dtype: np.dtype[Any])
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         low, high = group.die.outside
         bounds = (BoundsRecord(*low, *high),)
-    continuous = [plane.record() for plane in planes if plane.detection == "continuous"]
-    discrete = [plane.record() for plane in planes if plane.detection == "discrete"]
+    # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
+    inert = group.dynamics.type != "second_order"
+    continuous = [plane.record() for plane in planes if plane.detection == "continuous" and not inert]
+    discrete = [plane.record() for plane in planes if plane.detection == "discrete" or inert]
     if not continuous and _at_right_angles(planes):
         return Simple((*discrete, *bounds))
     resting = [plane._replace(bounce=min(plane.bounce, 1.0)) for plane in continuous]

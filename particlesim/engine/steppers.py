@@ -244,10 +244,12 @@ def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: An
         k = h / p.m
         ax, ay, az = k * fx, k * fy, k * fz
         ux, uy, uz, known = memory
-        # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0
-        ux = ux if known == h else p.vx - method.half * ax
-        uy = uy if known == h else p.vy - method.half * ay
-        uz = uz if known == h else p.vz - method.half * az
+        # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0. A step of no length (h = 0, which ends exactly
+        # at an impact) must not take the 0 of `restart` for its own.
+        go_on = (known == h) & (known > 0)
+        ux = ux if go_on else p.vx - method.half * ax
+        uy = uy if go_on else p.vy - method.half * ay
+        uz = uz if go_on else p.vz - method.half * az
         ux, uy, uz = ux + ax, uy + ay, uz + az
         q = Particle(
             p.x + h * ux,

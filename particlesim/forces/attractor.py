@@ -1,7 +1,8 @@
 """Attraction by a fixed point: f = −μ m l / (l² + ε²)^((n+1)/2) with l = x − c.
 
-n = 2 is the inverse-square law of gravity with μ = G M; ε is Plummer's softening length (H. C. Plummer, MNRAS 71, 460,
-1911). The potential is U = −μ m / ((n − 1) (l² + ε²)^((n−1)/2)), and ½ μ m ln((l² + ε²)/1 m²) for n = 1.
+n = 2 is the inverse-square law of gravity with μ = G M; ε is Plummer's softening length. The potential is
+U = −μ m / ((n − 1) (l² + ε²)^((n−1)/2)), and ½ μ m ln((l² + ε²)/1 m²) for n = 1.
+Source: H. C. Plummer, MNRAS 71, 460 (1911) for the softened inverse-square law.
 """
 
 from __future__ import annotations

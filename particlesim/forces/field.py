@@ -14,19 +14,17 @@ from pydantic import StringConstraints, model_validator
 
 from particlesim.crossfield import invalid
 from particlesim.forces.base import Force
-from particlesim.forces.expression import (
+from particlesim.forces.expression import ExpressionError, parse, reads
+from particlesim.forces.operations import (
     FUNCTIONS,
     VARIABLES,
     VX,
     VY,
     VZ,
-    ExpressionError,
     Node,
     Radius,
     Ray,
     Temperature,
-    parse,
-    reads,
     slope,
     value,
 )
@@ -138,11 +136,9 @@ def field_force(f: FieldRecord, p: Particle) -> Vector:
     return value(f.x, p), value(f.y, p), value(f.z, p)
 
 
-@law(force_dx, FieldRecord)
-def field_dx(f: FieldRecord, p: Particle) -> Matrix:
-    x = along(p, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    y = along(p, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
-    z = along(p, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+@helper
+def jacobian(f: FieldRecord, x: Ray, y: Ray, z: Ray) -> Matrix:
+    """Slopes of the three components along three directions."""
     return (
         slope(f.x, x),
         slope(f.x, y),
@@ -154,6 +150,14 @@ def field_dx(f: FieldRecord, p: Particle) -> Matrix:
         slope(f.z, y),
         slope(f.z, z),
     )
+
+
+@law(force_dx, FieldRecord)
+def field_dx(f: FieldRecord, p: Particle) -> Matrix:
+    x = along(p, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    y = along(p, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    z = along(p, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    return jacobian(f, x, y, z)
 
 
 @law(force_dv, FieldRecord)
@@ -161,17 +165,7 @@ def field_dv(f: FieldRecord, p: Particle) -> Matrix:
     x = along(p, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     y = along(p, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     z = along(p, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    return (
-        slope(f.x, x),
-        slope(f.x, y),
-        slope(f.x, z),
-        slope(f.y, x),
-        slope(f.y, y),
-        slope(f.y, z),
-        slope(f.z, x),
-        slope(f.z, y),
-        slope(f.z, z),
-    )
+    return jacobian(f, x, y, z)
 
 
 @helper

@@ -6,7 +6,6 @@ stages, for particles that pull on each other.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,6 +55,12 @@ class Method:
         """The coefficients as kernels take them."""
         raise NotImplementedError
 
+    def _check_order(self, conditions: list[tuple[int, float, float]]) -> None:
+        """Raise ValueError when a condition (order, value, target) of the method's order or below is missed."""
+        for order, value, target in conditions:
+            if order <= self.order and not _equal(value, target):
+                raise ValueError(f"{self.name}: a condition of order {order} gives {value}, not {target}")
+
 
 @dataclass(frozen=True)
 class RungeKutta(Method):
@@ -74,11 +79,9 @@ class RungeKutta(Method):
         if len(self.a) != s or len(self.c) != s or any(len(row) != i for i, row in enumerate(self.a)):
             raise ValueError(f"{self.name}: a tableau of {s} stages needs {s} rows, row i of length i")
         for i, row in enumerate(self.a):
-            if not math.isclose(sum(row), self.c[i], abs_tol=1e-14):
+            if not _equal(sum(row), self.c[i]):
                 raise ValueError(f"{self.name}: row {i} of a sums to {sum(row)}, c is {self.c[i]}")
-        for order, value, target in self._order_conditions():
-            if order <= self.order and not math.isclose(value, target, abs_tol=1e-14):
-                raise ValueError(f"{self.name}: a condition of order {order} gives {value}, not {target}")
+        self._check_order(self._order_conditions())
 
     def _order_conditions(self) -> list[tuple[int, float, float]]:
         s = range(len(self.b))
@@ -120,7 +123,11 @@ class Composition(Method):
     """Alternating kicks v += d h f(x, v)/m and drifts x += c h v, in the order kick, drift, kick, drift ...
 
     Every composition of kicks and drifts is symplectic for forces that derive from a potential; it is time-reversible
-    when it reads the same backwards. Raises ValueError at import when kicks or drifts do not sum to one.
+    when it reads the same backwards. Raises ValueError at import when kicks or drifts do not sum to one, when `reversible`
+    is declared wrongly, or when the order conditions up to order 4 are missed, read as those of a Nyström method with
+    nodes c_i (the drifts before kick i), weights b_i (the kicks) and a_ij = b_j (c_i − c_j) (Hairer, Nørsett, Wanner I,
+    section II.14). The order holds for forces that do not depend on the velocity; with one that does, a kick uses the
+    velocity in the middle of its own change, and every composition is of first order.
     """
 
     kicks: tuple[float, ...] = ()
@@ -130,20 +137,38 @@ class Composition(Method):
         if len(self.kicks) != len(self.drifts):
             raise ValueError(f"{self.name}: needs as many drifts as kicks (0 for none)")
         for what, parts in (("kicks", self.kicks), ("drifts", self.drifts)):
-            if not math.isclose(sum(parts), 1.0, abs_tol=1e-14):
+            if not _equal(sum(parts), 1.0):
                 raise ValueError(f"{self.name}: the {what} sum to {sum(parts)}, not 1")
         sequence = [x for pair in zip(self.kicks, self.drifts, strict=True) for x in pair]
         while sequence[-1] == 0:
             sequence.pop()
         while sequence[0] == 0:
             sequence.pop(0)
-        mirrored = all(
-            math.isclose(x, y, abs_tol=1e-14) for x, y in zip(sequence, reversed(sequence), strict=True)
-        )
+        mirrored = all(_equal(x, y) for x, y in zip(sequence, reversed(sequence), strict=True))
         if self.reversible != (mirrored and len(sequence) % 2 == 1):
             raise ValueError(
                 f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise"
             )
+        self._check_order(self._order_conditions())
+
+    def _order_conditions(self) -> list[tuple[int, float, float]]:
+        s = range(len(self.kicks))
+        b, c = self.kicks, [sum(self.drifts[:i]) for i in s]
+        a = [[b[j] * (c[i] - c[j]) if j < i else 0.0 for j in s] for i in s]
+        bx = [b[i] * (1 - c[i]) for i in s]  # weights of the position
+        row = [sum(a[i]) for i in s]
+        return [
+            (2, sum(b[i] * c[i] for i in s), 1 / 2),
+            (2, sum(bx), 1 / 2),
+            (3, sum(b[i] * c[i] ** 2 for i in s), 1 / 3),
+            (3, sum(b[i] * row[i] for i in s), 1 / 6),
+            (3, sum(bx[i] * c[i] for i in s), 1 / 6),
+            (4, sum(b[i] * c[i] ** 3 for i in s), 1 / 4),
+            (4, sum(b[i] * c[i] * row[i] for i in s), 1 / 8),
+            (4, sum(b[i] * a[i][j] * c[j] for i in s for j in s), 1 / 24),
+            (4, sum(bx[i] * c[i] ** 2 for i in s), 1 / 12),
+            (4, sum(bx[i] * row[i] for i in s), 1 / 24),
+        ]
 
     @property
     def evaluations(self) -> int:
@@ -165,6 +190,11 @@ class Verlet(Method):
 
     def record(self) -> VerletRecord:
         return VerletRecord(0.5)
+
+
+def _equal(x: float, y: float) -> bool:
+    """Equal but for rounding: a coefficient with ten right digits is a wrong one."""
+    return abs(x - y) <= 1e-14
 
 
 def _none_if_zero(x: float) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from particlesim.render.scene import FrameSource, PlaneShape
-from particlesim.render.settings import Camera, RenderSettings
+from particlesim.scenario.rendering import Camera, RenderSettings
 
 if TYPE_CHECKING:
     from particlesim.render.video import RenderReport, render_frame, render_video

@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from particlesim.render.scene import PlaneShape
-from particlesim.render.settings import Camera
 from particlesim.render.stage import Array, View, axes_of, triple
 from particlesim.render.survey import Survey
+from particlesim.scenario.rendering import Camera
 
 FILL = 0.84
 """Share of the frame's width or height that the particles take."""
@@ -18,7 +18,8 @@ FILL = 0.84
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Camera position, the point in the picture's middle, the up direction (metres), vertical field of view [degrees]."""
+    """Camera position, the point in the picture's middle, the up direction (metres), vertical field of view
+    [degrees]."""
 
     eye: Array
     target: Array
@@ -79,7 +80,8 @@ def choose_viewpoint(
 
 
 def _direction(low: Array, high: Array, up: Array, planes: bool) -> Array:
-    """Unit vector towards the camera: motion in a plane is seen face on, anything else from above at an angle."""
+    """Unit vector towards the camera: motion in a plane is seen face on, anything else from above at an
+    angle."""
     size = high - low
     flat = int(np.argmin(size))
     longest = float(size.max())
@@ -124,8 +126,9 @@ def _slopes(fov: float, aspect: float) -> tuple[float, float]:
 def _fit(start: Viewpoint, points: Array, margin: float, aspect: float) -> Viewpoint:
     """The closest camera with this direction that has every sphere inside the frame's share `FILL`.
 
-    In camera axes a camera at (c, −d) with slope k sees x when |x − c| ≤ k (z + d) − m, m = margin √(1 + k²). Both
-    sides together: the extremes a = max(x − k z), b = max(−x − k z) give k d = (a + b) / 2 + m, c = (a − b) / 2.
+    In camera axes a camera at (c, −d) with slope k sees x when |x − c| ≤ k (z + d) − m, m = margin √(1 +
+    k²). Both sides together: the extremes a = max(x − k z), b = max(−x − k z) give k d = (a + b) / 2 + m, c
+    = (a − b) / 2.
     """
     axes = start.axes()
     x, y, z = axes @ (points - start.target).T
@@ -149,7 +152,8 @@ def _back_off(start: Viewpoint, target: Array, points: Array, margin: float, asp
 
 
 def room_corners(planes: tuple[PlaneShape, ...], scene: Survey) -> Array:
-    """Corners of the room that the planes enclose around the particles, shape [k, 3]; none when it is open or huge.
+    """Corners of the room that the planes enclose around the particles, shape [k, 3]; none when it is open
+    or huge.
 
     A corner is where three planes meet on the legal side of all the others.
     """

@@ -1,9 +1,9 @@
 """Colour maps, groups' colours, and the conversion between sRGB and linear light.
 
-viridis, magma, inferno (S. van der Walt, N. Smith, E. Firing), turbo (A. Mikhailov) and coolwarm (K. Moreland) are
-given by 33 equally spaced sRGB colours; linear interpolation between them stays within 2/255 of the published 256.
-blackbody is computed: Planck's spectrum through the CIE 1931 colour matching functions in the approximation of
-C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
+viridis, magma, inferno (S. van der Walt, N. Smith, E. Firing), turbo (A. Mikhailov) and coolwarm (K.
+Moreland) are given by 33 equally spaced sRGB colours; linear interpolation between them stays within 2/255
+of the published 256. blackbody is computed: Planck's spectrum through the CIE 1931 colour matching functions
+in the approximation of C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
 """
 
 from __future__ import annotations
@@ -14,16 +14,21 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _KNOTS = {
-    "viridis": "440154470d6048186a482374472d7b4536814240863f49893b528b375a8d33638d2f6a8e2c728e297a8e26818e23898e"
-    "21908c1f988b1f9f8821a68528ae8031b57b3ebc744cc26c5dc9636ece5882d34c96d83fabdc32c0df24d5e21aeae51afde725",
-    "magma": "0000040303110a0822130d331d114628115a36106a430f7650127c5d177f691c817621818226818f2a819c2e7fa9327d"
-    "b63779c33b75cf4170db486ae65163ee5c5ef5695cf9785dfb8761fd9668fea571feb47bfec387fed194fde0a2fceeb0fcfdbf",
-    "inferno": "0000040403120b0724150b37210c4a2e0a5a3c09654a0c6b57106d63146e70196e7d1e6d89226a962766a32b61af315c"
-    "bb3755c63e4dd14644db4f3be35932eb6528f1711ef67f14f98d0afb9c06fcab0ffbba1ff9ca32f5d949f2e865f3f586fcffa4",
-    "turbo": "30123b392a734040a14456c7466be3467ff64293ff37a7fa29bbec1dcdd818dcc31ee8b031f2994cf97e6bfd648aff4d"
-    "a3fd3cb8f735cced34dee037edd03af8c03afdae35fe982cfb8022f56817ec520fe04009d23105c02302ac1701950d017a0403",
-    "coolwarm": "3b4cc0445acc4d68d75775e16282ea6c8ef1779af782a5fb8db0fe98b9ffa3c2feaec9fcb8d0f9c2d5f4ccd9eed5dbe6"
-    "dddddde5d8d1ecd3c5f1ccb9f4c4adf7bba0f7b194f7a687f49a7bf18d6fec7f63e57058de604dd55042cb3e38c0282fb40426",
+    "viridis": "440154470d6048186a482374472d7b4536814240863f49893b528b375a8d33638d"
+    "2f6a8e2c728e297a8e26818e23898e21908c1f988b1f9f8821a68528ae8031b57b"
+    "3ebc744cc26c5dc9636ece5882d34c96d83fabdc32c0df24d5e21aeae51afde725",
+    "magma": "0000040303110a0822130d331d114628115a36106a430f7650127c5d177f691c81"
+    "7621818226818f2a819c2e7fa9327db63779c33b75cf4170db486ae65163ee5c5e"
+    "f5695cf9785dfb8761fd9668fea571feb47bfec387fed194fde0a2fceeb0fcfdbf",
+    "inferno": "0000040403120b0724150b37210c4a2e0a5a3c09654a0c6b57106d63146e70196e"
+    "7d1e6d89226a962766a32b61af315cbb3755c63e4dd14644db4f3be35932eb6528"
+    "f1711ef67f14f98d0afb9c06fcab0ffbba1ff9ca32f5d949f2e865f3f586fcffa4",
+    "turbo": "30123b392a734040a14456c7466be3467ff64293ff37a7fa29bbec1dcdd818dcc3"
+    "1ee8b031f2994cf97e6bfd648aff4da3fd3cb8f735cced34dee037edd03af8c03a"
+    "fdae35fe982cfb8022f56817ec520fe04009d23105c02302ac1701950d017a0403",
+    "coolwarm": "3b4cc0445acc4d68d75775e16282ea6c8ef1779af782a5fb8db0fe98b9ffa3c2fe"
+    "aec9fcb8d0f9c2d5f4ccd9eed5dbe6dddddde5d8d1ecd3c5f1ccb9f4c4adf7bba0"
+    "f7b194f7a687f49a7bf18d6fec7f63e57058de604dd55042cb3e38c0282fb40426",
 }
 NAMES = (*_KNOTS, "blackbody")
 
@@ -39,22 +44,23 @@ def _hex_colors(text: str) -> Array:
 def to_linear(srgb: npt.ArrayLike) -> Array:
     """sRGB components (0 to 1) → linear light, IEC 61966-2-1."""
     s = np.asarray(srgb, float)
-    return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4))
 
 
 def to_srgb(linear: npt.ArrayLike) -> Array:
     """Linear light (0 to 1) → sRGB components."""
     v = np.clip(np.asarray(linear, float), 0.0, 1.0)
-    return np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
+    return np.asarray(np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055))
 
 
 def luminance(srgb: npt.ArrayLike) -> Array:
     """Relative luminance Y of sRGB colours, shape [..., 3] → [...]."""
-    return to_linear(srgb) @ np.array([0.2126, 0.7152, 0.0722])
+    return np.asarray(to_linear(srgb) @ np.array([0.2126, 0.7152, 0.0722]))
 
 
 def colormap(name: str, count: int = 256) -> Array:
-    """`count` sRGB colours from the low to the high end, shape [count, 3]. Raises KeyError for an unknown name."""
+    """`count` sRGB colours from the low to the high end, shape [count, 3]. Raises KeyError for an unknown
+    name."""
     if name == "blackbody":
         return _blackbody(count)
     knots = _hex_colors(_KNOTS[name])
@@ -84,7 +90,7 @@ def _planck_rgb(kelvin: Array) -> Array:
     radiance /= radiance.max(axis=1, keepdims=True)
     xyz = radiance @ np.stack([_lobe_x(nm), _lobe_y(nm), _lobe_z(nm)], axis=1)
     to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
-    return xyz @ to_rgb.T
+    return np.asarray(xyz @ to_rgb.T)
 
 
 def _lobe(nm: Array, peak: float, below: float, above: float) -> Array:

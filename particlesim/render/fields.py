@@ -9,8 +9,8 @@ import numpy as np
 
 from particlesim.errors import UsageError
 from particlesim.render.scene import Frame, FrameSource
-from particlesim.render.settings import colorable
 from particlesim.render.stage import Array
+from particlesim.scenario.rendering import colorable
 
 _UNITS = {
     **dict.fromkeys(("x", "y", "z", "radius", "position"), "m"),
@@ -29,7 +29,8 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Coloring:
-    """`kind`: "none", "group", or "value"; `name` is what the legend shows, `field` what is read, `axis` its component."""
+    """`kind`: "none", "group", or "value"; `name` is what the legend shows, `field` what is read, `axis` its
+    component."""
 
     kind: str
     name: str = ""
@@ -62,11 +63,10 @@ def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
     choices = colorable(fields)[1:]
     close = get_close_matches(color_by, choices, 1)
     needed = "velocity" if color_by == "speed" else color_by
-    return UsageError(
-        f"cannot colour by '{color_by}': the trajectory does not record it",
-        (f"Did you mean '{close[0]}'? " if close else "")
-        + f'Possible here: {", ".join(choices)}. To record it, add "{needed}" to output.fields and run again.',
-    )
+    hint = f"Did you mean '{close[0]}'? " if close else ""
+    hint += f"Possible here: {', '.join(choices)}. "
+    hint += f'To record it, add "{needed}" to output.fields and run again.'
+    return UsageError(f"cannot colour by '{color_by}': the trajectory does not record it", hint)
 
 
 def values_of(frame: Frame, coloring: Coloring) -> Array | None:
@@ -77,7 +77,7 @@ def values_of(frame: Frame, coloring: Coloring) -> Array | None:
     if coloring.axis is not None:
         return values[:, coloring.axis]
     if values.ndim == 2:
-        return np.sqrt(np.einsum("ij,ij->i", values, values))
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", values, values)))
     return values
 
 
@@ -90,4 +90,4 @@ def color_indices(frame: Frame, coloring: Coloring, low: float, high: float, cou
         return np.zeros(len(frame.position), np.uint16)
     share = (values.astype(np.float32) - np.float32(low)) * np.float32((count - 1) / (high - low))
     share = np.nan_to_num(share, nan=0.0, posinf=count - 1, neginf=0.0)
-    return (np.clip(share, 0, count - 1) + np.float32(0.5)).astype(np.uint16)
+    return np.asarray(np.clip(share, 0, count - 1) + np.float32(0.5), np.uint16)

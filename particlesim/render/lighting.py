@@ -9,8 +9,8 @@ import numpy as np
 from particlesim.render.camera import Viewpoint
 from particlesim.render.colormaps import luminance, to_linear, to_srgb
 from particlesim.render.scene import PlaneShape
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import Array, Backdrop, Light, Planes, triple
+from particlesim.scenario.rendering import RenderSettings
 
 
 def _f32(values: Any) -> Array:
@@ -77,7 +77,7 @@ def readable(colors: Array, on_light: bool, count: int = 512) -> Array:
     Of maps that run from black or to white the end that would vanish in it is cut off, at most a third.
     """
     y = luminance(colors)
-    good = np.flatnonzero(y < 0.72 if on_light else y > 0.028)
+    good = np.flatnonzero(y < 0.72 if on_light else y > 0.042)
     third = len(colors) // 3
     first, last = (0, max(good[-1], 2 * third)) if on_light else (min(good[0], third), len(colors) - 1)
     return np.asarray(colors[np.linspace(first, last, count).round().astype(int)])

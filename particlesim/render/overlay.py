@@ -1,7 +1,7 @@
 """Title, time and legend, drawn over the finished picture.
 
-Text is set in the scalable font that Pillow carries, so nothing depends on the fonts of the machine. The font has no
-superscripts; they are set as small raised digits.
+Text is set in the scalable font that Pillow carries, so nothing depends on the fonts of the machine. The
+font has no superscripts; they are set as small raised digits.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from particlesim.render.fields import Coloring
 from particlesim.render.lighting import is_light
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import Array
+from particlesim.scenario.rendering import RenderSettings
 
 _RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-", strict=True))
 _PLAIN = str.maketrans({"−": "-", "×": "x", "µ": "u", "μ": "u", "·": "•", "\u00a0": " "})
@@ -175,7 +175,8 @@ def format_time(seconds: float) -> str:
 
 
 def round_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
-    """Round values (1, 2, 5 times a power of ten) between low and high with their labels, about `most` of them."""
+    """Round values (1, 2, 5 times a power of ten) between low and high with their labels, about `most` of
+    them."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(s * power for s in (1.0, 2.0, 5.0, 10.0) if rough <= s * power * (1 + 1e-9))

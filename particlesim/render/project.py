@@ -58,9 +58,9 @@ def to_view(
 ) -> None:
     """Spheres in camera axes and the samples they may touch.
 
-    `sphere[i]` becomes the centre along right, up, forward and the drawn radius, which is at least `least` samples on
-    the screen. `box[i]` becomes the first and last column and row (first > last when nothing is to be drawn). The
-    outline of a sphere in a pinhole camera is an ellipse whose extent along an axis x is
+    `sphere[i]` becomes the centre along right, up, forward and the drawn radius, which is at least `least`
+    samples on the screen. `box[i]` becomes the first and last column and row (first > last when nothing is
+    to be drawn). The outline of a sphere in a pinhole camera is an ellipse whose extent along an axis x is
     (x z ± r √(x² + z² − r²)) / (z² − r²).
     """
     a = view.axes
@@ -82,8 +82,8 @@ def to_view(
         top, bottom = 0.5 * view.height - f * (y * z + high), 0.5 * view.height - f * (y * z - high)
         if right < 0 or left > view.width or bottom < 0 or top > view.height:
             continue
-        box[i, 0], box[i, 1] = max(int(floor(left - 0.5)), 0), min(int(floor(right + 0.5)), view.width - 1)
-        box[i, 2], box[i, 3] = max(int(floor(top - 0.5)), 0), min(int(floor(bottom + 0.5)), view.height - 1)
+        box[i, 0], box[i, 1] = max(floor(left - 0.5), 0), min(floor(right + 0.5), view.width - 1)
+        box[i, 2], box[i, 3] = max(floor(top - 0.5), 0), min(floor(bottom + 0.5), view.height - 1)
 
 
 @kernel
@@ -114,7 +114,8 @@ def to_map(
 
 @kernel
 def bin_bands(box: Ints, order: Ints, height: int) -> tuple[Array, Ints]:
-    """Which particles touch which band: `items[first[b]:first[b + 1]]`, in the sequence of `order` (empty: by index)."""
+    """Which particles touch which band: `items[first[b]:first[b + 1]]`, in the sequence of `order` (empty:
+    by index)."""
     bands = (height + BAND - 1) // BAND
     first = np.zeros(bands + 1, np.int64)
     for i in range(len(box)):
@@ -132,6 +133,15 @@ def bin_bands(box: Ints, order: Ints, height: int) -> tuple[Array, Ints]:
                 items[cursor[b]] = i
                 cursor[b] += 1
     return first, items
+
+
+@kernel
+def gather(table: Float32s, items: Array, rows: Float32s) -> None:
+    """`rows[k] = table[items[k]]`: a short loop, so that many cache misses are under way at once."""
+    for k in range(len(items)):
+        i = items[k]
+        for c in range(4):
+            rows[k, c] = table[i, c]
 
 
 @kernel

@@ -6,12 +6,12 @@ from math import sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import kernel
+from particlesim.render.compiled import kernel, lean
 from particlesim.render.project import BAND
 from particlesim.render.stage import Array, Float32s, Ints, Layers, View
 
 
-@kernel
+@lean
 def clear_layers(layers: Layers) -> None:
     layers.near[:] = np.inf
     layers.near_id[:] = -1
@@ -19,13 +19,14 @@ def clear_layers(layers: Layers) -> None:
     layers.far_id[:] = -1
 
 
-@kernel
+@lean
 def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: View, layers: Layers) -> None:
     """Keep the two nearest spheres of every sample of the band that starts at `row0`.
 
     Ray (vx, vy, 1) t and sphere (c, r): the ray passes the centre at t₀ = c·d / d², at the distance |q|,
-    q = c − t₀ d, and meets the sphere at t₀ − √((r² − q²) / d²). Computing q first keeps far, small spheres exact. A
-    sample within half a sample outside the outline counts, at the depth of the outline: shading weighs it.
+    q = c − t₀ d, and meets the sphere at t₀ − √((r² − q²) / d²). Computing q first keeps far, small spheres
+    exact. A sample within half a sample outside the outline counts, at the depth of the outline: shading
+    weighs it.
     """
     near, near_id, far, far_id = layers.near, layers.near_id, layers.far, layers.far_id
     rows = min(BAND, view.height - row0)
@@ -54,20 +55,21 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
                     far[y, x], far_id[y, x] = t, i
 
 
-@kernel
-def raster_depth(disc: Float32s, box: Ints, items: Array, row0: int, scale: float, depth: Float32s) -> None:
-    """Depth [scene units] of the nearest sphere in the band of a parallel projection with `scale` texels per unit."""
-    stop = min(row0 + BAND, len(depth))
+@lean
+def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> None:
+    """Depth [scene units] of the nearest sphere in the band of a parallel projection with `scale` texels per
+    unit."""
+    size = len(depth)
+    stop = min(row0 + BAND, size)
     depth[row0:stop] = np.inf
     inv = 1.0 / scale
-    for k in range(len(items)):
-        i = items[k]
-        u, v, z, r = disc[i, 0], disc[i, 1], disc[i, 2], disc[i, 3]
+    for k in range(len(discs)):
+        u, v, z, r = discs[k, 0], discs[k, 1], discs[k, 2], discs[k, 3]
         r2 = r * r
-        for y in range(max(box[i, 2], row0), min(box[i, 3] + 1, stop)):
+        for y in range(max(int(v - r), row0), min(int(v + r) + 1, stop)):
             dy = y + 0.5 - v
             room = r2 - dy * dy
-            for x in range(box[i, 0], box[i, 1] + 1):
+            for x in range(max(int(u - r), 0), min(int(u + r) + 1, size)):
                 dx = x + 0.5 - u
                 h2 = room - dx * dx
                 if h2 > 0.0:
@@ -78,7 +80,8 @@ def raster_depth(disc: Float32s, box: Ints, items: Array, row0: int, scale: floa
 
 @kernel
 def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Float32s) -> None:
-    """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k + 1 texels."""
+    """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k +
+    1 texels."""
     size = len(depth)
     for y in range(size):
         for x in range(size):

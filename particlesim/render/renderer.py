@@ -1,4 +1,5 @@
-"""One trajectory, one look: everything that stays the same between frames, and the way from a frame to pixels."""
+"""One trajectory, one look: everything that stays the same between frames, and the way from a frame to
+pixels."""
 
 from __future__ import annotations
 
@@ -23,7 +24,6 @@ from particlesim.render.lighting import (
 from particlesim.render.overlay import Overlay
 from particlesim.render.project import BAND
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
-from particlesim.render.settings import RenderSettings
 from particlesim.render.stage import (
     Array,
     Axes,
@@ -38,8 +38,9 @@ from particlesim.render.stage import (
     axes_of,
 )
 from particlesim.render.survey import survey
-from particlesim.render.team import Team
 from particlesim.render.trails import AUTOMATIC, collect_trails
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.team import Team
 
 Picture = npt.NDArray[np.uint8]
 
@@ -133,7 +134,8 @@ class Renderer:
         return float(max(at_1080 * self.height / 1080, 0.75 * self.samples))
 
     def draw(self, frame: Frame, turn: float = 0.0) -> Picture:
-        """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its target."""
+        """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its
+        target."""
         viewpoint = self.viewpoint.turned(turn) if turn else self.viewpoint
         view = viewpoint.view(self.center, self.scale, self.width, self.height)
         planes = _towards(self.planes, view)
@@ -145,6 +147,8 @@ class Renderer:
         segments = self._trail_segments(frame, view)
         width, height = self.settings.size
         out = np.empty((height, width, 3), np.uint8)
+
+        haze = self._haze(viewpoint)
 
         def band(b: int) -> None:
             row0 = b * BAND
@@ -163,18 +167,9 @@ class Renderer:
                 self.palette, layers, paths, image,
             )  # fmt: skip
             if dots:
-                haze = self._haze(viewpoint)
-                shade.draw_dots(
-                    row0,
-                    view,
-                    haze,
-                    particles.sphere,
-                    particles.color,
-                    self.palette,
-                    particles.box,
-                    mine,
-                    image,
-                )
+                spheres = np.empty((len(mine), 4), np.float32)
+                project.gather(particles.sphere, mine, spheres)
+                shade.draw_dots(row0, view, haze, spheres, mine, particles.color, self.palette, image)
             top, bottom = row0 // self.samples, (row0 + rows) // self.samples
             shade.develop(
                 image, bottom - top, self.samples, self.settings.exposure, self.curve, out[top:bottom]
@@ -262,7 +257,10 @@ class Renderer:
         depth = np.empty((size, size), np.float32)
 
         def band(b: int) -> None:
-            raster.raster_depth(disc, box, items[first[b] : first[b + 1]], b * BAND, scale, depth)
+            mine = items[first[b] : first[b + 1]]
+            discs = np.empty((len(mine), 4), np.float32)
+            project.gather(disc, mine, discs)
+            raster.raster_depth(discs, b * BAND, scale, depth)
 
         self.team.each(band, len(first) - 1)
         return depth
@@ -292,7 +290,8 @@ class Renderer:
 
 
 class Particles:
-    """A frame's particles: `world` and `sphere` (camera axes and drawn radius) in scene units, samples, colours."""
+    """A frame's particles: `world` and `sphere` (camera axes and drawn radius) in scene units, samples,
+    colours."""
 
     def __init__(self, world: Array, sphere: Array, box: Array, color: Array) -> None:
         self.world, self.sphere, self.box, self.color = world, sphere, box, color

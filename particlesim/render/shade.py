@@ -6,13 +6,12 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, kernel
+from particlesim.render.compiled import inlined, lean
 from particlesim.render.project import BAND
 from particlesim.render.stage import (
     Array,
     Backdrop,
     Float32s,
-    Ints,
     Layers,
     Light,
     Paths,
@@ -39,7 +38,8 @@ def _ball(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
 
 @inlined
 def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
-    """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width 3."""
+    """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
+    3."""
     depth, a = shadow.depth, shadow.axes
     size = len(depth)
     u = 0.5 * size + shadow.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
@@ -48,12 +48,12 @@ def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
         return 1.0
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
-    d = a[2][0] * x + a[2][1] * y + a[2][2] * z
+    d = np.float32(a[2][0] * x + a[2][1] * y + a[2][2] * z)
     total = 0.0
     for q in range(4):
         row = j - 1 + q
-        n = (1.0 - fu) * (depth[row, i - 1] >= d) + fu * (depth[row, i + 2] >= d)
-        n += (depth[row, i] >= d) + (depth[row, i + 1] >= d)
+        left, right = depth[row, i - 1] >= d, depth[row, i + 2] >= d
+        n = (depth[row, i] >= d) + (depth[row, i + 1] >= d) + (1.0 - fu) * left + fu * right
         weight = 1.0 - fv if q == 0 else (fv if q == 3 else 1.0)
         total += weight * n
     return total * (1.0 / 9.0)
@@ -88,12 +88,14 @@ def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     spread = max(sq - 2.0 * h * mu + h * h, rise * rise)
     away = spread / rise / sky.reach
     sure = min((rise - 5e-4) / (0.03 * sky.reach), 1.0)  # the moments carry rounding errors
-    return 1.0 - 0.9 * sure * rise * rise / spread / (1.0 + 0.25 * away * away)
+    shaded: float = 0.9 * sure * rise * rise / spread / (1.0 + 0.25 * away * away)
+    return 1.0 - shaded
 
 
 @inlined
 def _lines(x: float, footprint: float, width: float) -> float:
-    """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference quotient."""
+    """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference
+    quotient."""
     w = max(footprint, 1e-4)
     a, b = x + 0.5 * width + 0.5 * w, x + 0.5 * width - 0.5 * w
     ia = floor(a) * width + min(a - floor(a), width)
@@ -103,7 +105,8 @@ def _lines(x: float, footprint: float, width: float) -> float:
 
 @inlined
 def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
-    """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right and down."""
+    """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
+    and down."""
     u, v = _row(planes.u, k), _row(planes.v, k)
     inv = 1.0 / planes.spacing
     gu = (px * u[0] + py * u[1] + pz * u[2]) * inv
@@ -152,7 +155,8 @@ def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[
 
 @inlined
 def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
-    """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the others."""
+    """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the
+    others."""
     cover, crease = 1.0, 1.0
     for j in range(len(planes.point)):
         if j == k:
@@ -237,7 +241,8 @@ def _sphere(
     vx: float,
     vy: float,
 ) -> tuple[float, float, float, float]:
-    """Colour of a sphere in the sample (vx, vy) of the picture plane at distance 1, and how much of it is covered."""
+    """Colour of a sphere in the sample (vx, vy) of the picture plane at distance 1, and how much of it is
+    covered."""
     inv_d2 = 1.0 / (vx * vx + vy * vy + 1.0)
     inv_d = sqrt(inv_d2)
     t0 = (c[0] * vx + c[1] * vy + c[2]) * inv_d2
@@ -300,7 +305,7 @@ def _sphere(
     )
 
 
-@kernel
+@lean
 def shade_band(
     row0: int,
     view: View,
@@ -316,7 +321,8 @@ def shade_band(
     paths: Paths,
     image: Float32s,
 ) -> None:
-    """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first sphere."""
+    """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first
+    sphere."""
     inv = 1.0 / view.focal
     a = view.axes
     near_depth, near_id, far_id = layers.near, layers.near_id, layers.far_id
@@ -332,7 +338,7 @@ def shade_band(
                 cr, cg, cb, cover = _sphere(
                     view, light, shadow, sky, _ball(sphere, near), _row(palette, color[near]), vx, vy
                 )
-            trail = trail_alpha[y, x] if trails else np.float32(0.0)
+            trail = float(trail_alpha[y, x]) if trails else 0.0
             over = trail > 0.0 and trail_depth[y, x] < near_depth[y, x]
             r, g, b = 0.0, 0.0, 0.0
             if cover < 1.0:
@@ -369,50 +375,45 @@ def _mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 
-@kernel
+@lean
 def draw_dots(
     row0: int,
     view: View,
     haze: tuple[float, float, float, float, float],
-    sphere: Float32s,
+    spheres: Float32s,
+    items: Array,
     color: Array,
     palette: Float32s,
-    box: Ints,
-    items: Array,
     image: Float32s,
 ) -> None:
-    """Blend round dots over `image`, in the sequence of `items` (far to near).
+    """Blend round dots over `image`: `spheres` are those of `items`, far to near.
 
     `haze` is r, g, b and the depth range over which dots sink into it by at most a third.
     """
-    rows = min(BAND, view.height - row0)
+    rows, width = min(BAND, view.height - row0), view.width
     for k in range(len(items)):
-        i = items[k]
-        z = np.float64(sphere[i, 2])
+        z = np.float64(spheres[k, 2])
         f = view.focal / z
-        cx, cy, rad = (
-            0.5 * view.width + sphere[i, 0] * f,
-            0.5 * view.height - sphere[i, 1] * f,
-            sphere[i, 3] * f,
-        )
+        cx, cy = 0.5 * width + spheres[k, 0] * f, 0.5 * view.height - spheres[k, 1] * f - row0
+        rad = spheres[k, 3] * f
         fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
-        c = _row(palette, color[i])
-        r, g, b = c[0] + fog * (haze[0] - c[0]), c[1] + fog * (haze[1] - c[1]), c[2] + fog * (haze[2] - c[2])
-        reach2, inv2 = (rad + 0.5) ** 2, 0.28 / (rad * rad)
-        for y in range(max(box[i, 2] - row0, 0), min(box[i, 3] - row0 + 1, rows)):
-            dy = row0 + y + 0.5 - cy
-            for x in range(box[i, 0], box[i, 1] + 1):
+        c = _row(palette, color[items[k]])
+        r, g, b = _mix(c[0], c[1], c[2], (haze[0], haze[1], haze[2]), fog)
+        reach, falloff = rad + 0.5, 0.28 / (rad * rad)
+        for y in range(max(int(cy - reach), 0), min(int(cy + reach) + 1, rows)):
+            dy = y + 0.5 - cy
+            for x in range(max(int(cx - reach), 0), min(int(cx + reach) + 1, width)):
                 dx = x + 0.5 - cx
                 d2 = dx * dx + dy * dy
-                if d2 < reach2:
-                    cover = min(rad + 0.5 - sqrt(d2), 1.0)
-                    tone = 1.08 - d2 * inv2
-                    image[y, x, 0] += cover * (r * tone - image[y, x, 0])
-                    image[y, x, 1] += cover * (g * tone - image[y, x, 1])
-                    image[y, x, 2] += cover * (b * tone - image[y, x, 2])
+                if d2 < reach * reach:
+                    cover = min(reach - sqrt(d2), 1.0)
+                    tone = cover * (1.08 - d2 * falloff)
+                    image[y, x, 0] += r * tone - cover * image[y, x, 0]
+                    image[y, x, 1] += g * tone - cover * image[y, x, 1]
+                    image[y, x, 2] += b * tone - cover * image[y, x, 2]
 
 
-@kernel
+@lean
 def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Paths) -> None:
     """Trails: `segments` rows are x0, y0, z0, alpha0, x1, y1, z1, alpha1, half width, all in samples but z.
 
@@ -427,7 +428,7 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
         w = segments[s, 8]
         dx, dy = x1 - x0, y1 - y0
         inv = 1.0 / max(dx * dx + dy * dy, 1e-12)
-        top, bottom = int(floor(min(y0, y1) - w - 1)), int(floor(max(y0, y1) + w + 1))
+        top, bottom = floor(min(y0, y1) - w - 1), floor(max(y0, y1) + w + 1)
         for y in range(max(top - row0, 0), min(bottom - row0 + 1, rows)):
             py = row0 + y + 0.5 - y0
             left, right = min(x0, x1) - w - 1, max(x0, x1) + w + 1
@@ -445,11 +446,13 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
                     paths.depth[y, x] = z0 + t * (z1 - z0)
 
 
-@kernel
+@lean
 def develop(image: Float32s, rows: int, samples: int, exposure: float, curve: Float32s, out: Array) -> None:
-    """Average samples², tone-map and encode as sRGB by `curve` (indexed by √(light / 4)), dither, write 8 bits.
+    """Average samples², tone-map and encode as sRGB by `curve` (indexed by √(light / 4)), dither, write 8
+    bits.
 
-    The dither, a fixed pattern of half a step (interleaved gradient noise), keeps dark gradients free of bands.
+    The dither, a fixed pattern of half a step (interleaved gradient noise), keeps dark gradients free of
+    bands.
     """
     top = len(curve) - 1
     share = 0.25 * exposure / (samples * samples)

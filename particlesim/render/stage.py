@@ -1,4 +1,5 @@
-"""Records that the kernels read. Lengths are in scene units: metres, less the scene's centre, over its half extent.
+"""Records that the kernels read. Lengths are in scene units: metres, less the scene's centre, over its half
+extent.
 
 So the same float32 kernels draw an orbit of 10¹¹ m and a droplet of 10⁻⁶ m.
 """
@@ -18,7 +19,8 @@ Axes = tuple[Triple, Triple, Triple]
 
 
 def triple(values: npt.ArrayLike) -> Triple:
-    """Three numbers for a record: plain scalars, because counting references to arrays costs kernels half their time."""
+    """Three numbers for a record: plain scalars, because counting references to arrays costs kernels half
+    their time."""
     x, y, z = np.asarray(values, np.float32).tolist()
     return x, y, z
 
@@ -54,7 +56,8 @@ class Planes(NamedTuple):
 
 
 class Light(NamedTuple):
-    """Linear RGB of the key light (from `direction`, a unit vector), of the sky above and the ground below."""
+    """Linear RGB of the key light (from `direction`, a unit vector), of the sky above and the ground
+    below."""
 
     direction: Triple
     key: Triple
@@ -73,7 +76,8 @@ class Backdrop(NamedTuple):
 
 
 class ShadowMap(NamedTuple):
-    """Distance from the light's plane to the nearest sphere, [size, size]; a map of size 1 casts no shadow."""
+    """Distance from the light's plane to the nearest sphere, [size, size]; a map of size 1 casts no
+    shadow."""
 
     depth: Float32s
     axes: Axes
@@ -81,7 +85,8 @@ class ShadowMap(NamedTuple):
 
 
 class SkyMap(NamedTuple):
-    """Seen from above: blurred mean and mean square of the heights over `base`. `reach`: how far above still darkens."""
+    """Seen from above: blurred mean and mean square of the heights over `base`. `reach`: how far above still
+    darkens."""
 
     mean: Float32s
     square: Float32s
@@ -92,7 +97,8 @@ class SkyMap(NamedTuple):
 
 
 class Layers(NamedTuple):
-    """The two nearest spheres of each sample of a band: view depth and index (−1: none), shape [rows, width]."""
+    """The two nearest spheres of each sample of a band: view depth and index (−1: none), shape [rows,
+    width]."""
 
     near: Float32s
     near_id: Ints
@@ -101,7 +107,8 @@ class Layers(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """The strongest trail of each sample of a band: opacity, palette index and view depth, shape [rows, width]."""
+    """The strongest trail of each sample of a band: opacity, palette index and view depth, shape [rows,
+    width]."""
 
     alpha: Float32s
     color: Ints

@@ -1,7 +1,8 @@
-"""A look over the whole trajectory before the first picture: where the particles are, how large, which values.
+"""A look over the whole trajectory before the first picture: where the particles are, how large, which
+values.
 
-Frames and particles are sampled, so that this takes a moment for any trajectory. Positions that are not finite are
-left out, and a few particles that escape far from the others do not shrink the rest.
+Frames and particles are sampled, so that this takes a moment for any trajectory. Positions that are not
+finite are left out, and a few particles that escape far from the others do not shrink the rest.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ PARTICLES = 20_000
 
 @dataclass(frozen=True)
 class Survey:
-    """Sampled centres [m], shape [k, 3], their robust bounds [m], the largest number of particles in a frame, the
+    """Sampled centres [m], shape [k, 3], their robust bounds [m], the largest number of particles in a
+    frame, the
     recorded radii [m] (median and maximum, 0 when there are none), and the range of the coloured values."""
 
     points: Array
@@ -81,7 +83,8 @@ def _radii(source: FrameSource, frame: Frame, some: slice) -> Array:
 
 
 def _robust_bounds(points: Array) -> tuple[Array, Array]:
-    """Per axis: the whole range, unless the outermost half percent reach far (a quarter of the rest) beyond the rest."""
+    """Per axis: the whole range, unless the outermost half percent reach far (a quarter of the rest) beyond
+    the rest."""
     if not len(points):
         return np.zeros(3), np.zeros(3)
     low, high = points.min(axis=0), points.max(axis=0)
@@ -94,7 +97,8 @@ def _robust_bounds(points: Array) -> tuple[Array, Array]:
 
 
 def _value_range(values: Array) -> tuple[float, float]:
-    """From the 1st to the 99th percentile, or all where these are close to the extremes; zero where it is near."""
+    """From the 1st to the 99th percentile, or all where these are close to the extremes; zero where it is
+    near."""
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, 1.0

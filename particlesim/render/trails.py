@@ -18,7 +18,8 @@ MOST = 1000
 """No more trails than this are drawn; the lowest ids have them."""
 
 FEW = 3
-"""Up to this many particles show their whole path, more of them only the recent part, `SHARE` of the video."""
+"""Up to this many particles show their whole path, more of them only the recent part, `SHARE` of the
+video."""
 
 SHARE = 0.3
 
@@ -27,8 +28,8 @@ SAMPLES = 6000
 
 @dataclass(frozen=True)
 class Trails:
-    """Where each particle was: `times` [s], shape [f]; `ids`, shape [k]; `points` [m], shape [f, k, 3], NaN where absent;
-    `colors`: palette index of each point."""
+    """Where each particle was: `times` [s], shape [f]; `ids`, shape [k]; `points` [m], shape [f, k, 3], NaN
+    where absent; `colors`: palette index of each point."""
 
     times: Array
     ids: Array
@@ -39,7 +40,8 @@ class Trails:
     def segments(
         self, time: float, view: View, center: Array, scale: float, width: float, ids: Array
     ) -> tuple[Array, Array]:
-        """Rows for `draw_paths` at this time, for the particles `ids` that live now, and the palette index of each."""
+        """Rows for `draw_paths` at this time, for the particles `ids` that live now, and the palette index
+        of each."""
         last = int(np.searchsorted(self.times, time * (1 + 1e-12), side="right"))
         first = int(np.searchsorted(self.times, time - self.span))
         if last - first < 2 or not len(ids):

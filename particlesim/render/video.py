@@ -14,10 +14,10 @@ from pathlib import Path
 from particlesim.errors import UsageError
 from particlesim.render.renderer import Picture, Renderer
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
-from particlesim.render.settings import RenderSettings
-from particlesim.render.team import Team
 from particlesim.render.timeline import timeline
 from particlesim.render.writers import Writer, open_writer
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.team import Team
 
 QUEUE = 3
 """Finished pictures that may wait for the encoder."""
@@ -25,7 +25,8 @@ QUEUE = 3
 
 @dataclass(frozen=True)
 class RenderReport:
-    """What was made: the number of pictures, the seconds it took, the file (of several PNG the first), warnings."""
+    """What was made: the number of pictures, the seconds it took, the file (of several PNG the first),
+    warnings."""
 
     frames: int
     seconds: float
@@ -42,7 +43,8 @@ def render_frame(
     title: str = "",
     threads: int | None = None,
 ) -> Picture:
-    """One recorded frame as a picture, uint8 [height, width, 3] sRGB, with the camera that its video would have.
+    """One recorded frame as a picture, uint8 [height, width, 3] sRGB, with the camera that its video would
+    have.
 
     A negative index counts from the end. Raises UsageError for a frame or a field that does not exist.
     """
@@ -70,9 +72,9 @@ def render_video(
 ) -> RenderReport:
     """Render a trajectory, or those recorded `frames`, to `out`: .mp4, .webp or .png (numbered files).
 
-    `progress(done, total)` is called after each picture. The file appears when it is whole; after an error or an
-    interrupt nothing is left. The picture does not depend on `threads`. Raises UsageError when the request cannot be
-    met (nothing is written), InputOutputError when writing fails.
+    `progress(done, total)` is called after each picture. The file appears when it is whole; after an error
+    or an interrupt nothing is left. The picture does not depend on `threads`. Raises UsageError when the
+    request cannot be met (nothing is written), InputOutputError when writing fails.
     """
     started = time.perf_counter()
     chosen = range(len(source))[frames or slice(None)]
@@ -108,7 +110,8 @@ def render_video(
 def _pictures(
     renderer: Renderer, source: FrameSource, indices: list[int], settings: RenderSettings, team: Team
 ) -> Iterator[Picture]:
-    """The pictures in order. With several threads two frames are in work, so that one's serial part costs no time.
+    """The pictures in order. With several threads two frames are in work, so that one's serial part costs no
+    time.
 
     A recorded frame that is shown several times by a still camera is drawn once.
     """

@@ -1,8 +1,8 @@
 """Files that pictures go into: MP4 by ffmpeg, animated WebP, numbered PNG files.
 
-A writer makes its file beside the final place under a temporary name and moves it there when it is whole; after an
-error or an interrupt nothing is left. Raises UsageError before anything is written when the place cannot be used,
-InputOutputError when writing fails later.
+A writer makes its file beside the final place under a temporary name and moves it there when it is whole;
+after an error or an interrupt nothing is left. Raises UsageError before anything is written when the place
+cannot be used, InputOutputError when writing fails later.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import InputOutputError, UsageError
-from particlesim.render.settings import RenderSettings
+from particlesim.scenario.rendering import RenderSettings
 
 Picture = npt.NDArray[np.uint8]
 SUFFIXES = (".mp4", ".webp", ".png")
@@ -33,7 +33,8 @@ class Writer(Protocol):
 
 
 def open_writer(out: Path, settings: RenderSettings, frames: int, overwrite: bool) -> Writer:
-    """The writer for the ending of `out`. For several PNG frames `out` may hold a number pattern such as %04d."""
+    """The writer for the ending of `out`. For several PNG frames `out` may hold a number pattern such as
+    %04d."""
     kind = out.suffix.lower()
     if kind not in SUFFIXES:
         raise UsageError(
@@ -67,7 +68,8 @@ def check_place(out: Path, overwrite: bool) -> None:
 
 
 def numbered(out: Path, frames: int) -> list[Path]:
-    """File names of `frames` PNG pictures: out.png for one, out-0001.png ... for several, or the given pattern."""
+    """File names of `frames` PNG pictures: out.png for one, out-0001.png ... for several, or the given
+    pattern."""
     if "%" in out.name:
         try:
             names = [out.name % (k + 1) for k in range(frames)]
@@ -129,16 +131,19 @@ def find_ffmpeg() -> str:
 
 
 class Mp4Writer:
-    """H.264 in MP4: yuv420p, limited range, BT.709 (tagged, or browsers show wrong colours), index at the front."""
+    """H.264 in MP4: yuv420p, limited range, BT.709 (tagged, or browsers show wrong colours), index at the
+    front."""
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
         ffmpeg = find_ffmpeg()
         self.out, self.part = out, _temporary(out)
         width, height = settings.size
-        # -nostdin: ffmpeg leaves the terminal alone. A session of its own: Ctrl-C reaches us alone, and we clean up.
+        # -nostdin: ffmpeg leaves the terminal alone. A session of its own: Ctrl-C reaches us alone, and we
+        # clean up.
         command = [
             ffmpeg, "-y", "-hide_banner", "-loglevel", "error",
-            "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{settings.fps:.9g}", "-i", "pipe:0",
+            "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
+            "-r", f"{settings.fps:.9g}", "-i", "pipe:0",
             "-an", "-vf", "scale=out_color_matrix=bt709:out_range=tv,"
             "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv",
             "-c:v", "libx264", "-preset", "veryfast", "-crf", str(settings.crf), "-pix_fmt", "yuv420p",
@@ -199,7 +204,8 @@ class Mp4Writer:
 
 
 class WebpWriter:
-    """Animated WebP; frames are kept in memory as Pillow needs them all at the end, so it suits short clips."""
+    """Animated WebP; frames are kept in memory as Pillow needs them all at the end, so it suits short
+    clips."""
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
         self.out, self.part = out, _temporary(out)

@@ -19,8 +19,7 @@ from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
 from particlesim.model import Model
 from particlesim.names import did_you_mean
-from particlesim.render.settings import RenderSettings, colorable
-from particlesim.scenario.recorded import recorded_fields
+from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
 from particlesim.streams import Streams
@@ -101,6 +100,18 @@ class Scenario(Model):
                 label = f"{base}_{k}"
             labels.append(label)
         return tuple(labels)
+
+    def recorded_fields(self) -> tuple[str, ...]:
+        """Fields of the trajectory beside position and id."""
+        groups = ("group",) if len(self.groups) > 1 else ()
+        if self.output.fields is not None:
+            return (*self.output.fields, *groups)
+        fields = ["velocity"]
+        if any(group.has_radius() for group in self.groups):
+            fields.append("radius")
+        if any(group.temperature is not None for group in self.groups):
+            fields.append("temperature")
+        return (*fields, *groups)
 
     @model_validator(mode="after")
     def _agrees(self, info: ValidationInfo) -> Scenario:
@@ -290,7 +301,7 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
 
 def _colors(scenario: Scenario) -> Iterator[Invalid]:
     """Videos show what the trajectory holds."""
-    name, fields = scenario.render.color_by, recorded_fields(scenario)
+    name, fields = scenario.render.color_by, scenario.recorded_fields()
     if name not in (*fields, "position", "id") and name not in (known := colorable(fields)):
         hint = did_you_mean(name, known)
         if hint is None and name in get_args(FieldName):

@@ -30,7 +30,9 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder", "A file is in the way; choose another place to write to.")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise UsageError(f"cannot write into the folder {folder}", "Choose another place, or its permissions.")
+        raise UsageError(
+            f"cannot write into the folder {folder}", "Choose another place, or its permissions."
+        )
 
 
 @contextmanager

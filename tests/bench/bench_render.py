@@ -20,7 +20,8 @@ FLOOR = (PlaneShape((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),)
 
 
 class Cloud:
-    """`count` particles of a ball that swirls above the floor; positions are computed when they are asked for."""
+    """`count` particles of a ball that swirls above the floor; positions are computed when they are asked
+    for."""
 
     fields = ("velocity",)
 

@@ -27,7 +27,8 @@ from particlesim.forces import (
     StokesDrag,
 )
 from particlesim.forces.drag import Atmosphere
-from particlesim.forces.expression import FUNCTIONS, parse
+from particlesim.forces.expression import parse
+from particlesim.forces.operations import FUNCTIONS
 from particlesim.laws import Particle
 
 UNIFORM = Uniform(velocity=(1.0, -2.0, 0.5))

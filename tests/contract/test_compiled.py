@@ -17,9 +17,10 @@ from numba.extending import overload
 
 from particlesim.engine.cache import FAST
 from particlesim.engine.compile import is_record
-from particlesim.forces.expression import Ray, parse, slope, value
+from particlesim.forces.expression import parse
 from particlesim.forces.field import PotentialRecord
 from particlesim.forces.fluid_laws import StandardAtmosphere
+from particlesim.forces.operations import Ray, slope, value
 from particlesim.laws import (
     GENERICS,
     Particle,
@@ -136,7 +137,7 @@ def test_contacts() -> None:
             assert outcome == what
             np.testing.assert_allclose(q, expected, rtol=0, atol=8 * EPS * np.abs(p[:6]).max())
             outcomes.add(outcome)
-    assert outcomes == {0, 1, 2}
+    assert outcomes == {0, 1, 2, 3}
 
 
 def test_a_record_is_no_plain_tuple() -> None:

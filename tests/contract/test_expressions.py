@@ -16,19 +16,21 @@ from hypothesis import strategies as st
 from particlesim.forces import Field
 from particlesim.forces.expression import (
     BUILTIN_CONSTANTS,
-    FUNCTIONS,
     MAX_DEPTH,
     MAX_LENGTH,
+    ExpressionError,
+    parse,
+    reads,
+)
+from particlesim.forces.operations import (
+    FUNCTIONS,
     VARIABLES,
     VX,
     Constant,
-    ExpressionError,
     Radius,
     Ray,
     Square,
     X,
-    parse,
-    reads,
     slope,
     value,
 )

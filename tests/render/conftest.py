@@ -48,7 +48,8 @@ def single(position, **values):
 
 @pytest.fixture
 def plain():
-    """Settings without text or shadows, 160 × 120, camera on +z at a distance of 10 m with a focal length of 200."""
+    """Settings without text or shadows, 160 × 120, camera on +z at a distance of 10 m with a focal length of
+    200."""
 
     def make(**changes):
         fov = 2 * np.degrees(np.arctan(60 / 200))

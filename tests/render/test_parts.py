@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 
@@ -84,7 +85,7 @@ def test_blackbody_goes_from_red_to_white():
 
 def test_readable_part_stands_out():
     magma = colormaps.colormap("magma", 1024)
-    assert colormaps.luminance(readable(magma, on_light=False)).min() > 0.025
+    assert colormaps.luminance(readable(magma, on_light=False)).min() > 0.04
     assert colormaps.luminance(readable(magma, on_light=True)).max() < 0.73
 
 
@@ -228,14 +229,14 @@ def test_text_sets_superscripts_small_and_high():
     flat, raised = text_mask("m2", 40), text_mask("m²", 40)
     assert raised.shape[1] < flat.shape[1]
     ink = np.nonzero(raised[:, -14:].max(axis=1))[0]
-    assert 0 < len(ink)
+    assert len(ink) > 0
     assert ink.max() < 30
 
 
 def test_bands_hold_every_particle_once_and_in_order():
     box = np.array([[0, 5, 0, 40], [3, 4, 17, 18], [0, -1, 0, -1], [1, 1, 31, 32]], np.int32)
     first, items = project.bin_bands(box, np.array([3, 2, 1, 0], np.int32), 48)
-    assert [items[a:b].tolist() for a, b in zip(first, first[1:], strict=False)] == [[0], [3, 1, 0], [3, 0]]
+    assert [items[a:b].tolist() for a, b in itertools.pairwise(first)] == [[0], [3, 1, 0], [3, 0]]
 
 
 def test_far_to_near_is_a_stable_sort():

@@ -46,7 +46,8 @@ def test_nearest_wins(plain, look, order):
 
 
 def test_sphere_occludes_by_its_surface_not_its_center(plain):
-    # The big sphere's centre is nearer to the camera than the small one's, but the small one sits before its flank.
+    # The big sphere's centre is nearer to the camera than the small one's, but the small one sits before its
+    # flank.
     source = single([[0, 0, 1.0], [1.05, 0, 0.9]], radius=[1.0, 0.1], group=[0, 1])
     source.groups = ("big", "small")
     picture = render_frame(source, 0, plain(color_by="group")).astype(int)

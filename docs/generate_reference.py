@@ -1,0 +1,226 @@
+"""Write docs/scenario.md, the reference of scenario files, from the models that read them.
+
+python docs/generate_reference.py           write it
+python docs/generate_reference.py --check   exit 1 if the file is not what would be written
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from pydantic import BaseModel
+from reference_methods import integrators_table
+from reference_words import default_words, type_words
+
+from particlesim.distributions import Choice, Exponential, LogNormal, Normal, Uniform
+from particlesim.emitters import Emitter
+from particlesim.emitters.emitter import Burst, Die
+from particlesim.flows import FLOWS
+from particlesim.fluids import FLUIDS
+from particlesim.forces import FORCES, Force
+from particlesim.forces.drag import Atmosphere
+from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
+from particlesim.forces.operations import FUNCTIONS, VARIABLES
+from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
+from particlesim.impulses import Impulse
+from particlesim.layouts import LAYOUTS
+from particlesim.scenario.rendering import Camera, RenderSettings
+from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.simulation import Output, Simulation
+from particlesim.shapes import Ball, Box, Disc, Point, Shell, Sphere
+
+TARGET = Path(__file__).with_name("scenario.md")
+TEXTS = Path(__file__).with_name("reference")
+
+DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
+SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
+DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
+
+
+def reference() -> str:
+    """The whole page."""
+    return "\n\n".join(part.strip() for part in parts()) + "\n"
+
+
+def parts() -> Iterator[str]:
+    """The page, section by section."""
+    yield prose("head")
+    yield "## The file"
+    yield summary(Scenario) + "\n\n" + table(Scenario)
+    yield "## `[simulation]`"
+    yield prose("simulation")
+    yield table(Simulation)
+    yield "### Integrators"
+    yield prose("integrators")
+    yield integrators_table()
+    yield "## `[output]`"
+    yield prose("output")
+    yield table(Output)
+    yield "## `[[particles]]`"
+    yield prose("particles")
+    yield table(Particles)
+    yield "### Layouts"
+    yield from variants(LAYOUTS)
+    yield "### Dynamics"
+    yield prose("dynamics")
+    yield from variants(DYNAMICS)
+    yield "### Cooling"
+    yield summary(Cooling) + "\n\n" + table(Cooling)
+    yield "## `[[emitters]]`"
+    yield prose("emitters")
+    yield table(Emitter)
+    yield "### Burst"
+    yield summary(Burst) + "\n\n" + table(Burst)
+    yield "### Die"
+    yield summary(Die) + "\n\n" + table(Die)
+    yield "## Shapes"
+    yield "Places are chosen uniformly by volume, on flat shapes and spheres uniformly by area."
+    yield from variants(SHAPES)
+    yield "## Distributions"
+    yield prose("distributions")
+    yield from variants(DISTRIBUTIONS)
+    yield "## `[[forces]]`"
+    yield prose("forces")
+    yield table(Force)
+    for force in FORCES:
+        yield force_section(force)
+    yield "#### standard_atmosphere"
+    yield summary(Atmosphere) + "\n\n" + table(Atmosphere, without=("type",))
+    yield "### Expressions"
+    yield prose("expressions")
+    yield expressions_table()
+    yield "### Fluids"
+    yield fluids_table()
+    yield "## Flows"
+    yield prose("flows")
+    yield from variants(FLOWS)
+    yield "## `[[springs]]`"
+    yield from section(Scenario, "springs")
+    yield "## `[[planes]]`"
+    yield from section(Scenario, "planes")
+    yield "## `[[impulses]]`"
+    yield summary(Impulse) + "\n\n" + table(Impulse)
+    yield "## `[render]`"
+    yield prose("render")
+    yield table(RenderSettings)
+    yield "### Camera"
+    yield summary(Camera) + "\n\n" + table(Camera)
+
+
+def prose(name: str) -> str:
+    """A text of docs/reference, for what no model can say."""
+    return (TEXTS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def section(model: type[BaseModel], field: str) -> Iterator[str]:
+    """A text and the table of the entries of a list in the scenario."""
+    entries = model.model_fields[field].annotation
+    yield prose(field)
+    yield table(entries.__args__[0])  # type: ignore[union-attr]
+
+
+def variants(models: tuple[type[BaseModel], ...]) -> Iterator[str]:
+    """One subsection for each class that a `type` may name."""
+    for model in models:
+        text = f"#### {type_name(model)}\n\n{summary(model)}"
+        rows = table(model, without=("type",))
+        yield f"{text}\n\n{rows}" if rows else text
+
+
+def type_name(model: type[BaseModel]) -> str:
+    """What the scenario writes as `type`."""
+    return str(model.model_fields["type"].default)
+
+
+def summary(model: type[BaseModel]) -> str:
+    """The class's docstring in Markdown, its line breaks undone."""
+    paragraphs = re.split(r"\n\s*\n", model.__doc__ or "")
+    return "\n\n".join(" ".join(p.split()) for p in paragraphs)
+
+
+def table(model: type[BaseModel], without: tuple[str, ...] = ()) -> str:
+    """The fields of a model as a Markdown table; empty when it has none."""
+    if issubclass(model, Force):
+        without = (*without, "type") if model is Force else (*without, "type", "name", "on")
+    fields = {name: info for name, info in model.model_fields.items() if name not in without}
+    if not fields:
+        return ""
+    rows = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
+    for name, info in fields.items():
+        meaning = cell(info.description or "")
+        kind = cell(type_words(info.annotation, tuple(info.metadata)))
+        rows.append(f"| `{name}` | {kind} | {cell(default_words(info))} | {meaning} |")
+    return "\n".join(rows)
+
+
+def cell(text: str) -> str:
+    """Text that cannot break a row of a Markdown table."""
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def force_section(force: type[Force]) -> str:
+    """Formula, potential energy, source and parameters of a force."""
+    lines = [f"### {type_name(force)}", summary(force)]
+    facts = [f"- Force: {maths(force.formula)}", f"- Energy: {maths(force.energy)}"]
+    if (source := source_of(force)) is not None:
+        facts.append(f"- Source: {source}")
+    if force.needs_velocity:
+        facts.append("- Depends on the velocity, so it does not act on particles without inertia.")
+    return "\n\n".join([*lines, "\n".join(facts), table(force)])
+
+
+def maths(text: str) -> str:
+    """A formula as it stands, safe from Markdown's asterisks and bars."""
+    return text.replace("|", "\\|").replace("*", "\\*")
+
+
+def source_of(force: type[Force]) -> str | None:
+    """The sentence after 'Source:' in the docstring of the module that the force is in."""
+    found = re.search(r"Source: (.*?)(?:\n\s*\n|\Z)", sys.modules[force.__module__].__doc__ or "", re.DOTALL)
+    return " ".join(found[1].split()) if found else None
+
+
+def expressions_table() -> str:
+    """Names and functions of the formulas of the force `field`."""
+    functions = [f"`{name}({', '.join(f._fields)})`" for name, f in FUNCTIONS.items()]  # type: ignore[attr-defined]
+    rows = {
+        "part": "what is allowed",
+        "---": "---",
+        "variables": ", ".join(f"`{name}`" for name in VARIABLES),
+        "constants": "`pi`, `e`, and those of `constants`",
+        "operators": "`+` `-` `*` `/` `**`, parentheses, `a if b < c else d` with `<`, `<=`, `>` or `>=`",
+        "functions": ", ".join(functions),
+        "limits": f"{MAX_LENGTH} characters, {MAX_DEPTH} operations inside each other",
+    }
+    return "\n".join(f"| {part} | {allowed} |" for part, allowed in rows.items())
+
+
+def fluids_table() -> str:
+    """Viscosities and densities by name."""
+    rows = ["| fluid | viscosity [Pa s] | density [kg/m³] | at |", "| --- | --- | --- | --- |"]
+    for name, fluid in FLUIDS.items():
+        density = "–" if fluid.density is None else f"{fluid.density:g}"
+        rows.append(f"| `{name}` | {fluid.viscosity:g} | {density} | {fluid.conditions} |")
+    return "\n".join(rows)
+
+
+def main() -> int:
+    """Write the page, or check it."""
+    parser = argparse.ArgumentParser(description="Write docs/scenario.md from the models.")
+    parser.add_argument("--check", action="store_true", help="only say whether the page is up to date")
+    wanted = reference()
+    if not parser.parse_args().check:
+        TARGET.write_text(wanted, encoding="utf-8")
+        return 0
+    if TARGET.exists() and TARGET.read_text(encoding="utf-8") == wanted:
+        return 0
+    print(f"{TARGET.name} is out of date: run `python docs/generate_reference.py`", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

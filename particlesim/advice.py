@@ -1,0 +1,48 @@
+"""Choices in a scenario that are legal and seldom meant: told by `psim check` and at the end of a run."""
+
+from __future__ import annotations
+
+from particlesim.forces.field import Field
+from particlesim.graph import method_of
+from particlesim.integrators import METHODS, Composition
+from particlesim.scenario.scenario import Scenario, acts_on
+
+LIVELY = 0.9
+"""Restitution above which projection out of a plane may add more energy than the bounce takes."""
+
+
+def advice(scenario: Scenario) -> tuple[str, ...]:
+    """One sentence for each doubtful choice."""
+    return (*_order(scenario), *_projection(scenario))
+
+
+def _order(scenario: Scenario) -> list[str]:
+    """Kicks and drifts are first order when the force depends on the velocity that a kick changes."""
+    found = []
+    for group in scenario.groups:
+        name = method_of(group, scenario.simulation.integrator)
+        method = METHODS[name]
+        if not isinstance(method, Composition) or method.order < 2:
+            continue
+        depends = [
+            label
+            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+            if acts_on(force, group)
+            and (force.needs_velocity or (isinstance(force, Field) and force.reads_velocity()))
+        ]
+        if depends:
+            found.append(
+                f"{name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the velocity; "
+                "rk4, heun and stormer_verlet keep their order"
+            )
+    return found
+
+
+def _projection(scenario: Scenario) -> list[str]:
+    """Discrete detection lifts a particle out of the plane, which adds m g times the depth."""
+    return [
+        f"plane {plane.name or k} with discrete detection and restitution {plane.restitution:g} can add energy: particles "
+        'are lifted out of it; detection = "continuous" does not'
+        for k, plane in enumerate(scenario.planes)
+        if plane.contact == "bounce" and plane.detection == "discrete" and plane.restitution > LIVELY
+    ]

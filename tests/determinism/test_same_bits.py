@@ -1,0 +1,139 @@
+"""The same scenario gives the same bits, however the work is cut: into threads, blocks, intervals between frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import points
+
+import particlesim as ps
+from particlesim.engine.simulation import Simulation
+
+STEPS = 60
+
+
+def scenario(method: str, every: int = STEPS, **output: Any) -> ps.Scenario:
+    """Births between steps, ages, recycling, waiting, kills, bounces in a corner, kicks, and a pair of springs."""
+    return ps.from_table(
+        {
+            "simulation": {"duration": 0.6, "dt": 0.01, "integrator": method, "seed": 42},
+            "output": {"every": every, "precision": "double", **output},
+            "particles": [
+                points((0, 2, 0), (0.2, 2, 0), (0.4, 2.1, 0), name="chain", mass=0.1, radius=0.02),
+            ],
+            "emitters": [
+                {
+                    "name": "sparks",
+                    "rate": 1234.5,
+                    "timing": "jittered",
+                    "burst": {"count": 111, "at": 0.123},
+                    "shape": {"type": "disc", "center": [0, 0.3, 0], "radius": 0.1},
+                    "spread": 60,
+                    "speed": {"type": "normal", "mean": 3, "std": 1, "min": 0},
+                    "lifetime": {"type": "uniform", "low": 0.05, "high": 0.5},
+                    "radius": 0.01,
+                    "mass": 0.01,
+                    "limit": 300,
+                },
+                {
+                    "name": "patient",
+                    "rate": 500,
+                    "shape": {"type": "point", "position": [0.2, 0.4, 0]},
+                    "direction": [1, 0, 0],
+                    "spread": 30,
+                    "speed": 2.0,
+                    "radius": 0.01,
+                    "lifetime": 0.21,
+                    "limit": 40,
+                    "when_full": "wait",
+                },
+            ],
+            "forces": [{"type": "gravity"}],
+            "springs": [{"on": "chain", "pairs": [[0, 1], [1, 2]], "stiffness": 40, "damping": 0.1, "rest_length": 0.15}],
+            "planes": [
+                {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1},
+                {"name": "trap", "point": [0.7, 0, 0], "normal": [-1, 0, 0], "contact": "kill", "on": ["sparks", "patient"]},
+            ],
+            "impulses": [{"at": [0.151, 0.4], "impulse": [0.001, 0.003, -0.001], "on": ["sparks", "chain"]}],
+        }
+    )
+
+
+def history(method: str, threads: int, block: int, every: int) -> dict[str, bytes]:
+    """Everything that a run leaves: state, what methods remember, births and deaths."""
+    simulation = Simulation(scenario(method), threads=threads, block=block)
+    births, deaths = [], []
+    for step in [*range(every, STEPS, every), STEPS]:
+        simulation.advance_to(step)
+        events = simulation.take_events()
+        births += [(b.ids, b.times) for b in events.births]
+        deaths += [(d.ids, d.times, d.causes) for d in events.deaths]
+    simulation.close()
+    left: dict[str, bytes] = {}
+    for state in simulation.states:
+        n = state.count
+        left[f"{state.name}.x"] = np.ascontiguousarray(state.x[:, :n]).tobytes()
+        left[f"{state.name}.v"] = np.ascontiguousarray(state.v[:, :n]).tobytes()
+        left[f"{state.name}.id"] = state.id[:n].tobytes()
+        left[f"{state.name}.memory"] = b"".join(np.ascontiguousarray(column[:n]).tobytes() for column in state.memory)
+    for name, columns in (("births", births), ("deaths", deaths)):
+        whole = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+        order = np.argsort(whole[0])
+        assert len(order) > 300
+        left[name] = b"".join(column[order].tobytes() for column in whole)
+    left["ledger"] = repr(simulation.ledger()).encode()
+    return left
+
+
+@pytest.fixture(autouse=True)
+def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("particlesim.engine.islands.WORTH_THREADS", 1)
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet"])
+def test_threads_blocks_and_intervals_leave_no_trace(method: str) -> None:
+    reference = history(method, 1, 512, STEPS)
+    for threads, block, every in [(2, 64, STEPS), (3, 7, STEPS), (1, 1, STEPS), (1, 512, 1), (2, 64, 7), (2, 100, 13)]:
+        other = history(method, threads, block, every)
+        differing = [name for name, value in reference.items() if other[name] != value]
+        assert differing == [], f"{threads} threads, blocks of {block}, every {every} steps"
+
+
+def test_recording_changes_nothing(tmp_path: Path) -> None:
+    # Frames at shared moments are equal, whatever lies between them, and equal to a run that writes no file.
+    memory = ps.run(scenario("symplectic_euler", 60)).final
+    ps.run(scenario("symplectic_euler", 20), tmp_path / "coarse.vtkhdf", threads=1)
+    ps.run(scenario("symplectic_euler", 4, ledger=False), tmp_path / "fine.vtkhdf", threads=2)
+    with ps.open(tmp_path / "coarse.vtkhdf") as coarse, ps.open(tmp_path / "fine.vtkhdf") as fine:
+        for frame in coarse:
+            other = fine.frame_at(frame.time)
+            assert other.step == frame.step
+            for field in ("id", "position", "velocity", "group"):
+                assert frame[field].tobytes() == other[field].tobytes()
+        for field in ("id", "position", "velocity"):
+            assert fine[-1][field].tobytes() == memory[field].tobytes()
+        for kind in ("birth", "death"):
+            a, b = coarse.events(kind), fine.events(kind)
+            for name in ("id", "time", "cause"):
+                assert a[name][np.argsort(a["id"])].tolist() == b[name][np.argsort(b["id"])].tolist()
+
+
+def test_every_cause_of_death_took_part() -> None:
+    died = ps.run(scenario("symplectic_euler")).died
+    assert set(died) == {"age", "recycled", "plane"}
+
+
+def test_the_seed_and_nothing_else_decides() -> None:
+    one, again = ps.run(scenario("symplectic_euler")), ps.run(scenario("symplectic_euler"))
+    other = ps.run(ps.loads(_with_seed(43)))
+    assert one.final.position.tobytes() == again.final.position.tobytes()
+    assert one.final.position.tobytes() != other.final.position.tobytes()
+
+
+def _with_seed(seed: int) -> str:
+    from particlesim.scenario.dump import dump
+
+    return dump(scenario("symplectic_euler")).replace("seed = 42", f"seed = {seed}")
