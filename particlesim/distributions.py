@@ -20,6 +20,7 @@ from particlesim.units import Number, Unit
 
 Floats = NDArray[np.float64]
 Q = TypeVar("Q")
+D = TypeVar("D")
 
 
 class Distribution(Model):
@@ -64,13 +65,13 @@ class Uniform(Distribution, Generic[Q]):
         return float(self.low), float(self.high)  # type: ignore[arg-type]
 
 
-class Normal(Distribution, Generic[Q]):
+class Normal(Distribution, Generic[Q, D]):
     """Normal distribution, cut off at min and max where given."""
 
     type: Literal["normal"] = "normal"
     mean: Q
     """Mean of the uncut distribution."""
-    std: Q
+    std: D
     """Standard deviation of the uncut distribution."""
     min: Q | None = None
     """Smallest value."""
@@ -78,9 +79,7 @@ class Normal(Distribution, Generic[Q]):
     """Largest value."""
 
     @model_validator(mode="after")
-    def _sane(self) -> Normal[Q]:
-        if not float(self.std) >= 0:  # type: ignore[arg-type]
-            raise invalid("a standard deviation is not negative", at=("std",))
+    def _ordered(self) -> Normal[Q, D]:
         low, high = self.support()
         if not low < high:
             raise invalid("max must be greater than min", at=("max",), also=[(("min",), "min is given here")])
@@ -176,6 +175,12 @@ class Choice(Distribution, Generic[Q]):
         return min(values), max(values)
 
 
+def _difference(quantity: Any) -> Any:
+    """The type of differences of a quantity: no negative ones, and no offsets of temperature scales."""
+    units = [mark for mark in quantity.__metadata__ if isinstance(mark, Unit)]
+    return Annotated[float, units[0].difference(), Ge(0)]
+
+
 if TYPE_CHECKING:
     Sampled = Union[Q, Distribution]  # noqa: UP007
 else:
@@ -185,9 +190,10 @@ else:
 
         def __class_getitem__(cls, quantity: Any) -> Any:
             # typing cannot substitute a type variable inside generic models, hence by hand.
+            spread = _difference(quantity)
             choices = (
                 Uniform[quantity]
-                | Normal[quantity]
+                | Normal[quantity, spread]
                 | LogNormal[quantity]
                 | Exponential[quantity]
                 | Choice[quantity]

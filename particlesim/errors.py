@@ -103,5 +103,5 @@ def _one_line(d: Diagnostic) -> str:
     if d.allowed:
         text += f" (allowed: {d.allowed})"
     if d.hint:
-        text += f". {d.hint}"
+        text += f"; {d.hint}"
     return text

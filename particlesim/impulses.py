@@ -19,7 +19,7 @@ class Impulse(Model):
     name: Name | None = None
     """Name for messages."""
     on: tuple[Name, ...] | None = Field(default=None, min_length=1)
-    """Groups it kicks; all unless given."""
+    """Groups it kicks; all that have inertia unless given."""
     at: Time | Annotated[tuple[Time, ...], Field(min_length=1)]
     """When: one time or several."""
     impulse: Vector[NewtonSeconds]

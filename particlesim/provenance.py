@@ -21,7 +21,7 @@ GIT_TIMEOUT = 2.0
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
     """The resolved scenario as TOML, overrides, versions, seed, host, git revision and command."""
     facts: dict[str, str | int | float] = {
-        "scenario": dump(scenario),
+        "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
         "overrides": "\n".join(scenario.overrides),
         "psim": __version__,

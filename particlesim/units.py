@@ -77,6 +77,14 @@ class Unit:
     symbol: str
     kind: str
     example: str
+    is_difference: bool = False
+
+    def difference(self) -> Unit:
+        """The unit of differences of such quantities: "5 degC" is then 5 K, not 278.15 K."""
+        example = "5 K" if self.symbol == "K" else self.example
+        return Unit(
+            self.symbol, f"{self.kind} difference" if self.symbol == "K" else self.kind, example, True
+        )
 
     @property
     def noun(self) -> str:
@@ -110,6 +118,8 @@ class Unit:
             raise ValueError(f"the text {shown(text)} has no unit: {advice}")
         registry = _registry()
         unit = _unit(registry, symbol)
+        if self.is_difference and not registry.Quantity(1, unit)._is_multiplicative:
+            unit = registry.parse_units(f"delta_{unit}")
         target = registry.parse_units(self.symbol)
         if _dimension(registry, unit) != _dimension(registry, target):
             raise ValueError(f"{self._expected()}, got {shown(text)}{_kind_of(registry, unit)}")
@@ -264,6 +274,7 @@ PascalSeconds = Annotated[float, _VISCOSITY]
 SquareMetresPerSecond = Annotated[float, _KINEMATIC]
 CubicMetresPerSecondSquared = Annotated[float, _GRAVITATIONAL]
 Kelvin = Annotated[float, _TEMPERATURE]
+KelvinDifference = Annotated[float, _TEMPERATURE.difference()]
 Joules = Annotated[float, _ENERGY]
 
 T = TypeVar("T")

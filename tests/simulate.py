@@ -17,7 +17,11 @@ G = 9.80665
 
 def points(*position: tuple[float, float, float], velocity: Any = ((0.0, 0.0, 0.0),), **group: Any) -> Table:
     """A group of particles at the given places."""
-    layout = {"type": "points", "position": [list(x) for x in position], "velocity": [list(v) for v in velocity]}
+    layout = {
+        "type": "points",
+        "position": [list(x) for x in position],
+        "velocity": [list(v) for v in velocity],
+    }
     return {"layout": layout, **group}
 
 
@@ -25,7 +29,9 @@ def table(duration: float, dt: float, method: str = "velocity_verlet", **parts: 
     """A scenario as TOML would give it; a frame at the start and at the end unless `output` says otherwise."""
     seed = parts.pop("seed", 0)
     steps = max(round(duration / dt), 1)
-    output = {"every": steps, "ledger": False, "precision": "double", "compression": "none"} | parts.pop("output", {})
+    output = {"every": steps, "ledger": False, "precision": "double", "compression": "none"} | parts.pop(
+        "output", {}
+    )
     return {
         "simulation": {"duration": duration, "dt": dt, "integrator": method, "seed": seed},
         "output": output,
@@ -38,7 +44,9 @@ def simulate(duration: float, dt: float, method: str = "velocity_verlet", **part
     return ps.run(ps.from_table(table(duration, dt, method, **parts)))
 
 
-def record(path: Path, duration: float, dt: float, method: str = "velocity_verlet", **parts: Any) -> ps.Trajectory:
+def record(
+    path: Path, duration: float, dt: float, method: str = "velocity_verlet", **parts: Any
+) -> ps.Trajectory:
     """Run such a scenario into a file, and open it."""
     ps.run(ps.from_table(table(duration, dt, method, **parts)), path)
     return ps.open(path)

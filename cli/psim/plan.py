@@ -22,6 +22,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
 
     Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
     """
+    from particlesim.advice import advice
     from particlesim.bounds import check_fits, needs
 
     required = needs(scenario)
@@ -44,6 +45,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "memory": required.memory,
         "disk": required.disk,
         "output": None if output is None else str(output),
+        "advice": list(advice(scenario)),
     }
 
 
@@ -71,5 +73,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
         ),
         sys.stdout,
     )
+    for line in planned["advice"]:
+        warn(line)
     if planned["output"] is not None and Path(planned["output"]).exists():
         warn(f"{planned['output']} exists; psim run needs --force or another --output")

@@ -76,9 +76,10 @@ class Emitter(Group):
     die: Die | None = None
     """What else ends a particle."""
     limit: Annotated[int, Field(ge=1, le=10**9, strict=True)] | None = None
-    """Most particles alive at once; no limit unless given."""
+    """Slots for particles, used in turn: never more are alive at once. No limit unless given."""
     when_full: Literal["recycle", "wait"] = "recycle"
-    """At the limit the oldest particle's slot is recycled, or emission waits for a free one."""
+    """Recycle: a birth takes the oldest slot and ends the particle that is still in it. Wait: births wait until fewer
+    particles than the limit are alive."""
 
     @field_validator("direction")
     @classmethod

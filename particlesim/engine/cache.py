@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
 import os
 import sys
 from collections.abc import Callable
@@ -116,19 +115,3 @@ def keep_on_disk(dispatcher: Any) -> Any:
         finally:
             config.CACHE_DIR = before
     return dispatcher
-
-
-def start_quickly() -> None:
-    """Spare this process Numba's search for linear algebra, a quarter of a second that no kernel here needs.
-
-    Afterwards `numpy.dot` and its kin do not work inside any compiled function of the process, so only programs that
-    own their process, such as the command line, may call it, and before the first kernel runs.
-    """
-    name = "scipy.linalg"
-    if name in sys.modules:
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # an import of it fails at once
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        del sys.modules[name]

@@ -131,8 +131,13 @@ class Simulation:
         for at, k in self._kicks:
             if at == self.step:
                 kick = self.scenario.impulses[k]
-                for state in self.states:
-                    if kick.on is None or state.name in kick.on:
+                for group, state in zip(self.scenario.groups, self.states, strict=True):
+                    chosen = (
+                        state.name in kick.on
+                        if kick.on is not None
+                        else group.dynamics.type == "second_order"
+                    )
+                    if chosen:
                         state.kick(kick.impulse)
 
     def take_events(self) -> Events:

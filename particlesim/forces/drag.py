@@ -45,7 +45,14 @@ from particlesim.laws import (
     velocity_dx,
 )
 from particlesim.model import Model
-from particlesim.units import Kelvin, KilogramsPerCubicMetre, Metres, Number, PascalSeconds, SquareMetres
+from particlesim.units import (
+    KelvinDifference,
+    KilogramsPerCubicMetre,
+    Metres,
+    Number,
+    PascalSeconds,
+    SquareMetres,
+)
 
 
 class Atmosphere(Model):
@@ -54,7 +61,7 @@ class Atmosphere(Model):
     type: Literal["standard_atmosphere"] = "standard_atmosphere"
     sea_level: Metres = 0.0
     """The y of sea level."""
-    temperature_offset: Annotated[Kelvin, Ge(-100), Le(100)] = 0.0
+    temperature_offset: Annotated[KelvinDifference, Ge(-100), Le(100)] = 0.0
     """Difference from the standard temperature, in kelvin; air and its vapour are modelled within 100 K of it."""
     humidity: Annotated[Number, Ge(0), Le(1)] = 0.0
     """Relative humidity, 0 to 1."""

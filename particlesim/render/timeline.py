@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.render.settings import RenderSettings
+from particlesim.scenario.rendering import RenderSettings
 
 MOST_FRAMES = 1_000_000
 

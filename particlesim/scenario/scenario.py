@@ -118,7 +118,7 @@ class Scenario(Model):
         """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
         raised."""
         mistakes: list[Invalid] = []
-        for check in (_names, _references, _needs, _times, _pins, _pairs, _joined, _colors):
+        for check in (_names, _references, _needs, _times, _kicks, _pins, _pairs, _joined, _colors):
             mistakes += check(self)
             if mistakes:
                 break  # later checks rely on earlier ones
@@ -251,6 +251,22 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
     for k, emitter in enumerate(scenario.emitters):
         if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
+
+
+def _kicks(scenario: Scenario) -> Iterator[Invalid]:
+    """Impulses kick particles that have inertia."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for k, impulse in enumerate(scenario.impulses):
+        inert = [name for name, (_, group) in tables.items() if group.dynamics.type != "second_order"]
+        for j, name in enumerate(impulse.on or ()):
+            if name in inert:
+                yield Invalid(
+                    "an impulse does not move particles without inertia",
+                    ("impulses", k, "on", j),
+                    (((*tables[name][0], "dynamics"), "here"),),
+                )
+        if impulse.on is None and len(inert) == len(tables):
+            yield Invalid("there is no group with inertia to kick", ("impulses", k))
 
 
 def _pins(scenario: Scenario) -> Iterator[Invalid]:

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator
-from psim import complete
-from psim.options import parse_frames
-from psim.talk import duration, rate
 
 import particlesim as ps
 from particlesim.errors import UsageError
 from particlesim.examples_folder import examples_folder
 from particlesim.version import __version__
+from psim import complete
+from psim.options import parse_frames
+from psim.talk import duration, rate
 
 from .conftest import REPOSITORY, environment, files, real
 

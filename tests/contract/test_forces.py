@@ -21,7 +21,6 @@ from particlesim.flows.vortex import Vortex
 from particlesim.forces import FORCES, Attractor, Drag, Force, LinearDrag
 from particlesim.forces.drag import Atmosphere
 from particlesim.forces.fluid_laws import StandardAtmosphere, density
-from particlesim.model import field_docs
 from particlesim.laws import (
     GENERICS,
     Particle,
@@ -33,6 +32,7 @@ from particlesim.laws import (
     velocity,
     velocity_dx,
 )
+from particlesim.model import field_docs
 
 H = 1e-3
 TOLERANCE = 1e-8

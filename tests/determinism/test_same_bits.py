@@ -52,10 +52,24 @@ def scenario(method: str, every: int = STEPS, **output: Any) -> ps.Scenario:
                 },
             ],
             "forces": [{"type": "gravity"}],
-            "springs": [{"on": "chain", "pairs": [[0, 1], [1, 2]], "stiffness": 40, "damping": 0.1, "rest_length": 0.15}],
+            "springs": [
+                {
+                    "on": "chain",
+                    "pairs": [[0, 1], [1, 2]],
+                    "stiffness": 40,
+                    "damping": 0.1,
+                    "rest_length": 0.15,
+                }
+            ],
             "planes": [
                 {"name": "floor", "restitution": 0.6, "tangential_loss": 0.1},
-                {"name": "trap", "point": [0.7, 0, 0], "normal": [-1, 0, 0], "contact": "kill", "on": ["sparks", "patient"]},
+                {
+                    "name": "trap",
+                    "point": [0.7, 0, 0],
+                    "normal": [-1, 0, 0],
+                    "contact": "kill",
+                    "on": ["sparks", "patient"],
+                },
             ],
             "impulses": [{"at": [0.151, 0.4], "impulse": [0.001, 0.003, -0.001], "on": ["sparks", "chain"]}],
         }
@@ -78,7 +92,9 @@ def history(method: str, threads: int, block: int, every: int) -> dict[str, byte
         left[f"{state.name}.x"] = np.ascontiguousarray(state.x[:, :n]).tobytes()
         left[f"{state.name}.v"] = np.ascontiguousarray(state.v[:, :n]).tobytes()
         left[f"{state.name}.id"] = state.id[:n].tobytes()
-        left[f"{state.name}.memory"] = b"".join(np.ascontiguousarray(column[:n]).tobytes() for column in state.memory)
+        left[f"{state.name}.memory"] = b"".join(
+            np.ascontiguousarray(column[:n]).tobytes() for column in state.memory
+        )
     for name, columns in (("births", births), ("deaths", deaths)):
         whole = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
         order = np.argsort(whole[0])
@@ -96,7 +112,14 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet"])
 def test_threads_blocks_and_intervals_leave_no_trace(method: str) -> None:
     reference = history(method, 1, 512, STEPS)
-    for threads, block, every in [(2, 64, STEPS), (3, 7, STEPS), (1, 1, STEPS), (1, 512, 1), (2, 64, 7), (2, 100, 13)]:
+    for threads, block, every in [
+        (2, 64, STEPS),
+        (3, 7, STEPS),
+        (1, 1, STEPS),
+        (1, 512, 1),
+        (2, 64, 7),
+        (2, 100, 13),
+    ]:
         other = history(method, threads, block, every)
         differing = [name for name, value in reference.items() if other[name] != value]
         assert differing == [], f"{threads} threads, blocks of {block}, every {every} steps"

@@ -48,7 +48,9 @@ def test_a_scenario_explains_itself_and_stays_small(name: str) -> None:
     assert scenario.title
     assert scenario.description.endswith(".")
     assert scenario.render.camera.eye is not None, "a camera of its own"
-    assert text.startswith("#:schema ./psim.schema.json\n# "), "the schema for editors, then what there is to learn"
+    assert text.startswith("#:schema ./psim.schema.json\n# "), (
+        "the schema for editors, then what there is to learn"
+    )
     assert text.count("#") >= 4
     assert needs(scenario).disk < 100 * MEGABYTE
 
@@ -137,7 +139,7 @@ def test_fountain_keeps_ten_thousand_drops_in_the_air_and_above_the_basin() -> N
 
 
 def test_beads_sink_with_their_terminal_velocity() -> None:
-    # v = v_t tanh(g' t / v_t) with g' = g (1 − ρ_f/ρ_s) and v_t² = 8 r ρ_s g' / (3 ρ_f c_d), all still on their way at 1.2 s.
+    # v = v_t tanh(g' t / v_t) with g' = g (1 − ρ_f/ρ_s) and v_t² = 8 r ρ_s g' / (3 ρ_f c_d), still on their way at 1.2 s.
     # With τ = g' h / v_t < 0.02 for the smallest, RK4 errs by less than τ⁵ a step of v_t, and forgets it.
     t = 1.2
     result = run("terminal_velocity", duration=t)
@@ -190,7 +192,9 @@ def test_tracers_circle_and_grains_leave_the_vortex(tmp_path: Path) -> None:
     assert np.linalg.norm(after, axis=1) == pytest.approx(distance, rel=1e-6)
     angle = gamma / (2 * np.pi * distance**2) * -np.expm1(-((distance / core) ** 2)) * t
     cos, sin = np.cos(angle), np.sin(angle)
-    turned = np.stack([cos * before[:, 0] - sin * before[:, 1], sin * before[:, 0] + cos * before[:, 1]], axis=1)
+    turned = np.stack(
+        [cos * before[:, 0] - sin * before[:, 1], sin * before[:, 0] + cos * before[:, 1]], axis=1
+    )
     assert after == pytest.approx(turned, abs=1e-6)
     rho = np.linalg.norm(x, axis=1)
     assert np.median(rho) > 2 * np.median(np.linalg.norm(start, axis=1))
@@ -217,7 +221,9 @@ def test_the_crew_sees_curves_where_outside_sees_lines() -> None:
     x, v = start_of(result.scenario, "outside")
     assert outside == pytest.approx(x + v * t, abs=1e-12)
     cos, sin = math.cos(omega * t), math.sin(omega * t)
-    turned = np.stack([cos * outside[:, 0] + sin * outside[:, 1], cos * outside[:, 1] - sin * outside[:, 0]], axis=1)
+    turned = np.stack(
+        [cos * outside[:, 0] + sin * outside[:, 1], cos * outside[:, 1] - sin * outside[:, 0]], axis=1
+    )
     assert inside[:, :2] == pytest.approx(turned, abs=1e-5)
     assert np.linalg.norm(inside, axis=1) == pytest.approx(np.full(5, 15.3), abs=1e-5)
 

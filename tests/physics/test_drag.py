@@ -24,15 +24,21 @@ def test_linear_drag_relaxes_exponentially_towards_the_wind(wind: tuple[float, f
         t / steps,
         "rk4",
         particles=[points((1, 2, 3), velocity=[v0], mass=m)],
-        forces=[{"type": "linear_drag", "coefficient": k, "flow": [{"type": "uniform", "velocity": list(wind)}]}],
+        forces=[
+            {"type": "linear_drag", "coefficient": k, "flow": [{"type": "uniform", "velocity": list(wind)}]}
+        ],
     ).final
     fade = math.exp(-rate * t)
     bound = 25 * steps * (rate * t / steps) ** 5 / 120 + steps * EPS * 30
     assert final.velocity[0] == pytest.approx(w + (v0 - w) * fade, abs=bound)
-    assert final.position[0] == pytest.approx([1, 2, 3] + w * t + (v0 - w) * (1 - fade) / rate, abs=bound / rate)
+    assert final.position[0] == pytest.approx(
+        [1, 2, 3] + w * t + (v0 - w) * (1 - fade) / rate, abs=bound / rate
+    )
 
 
-def ball_in_wind(duration: float, steps: int, velocity: tuple[float, float, float], wind: float, g: float) -> ps.Frame:
+def ball_in_wind(
+    duration: float, steps: int, velocity: tuple[float, float, float], wind: float, g: float
+) -> ps.Frame:
     """A ball of 145 g and 36.6 mm in air that moves along x."""
     return simulate(
         duration,
@@ -74,7 +80,9 @@ def test_quadratic_drag_carries_a_ball_along_with_the_wind() -> None:
     grown = 1 + DRAG_PER_MASS * wind * t
     bound = 2 * steps * (DRAG_PER_MASS * wind * t / steps) ** 5
     assert final.velocity[0] == pytest.approx([wind - wind / grown, 0, 0], abs=bound * wind)
-    assert final.position[0, 0] == pytest.approx(wind * t - math.log(grown) / DRAG_PER_MASS, abs=bound * wind * t)
+    assert final.position[0, 0] == pytest.approx(
+        wind * t - math.log(grown) / DRAG_PER_MASS, abs=bound * wind * t
+    )
 
 
 def sinking_sand(radius: float, relaxations: float, steps: int) -> tuple[ps.Result, float, float]:
@@ -88,7 +96,11 @@ def sinking_sand(radius: float, relaxations: float, steps: int) -> tuple[ps.Resu
         t / steps,
         "rk4",
         particles=[points((0, 0, 0), radius=radius, density=rho)],
-        forces=[{"type": "gravity"}, {"type": "buoyancy", "fluid": "water"}, {"type": "stokes_drag", "fluid": "water"}],
+        forces=[
+            {"type": "gravity"},
+            {"type": "buoyancy", "fluid": "water"},
+            {"type": "stokes_drag", "fluid": "water"},
+        ],
     )
     return result, relaxation, settling
 
@@ -127,7 +139,9 @@ def drag_on(law: dict[str, object], velocity: float, radius: float, height: floa
     return -float(fx)
 
 
-@pytest.mark.parametrize(("altitude", "density"), [(0, 1.2250), (5000, 0.7361), (11000, 0.3639), (15000, 0.1937)])
+@pytest.mark.parametrize(
+    ("altitude", "density"), [(0, 1.2250), (5000, 0.7361), (11000, 0.3639), (15000, 0.1937)]
+)
 def test_the_standard_atmosphere_has_its_published_densities(altitude: float, density: float) -> None:
     # ISO 2533; published to four digits, so half a unit of the last one.
     law = {"density": {"type": "standard_atmosphere", "sea_level": -100.0}, "coefficient": 1.0}
@@ -161,7 +175,9 @@ def schiller_naumann(reynolds: float) -> float:
 def test_schiller_naumann_joins_stokes_to_a_constant_coefficient() -> None:
     # 24/Re up to its correction of 0.15 Re^0.687; 0.44 above 1000, where the two branches meet within one per cent.
     for reynolds in (1e-6, 1e-3, 0.1):
-        assert schiller_naumann(reynolds) * reynolds / 24 == pytest.approx(1 + 0.15 * reynolds**0.687, rel=1e-12)
+        assert schiller_naumann(reynolds) * reynolds / 24 == pytest.approx(
+            1 + 0.15 * reynolds**0.687, rel=1e-12
+        )
     assert schiller_naumann(1e-9) * 1e-9 / 24 == pytest.approx(1, rel=1e-6)
     for reynolds in (1001.0, 1e4, 1e6):
         assert schiller_naumann(reynolds) == pytest.approx(0.44, rel=1e-12)

@@ -20,7 +20,9 @@ SIGNIFICANT = 1e-3
 has a p-value of zero."""
 
 
-def emit(duration: float = 1.0, dt: float = 0.1, seed: int = 1, output: Any = None, **emitter: Any) -> ps.Result:
+def emit(
+    duration: float = 1.0, dt: float = 0.1, seed: int = 1, output: Any = None, **emitter: Any
+) -> ps.Result:
     """Run one emitter of free particles in memory."""
     emitter = {"shape": ORIGIN, **emitter}
     return simulate(duration, dt, "symplectic_euler", emitters=[emitter], seed=seed, output=output or {})
@@ -36,8 +38,12 @@ def p_value(sample: NDArray[Any], distribution: Any) -> float:
     return float(stats.kstest(sample, distribution.cdf).pvalue)
 
 
-@pytest.mark.parametrize(("rate", "start", "stop"), [(997.0, 0.0, None), (10.0, 0.05, 0.65), (333.3, 0.3, 0.8)])
-def test_births_come_exactly_at_the_rate(tmp_path: Path, rate: float, start: float, stop: float | None) -> None:
+@pytest.mark.parametrize(
+    ("rate", "start", "stop"), [(997.0, 0.0, None), (10.0, 0.05, 0.65), (333.3, 0.3, 0.8)]
+)
+def test_births_come_exactly_at_the_rate(
+    tmp_path: Path, rate: float, start: float, stop: float | None
+) -> None:
     # Birth j is at start + j/rate, for all of them before the end of the rate or of the run.
     times = start + np.arange(2000) / rate
     expected = times[times < (1.0 if stop is None else stop)]
@@ -105,7 +111,9 @@ def test_outward_particles_leave_the_middle() -> None:
         velocity=[0, 0, 1.0],
     ).final
     # |x − c| = 0.5 + 2 t, beside the emitter's own velocity.
-    assert np.linalg.norm(final.position - center - [0, 0, 1], axis=1) == pytest.approx(np.full(500, 2.5), abs=1e-14)
+    assert np.linalg.norm(final.position - center - [0, 0, 1], axis=1) == pytest.approx(
+        np.full(500, 2.5), abs=1e-14
+    )
 
 
 SPEEDS = {
@@ -151,7 +159,9 @@ def test_different_attributes_and_seeds_are_independent() -> None:
 
 def test_lifetimes_have_their_distribution_and_end_to_the_moment(tmp_path: Path) -> None:
     life = {"type": "uniform", "low": 0.1, "high": 0.4}
-    with film(tmp_path / "life.vtkhdf", duration=1.0, dt=0.05, rate=4000.0, stop=0.5, lifetime=life) as trajectory:
+    with film(
+        tmp_path / "life.vtkhdf", duration=1.0, dt=0.05, rate=4000.0, stop=0.5, lifetime=life
+    ) as trajectory:
         births, deaths = trajectory.events("birth"), trajectory.events("death")
         assert set(deaths["cause"]) == {"age"}
         assert sorted(deaths["id"].tolist()) == births["id"].tolist()
@@ -185,7 +195,9 @@ def test_at_the_limit_births_may_wait(tmp_path: Path) -> None:
         assert trajectory.counts.max() == 4
         assert trajectory.counts[5:].min() >= 3
     assert set(deaths["cause"]) == {"age"}
-    assert deaths["time"] - births["time"][: len(deaths["time"])] == pytest.approx(np.full(len(deaths["time"]), 0.3))
+    assert deaths["time"] - births["time"][: len(deaths["time"])] == pytest.approx(
+        np.full(len(deaths["time"]), 0.3)
+    )
     assert len(births["time"]) >= 12
 
 
@@ -207,7 +219,9 @@ def test_particles_cool_by_newton_and_die_of_cold(tmp_path: Path) -> None:
         assert len(deaths["time"]) == int((births["time"] + life <= 1.0).sum())
         frame = trajectory[3]
         ages = frame.time - births["time"][frame.id]
-        assert frame["temperature"] == pytest.approx(ambient + (hot - ambient) * np.exp(-rate * ages), rel=1e-12)
+        assert frame["temperature"] == pytest.approx(
+            ambient + (hot - ambient) * np.exp(-rate * ages), rel=1e-12
+        )
 
 
 def test_particles_die_outside_of_their_box(tmp_path: Path) -> None:

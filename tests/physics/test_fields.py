@@ -73,7 +73,9 @@ def test_a_splitting_keeps_the_angular_momentum_to_rounding() -> None:
     assert np.abs(moment / moment[0] - 1).max() < 3 * math.sqrt(1000) * 10 * EPS
 
 
-@pytest.mark.parametrize("law", [{"exponent": 1}, {"exponent": 1.5}, {"exponent": 3.5, "softening": 0.6}, {"exponent": -1}])
+@pytest.mark.parametrize(
+    "law", [{"exponent": 1}, {"exponent": 1.5}, {"exponent": 3.5, "softening": 0.6}, {"exponent": -1}]
+)
 def test_attractors_of_any_power_keep_the_energy(law: dict[str, float]) -> None:
     # Kinetic plus potential energy swings by C h⁴ with a method of fourth order, and by C only if U belonged to another
     # force: the swing must shrink by 16 when the step is halved.

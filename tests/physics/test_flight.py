@@ -37,7 +37,9 @@ def test_symplectic_euler_misses_the_parabola_by_half_a_step_of_the_velocity() -
     final = simulate(
         t, h, "symplectic_euler", particles=[points((0, 0, 0), velocity=[(3, 4, 0)])], forces=GRAVITY
     ).final
-    assert final.position[0] == pytest.approx([3 * t, 4 * t - G * t**2 / 2 - G * t * h / 2, 0], abs=200 * EPS * 12)
+    assert final.position[0] == pytest.approx(
+        [3 * t, 4 * t - G * t**2 / 2 - G * t * h / 2, 0], abs=200 * EPS * 12
+    )
 
 
 def test_kicks_change_velocities_by_j_over_m_at_their_step(tmp_path: Path) -> None:

@@ -58,7 +58,9 @@ def test_tracers_circle_with_the_fluid(profile: str) -> None:
     assert speeds == pytest.approx(rates * distances, rel=1e-9)
 
 
-def overdamped(gravity: float, stiffness: float, position: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+def overdamped(
+    gravity: float, stiffness: float, position: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """A particle of 2 kg and γ = 4 kg/s after 3 s in steps of 10 ms: position and velocity."""
     final = simulate(
         3.0,

@@ -28,7 +28,10 @@ def test_ledger_sums_are_numpys_sums() -> None:
             },
             points((0, 5, 0), mass=7.0, name="lone"),
         ],
-        forces=[{"type": "gravity"}, {"type": "gravity", "name": "side", "acceleration": [2, 0, 0], "on": ["lone"]}],
+        forces=[
+            {"type": "gravity"},
+            {"type": "gravity", "name": "side", "acceleration": [2, 0, 0], "on": ["lone"]},
+        ],
         output={"ledger": True},
     )
     final = result.final

@@ -62,7 +62,9 @@ def test_an_inclined_plane_mirrors_the_velocity() -> None:
     assert final.position[0] == pytest.approx([G * t0 * s, -G * s * s / 2, 0], abs=1e-12)
 
 
-def free(duration: float, dt: float, contact: str, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray], list[int]]:
+def free(
+    duration: float, dt: float, contact: str, path: Path
+) -> tuple[np.ndarray, dict[str, np.ndarray], list[int]]:
     """Three particles that fly down at 1, 2 and 3 m/s from 1 m: last positions, deaths, number of each left."""
     plane = {"contact": contact}
     if contact == "bounce":
@@ -114,7 +116,10 @@ def test_planes_act_on_the_groups_they_name() -> None:
     final = simulate(
         1.0,
         0.01,
-        particles=[points((0, 0.5, 0), name="held", radius=0.0), points((0, 0.5, 0), name="passes", radius=0.0)],
+        particles=[
+            points((0, 0.5, 0), name="held", radius=0.0),
+            points((0, 0.5, 0), name="passes", radius=0.0),
+        ],
         forces=GRAVITY,
         planes=[{"on": ["held"], "restitution": 0.0}],
     ).final

@@ -30,7 +30,15 @@ def dumbbell(t: float, steps: int, method: str, damping: float = 0.0, **spring: 
             points((0, 0, 0), velocity=[DRIFT], mass=M1, name="a"),
             points(reach, velocity=[DRIFT], mass=M2, name="b"),
         ],
-        springs=[{"between": ["a", "b"], "pairs": [[0, 0]], "stiffness": K, "damping": damping, "rest_length": REST}],
+        springs=[
+            {
+                "between": ["a", "b"],
+                "pairs": [[0, 0]],
+                "stiffness": K,
+                "damping": damping,
+                "rest_length": REST,
+            }
+        ],
         output={"ledger": True},
     )
 
@@ -64,9 +72,13 @@ def test_a_damper_takes_energy_at_its_rate() -> None:
     damping, t, steps = 0.6, 2.0, 2000
     delta = damping / (2 * MU)
     swing = math.sqrt(OMEGA**2 - delta**2)
-    exact = REST + STRETCH * math.exp(-delta * t) * (math.cos(swing * t) + delta / swing * math.sin(swing * t))
+    exact = REST + STRETCH * math.exp(-delta * t) * (
+        math.cos(swing * t) + delta / swing * math.sin(swing * t)
+    )
     result = dumbbell(t, steps, "rk4", damping)
-    assert length(result) == pytest.approx(exact, abs=STRETCH * steps * (OMEGA * t / steps) ** 5 / 60 + steps * EPS)
+    assert length(result) == pytest.approx(
+        exact, abs=STRETCH * steps * (OMEGA * t / steps) ** 5 / 60 + steps * EPS
+    )
 
 
 def test_a_damper_with_its_sign_right_ends_with_a_millijoule() -> None:

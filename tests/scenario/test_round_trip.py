@@ -41,7 +41,9 @@ def sampled(values: st.SearchStrategy[float]) -> st.SearchStrategy[Any]:
     return (
         values
         | pair.map(lambda ab: {"type": "uniform", "low": ab[0], "high": ab[1]})
-        | tables({"type": "normal", "mean": positive, "std": positive, "min": 1e-9}, {"max": st.floats(1, 1e9)})
+        | tables(
+            {"type": "normal", "mean": positive, "std": positive, "min": 1e-9}, {"max": st.floats(1, 1e9)}
+        )
         | tables({"type": "lognormal", "median": positive, "sigma": fractions})
         | tables({"type": "exponential", "mean": positive})
         | tables({"type": "choice", "values": st.lists(positive, min_size=1, max_size=3)})
@@ -57,13 +59,20 @@ shapes = (
     | tables({"type": "shell", "inner": fractions, "outer": st.floats(1, 9)}, {"center": vectors})
 )
 layouts = (
-    tables({"type": "points", "position": st.lists(vectors, min_size=1, max_size=3)}, {"velocity": st.lists(vectors, min_size=1, max_size=1)})
+    tables(
+        {"type": "points", "position": st.lists(vectors, min_size=1, max_size=3)},
+        {"velocity": st.lists(vectors, min_size=1, max_size=1)},
+    )
     | tables(
         {"type": "random", "count": st.integers(1, 10**6), "shape": shapes},
         {"velocity": st.lists(sampled(numbers()), min_size=3, max_size=3)},
     )
     | tables(
-        {"type": "lattice", "counts": st.lists(st.integers(1, 50), min_size=3, max_size=3), "spacing": positive | axes},
+        {
+            "type": "lattice",
+            "counts": st.lists(st.integers(1, 50), min_size=3, max_size=3),
+            "spacing": positive | axes,
+        },
         {"origin": vectors, "jitter": fractions},
     )
 )
@@ -94,7 +103,9 @@ dynamics = (
 def group(head: st.SearchStrategy[Table]) -> st.SearchStrategy[Table]:
     """A group: what is its own, a size, a temperature, its dynamics."""
     rest = tables({}, {"dynamics": dynamics, "integrator": methods})
-    return st.tuples(head, sizes, warmth, rest).map(lambda parts: {k: v for part in parts for k, v in part.items()})
+    return st.tuples(head, sizes, warmth, rest).map(
+        lambda parts: {k: v for part in parts for k, v in part.items()}
+    )
 
 
 particles = group(tables({"layout": layouts}, {"pinned": st.booleans() | st.just([0])}))
@@ -118,24 +129,39 @@ emitters = group(
 forces = (
     tables({"type": "gravity"}, {"acceleration": vectors})
     | tables({"type": "linear_drag", "coefficient": fractions}, {"flow": flows})
-    | tables({"type": "stokes_drag", "fluid": st.sampled_from(["water", "glycerol", "pitch"])}, {"flow": flows})
-    | tables({"type": "drag", "fluid": "air"}, {"coefficient": fractions | st.just("schiller_naumann"), "area": positive})
+    | tables(
+        {"type": "stokes_drag", "fluid": st.sampled_from(["water", "glycerol", "pitch"])}, {"flow": flows}
+    )
+    | tables(
+        {"type": "drag", "fluid": "air"},
+        {"coefficient": fractions | st.just("schiller_naumann"), "area": positive},
+    )
     | tables(
         {
             "type": "drag",
-            "density": positive | tables({"type": "standard_atmosphere"}, {"sea_level": numbers(), "humidity": fractions}),
+            "density": positive
+            | tables({"type": "standard_atmosphere"}, {"sea_level": numbers(), "humidity": fractions}),
         }
     )
     | tables({"type": "buoyancy", "density": positive}, {"surface": numbers()})
     | tables({"type": "point_spring", "stiffness": positive}, {"anchor": vectors})
-    | tables({"type": "attractor", "strength": numbers()}, {"exponent": st.floats(-3, 5), "softening": fractions})
-    | tables({"type": "rotating_frame", "angular_velocity": vectors}, {"angular_acceleration": vectors, "center": vectors})
+    | tables(
+        {"type": "attractor", "strength": numbers()}, {"exponent": st.floats(-3, 5), "softening": fractions}
+    )
+    | tables(
+        {"type": "rotating_frame", "angular_velocity": vectors},
+        {"angular_acceleration": vectors, "center": vectors},
+    )
     | tables({"type": "field", "force": ["-k*x", "sin(t)", "m*vz"], "constants": tables({"k": numbers()})})
     | tables({"type": "field", "potential": "x**2 + y"})
 )
 planes = tables(
     {"point": vectors, "normal": axes},
-    {"restitution": fractions, "tangential_loss": fractions, "detection": st.sampled_from(["continuous", "discrete"])},
+    {
+        "restitution": fractions,
+        "tangential_loss": fractions,
+        "detection": st.sampled_from(["continuous", "discrete"]),
+    },
 ) | tables({"contact": st.sampled_from(["stick", "kill"])})
 impulses = tables({"at": fractions | st.lists(fractions, min_size=1, max_size=3), "impulse": vectors})
 
@@ -157,7 +183,12 @@ def scenarios(draw: st.DrawFn) -> Table:
         "simulation": {
             "duration": 2.0,
             **draw(st.sampled_from([{"dt": 2.0**-7}, {"substeps": 3}])),
-            **draw(tables({}, {"seed": st.integers(0, 2**63 - 1), "precision": st.sampled_from(["single", "double"])})),
+            **draw(
+                tables(
+                    {},
+                    {"seed": st.integers(0, 2**63 - 1), "precision": st.sampled_from(["single", "double"])},
+                )
+            ),
         },
         "output": {"interval": 2.0**-4, **draw(tables({}, {"ledger": st.booleans()}))},
         "particles": groups,
