@@ -51,7 +51,9 @@ def _interleave(simulation: Simulation, arrays: Array, out: Array) -> None:
     """Structure of arrays [3, n] to rows [n, 3], by pieces that stay in cache."""
 
     def work(first: int, last: int) -> None:
-        out[first:last] = arrays[:, first:last].T
+        # Beyond 3.4e38 a stored float32 is infinite; the state is not, and the run goes on.
+        with np.errstate(over="ignore"):
+            out[first:last] = arrays[:, first:last].T
 
     simulation.team.over_range(len(out), 1 << 14, work, worth=len(out) >= 1 << 17)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import typer
 
 _COMMON = (
     *(
@@ -31,13 +30,24 @@ def trajectory_files(incomplete: str) -> list[str]:
     return _files(incomplete, (".vtkhdf",))
 
 
-def override_keys(context: typer.Context, incomplete: str) -> list[str]:
+def override_keys(incomplete: str) -> list[str]:
     """What --set can change: the values written in the scenario on the command line, and common settings."""
-    given = context.params.get("scenario")
     keys = dict.fromkeys(_COMMON)
-    if isinstance(given, Path):
-        keys |= dict.fromkeys(_written(given))
+    for word in _words():
+        if word.endswith(".toml"):
+            keys |= dict.fromkeys(_written(Path(word)))
     return [f"{key}=" for key in keys if key.startswith(incomplete)]
+
+
+def _words() -> list[str]:
+    """The command line being completed. Typer's context lacks the scenario while the value of --set is missing."""
+    import shlex
+
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+    try:
+        return shlex.split(line)
+    except ValueError:  # an open quote
+        return line.split()
 
 
 def example_names(incomplete: str) -> list[str]:

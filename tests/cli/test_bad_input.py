@@ -133,7 +133,7 @@ def test_folder_that_may_not_be_written(psim):
         (("--threads", "0"), "greater than or equal to 1"),
         (("--set", "nonsense"), "not of the form key=value"),
         (("--set", "simulation.dt=soon"), "the value is not"),
-        (("--set", "simulation.duraton=1"), "did you mean 'duration'?"),
+        (("--set", "simulation.duraton=1"), "unknown key 'duraton'"),
         (("--set", "forces.wind.type=1"), "has no entry 'wind'"),
         (("--set", "particles.7.mass=1"), "particles"),
         (("--no-such-option",), "--no-such-option"),
