@@ -30,6 +30,7 @@ def _order(scenario: Scenario) -> list[str]:
             if acts_on(force, group)
             and (force.needs_velocity or (isinstance(force, Field) and force.reads_velocity()))
         ]
+        depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
         if depends:
             found.append(
                 f"{name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the velocity; "

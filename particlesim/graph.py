@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particlesim.bonds import Springs
+from particlesim.bonds import BondSet
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
@@ -43,18 +43,18 @@ class Edge:
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. `springs` is empty for independent particles."""
+    """Groups that step together, with all that acts on them. `bonds` is empty for independent particles."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
     planes: tuple[tuple[Plane, ...], ...]
-    springs: tuple[Springs, ...]
+    bonds: tuple[BondSet, ...]
     method: str
 
     @property
     def coupled(self) -> bool:
         """Whether its particles act on each other."""
-        return bool(self.springs)
+        return bool(self.bonds)
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,8 @@ def build_graph(scenario: Scenario) -> Graph:
             "acts on",
             [g.name for g in scenario.groups if acts_on(force, g)],
         )
-    for label, springs in zip(labels[len(scenario.forces) :], scenario.springs, strict=True):
-        detail = f"{len(springs.pairs)} springs, k = {springs.stiffness:g} N/m"
-        act(Node("springs", label, detail), "joins", list(dict.fromkeys(springs.groups())))
+    for bonds in scenario.bonds:
+        act(Node("springs", bonds.name, bonds.describe()), "joins", list(dict.fromkeys(bonds.groups)))
     for k, plane in enumerate(scenario.planes):
         act(
             Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
@@ -153,15 +152,15 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
             name = parent[name]
         return name
 
-    for springs in scenario.springs:
-        first, second = springs.groups()
+    for bonds in scenario.bonds:
+        first, second = bonds.groups
         parent[root(second)] = root(first)
     members: dict[str, list[Group]] = {}
     for group in scenario.groups:
         members.setdefault(root(group.name), []).append(group)
     islands = []
     for name, groups in members.items():
-        springs_here = tuple(s for s in scenario.springs if root(s.groups()[0]) == name)
+        bonds_here = tuple(bonds for bonds in scenario.bonds if root(bonds.groups[0]) == name)
         methods = [method_of(group, scenario.simulation.integrator) for group in groups]
         if any(group.dynamics.type != "second_order" for group in groups):
             # One method steps the whole island, and it must not need a velocity of its own.
@@ -171,7 +170,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(groups),
                 tuple(tuple(f for f in scenario.forces if acts_on(f, g)) for g in groups),
                 tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
-                springs_here,
+                bonds_here,
                 methods[0],
             )
         )

@@ -54,6 +54,8 @@ class Result:
     died: dict[str, int]
     seconds: float
     warnings: tuple[str, ...] = ()
+    broken: dict[str, tuple[int, int]] = field(default_factory=dict)
+    """For every set of springs that can break: how many are broken, and how many there were."""
 
     @property
     def energy(self) -> NDArray[np.float64]:
@@ -107,6 +109,7 @@ def run(
         _steps(simulation, writer, watch, log, progress, began)
         status = "complete"
         summary = {"steps": simulation.step, "particle_steps": simulation.particle_steps, "born": log.born}
+        summary |= {f"broken.{name}": number for name, (number, _) in simulation.broken().items()}
     except DivergenceError:
         status = "diverged"
         raise
@@ -133,6 +136,7 @@ def run(
         died=log.died,
         seconds=seconds,
         warnings=(*advice(scenario), *watch.warnings, *problems),
+        broken=simulation.broken(),
     )
 
 

@@ -46,6 +46,7 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "particle_steps_per_second": result.particle_steps / result.seconds if result.seconds > 0 else None,
         "energy": _ends(result.energy) if result.ledger else None,
         "momentum": _momentum(result),
+        "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
         "warnings": warnings,
         "exit_code": 0,
     }
@@ -76,6 +77,7 @@ def show_summary(told: dict[str, Any]) -> None:
         ("took", duration(told["seconds"]) + (f", {rate(speed)}" if speed else "")),
         ("energy", _change(told["energy"])),
         ("momentum", _momentum_text(told["momentum"])),
+        ("springs", _broken(told["broken_springs"])),
         ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
     ]
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
@@ -95,6 +97,11 @@ def _particles(count: dict[str, Any]) -> str:
         )
         parts.append(f"{sum(count['died'].values()):,} died ({causes})")
     return ", ".join(parts)
+
+
+def _broken(sets: dict[str, dict[str, int]]) -> str:
+    """'links: 12 of 340 broken'."""
+    return ", ".join(f"{name}: {n['broken']:,} of {n['of']:,} broken" for name, n in sets.items())
 
 
 def _change(ends: dict[str, float] | None) -> str:

@@ -1,5 +1,6 @@
-"""Forces between two listed particles."""
+"""Forces between two particles."""
 
-from particlesim.bonds.spring import SpringRecord, Springs
+from particlesim.bonds.base import BondSet, SpringLaw
+from particlesim.bonds.spring import SpringRecord, Springs, StringRecord
 
-__all__ = ["SpringRecord", "Springs"]
+__all__ = ["BondSet", "SpringLaw", "SpringRecord", "Springs", "StringRecord"]

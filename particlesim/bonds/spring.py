@@ -1,23 +1,26 @@
-"""Spring-dampers between listed pairs of particles.
+"""Spring-dampers between pairs of particles.
 
     f on 1 = −k (|l| − L₀) e − c ((v₁ − v₂)·e) e,   l = x₁ − x₂,  e = l/|l|,   f on 2 = −f on 1
 
-with U = ½ k (|l| − L₀)². Coincident ends have no direction and feel nothing. The sign of the damper matters: with
-(v₂ − v₁)·e it would feed energy in.
+with U = ½ k (|l| − L₀)². A string (`tension_only`) is the same while it is taut, |l| > L₀, and nothing else. Coincident
+ends have no direction and feel nothing. The sign of the damper matters: with (v₂ − v₁)·e it would feed energy in.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Gt
 from pydantic import Field, model_validator
 
+from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
+from particlesim.bonds.near import near_pairs
 from particlesim.crossfield import invalid
 from particlesim.laws import bond_force, bond_potential, law
 from particlesim.model import Model, Name
-from particlesim.units import KilogramsPerSecond, Metres, NewtonsPerMetre
+from particlesim.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
 
 Index = Annotated[int, Field(ge=0, strict=True)]
 
@@ -31,25 +34,41 @@ class Springs(Model):
     """The group whose particles are joined."""
     between: tuple[Name, Name] | None = None
     """Two groups instead of one: the first index of a pair is in the first, the second in the second."""
-    pairs: tuple[tuple[Index, Index], ...] = Field(min_length=1)
+    pairs: tuple[tuple[Index, Index], ...] | None = Field(default=None, min_length=1)
     """Indices of the joined particles, a pair for every spring."""
-    stiffness: Annotated[NewtonsPerMetre, Ge(0)]
+    within: Annotated[Metres, Gt(0)] | None = None
+    """Instead of `pairs`: join all that are at most this far apart at the start."""
+    stiffness: Annotated[NewtonsPerMetre, Ge(0)] | None = None
     """Stiffness k."""
+    frequency: Annotated[Hertz, Gt(0)] | None = None
+    """Instead of the stiffness: frequency f at which the two ends swing freely, k = μ (2πf)² with the reduced mass μ."""
     damping: Annotated[KilogramsPerSecond, Ge(0)] = 0.0
     """Damping c along the spring."""
+    damping_ratio: Annotated[Number, Ge(0)] | None = None
+    """Instead of the damping: ζ in c = 2 ζ √(k μ); 1 is critical. A pinned end counts as infinitely heavy."""
     rest_length: Annotated[Metres, Ge(0)] | None = None
     """Rest length L₀; the distance at the start unless given."""
+    tension_only: bool = False
+    """A string: it pulls when it is longer than its rest length, and does nothing when it is slack."""
+    break_strain: Annotated[Number, Gt(0)] | None = None
+    """Strain (l − L₀)/L₀ beyond which a spring breaks, for good. Looked at after every step."""
+    break_force: Annotated[Newtons, Gt(0)] | None = None
+    """Pull beyond which a spring breaks, for good. Looked at after every step."""
 
     @model_validator(mode="after")
     def _joins(self) -> Springs:
         if (self.on is None) == (self.between is None):
             raise invalid("joins one group or two", allowed='on = "chain", or between = ["hook", "chain"]')
+        if self.pairs is None and self.within is None:
+            raise invalid("which particles are joined?", allowed="pairs = [[0, 1]], or within = 0.1 (m)")
+        if self.pairs is not None and self.within is not None:
+            raise invalid("pairs are listed already", at=("within",), also=[(("pairs",), "here")])
         seen: dict[frozenset[int] | tuple[int, int], int] = {}
-        within = self.between is None or self.between[0] == self.between[1]
-        for k, (a, b) in enumerate(self.pairs):
-            if within and a == b:
+        inside = self.groups()[0] == self.groups()[1]
+        for k, (a, b) in enumerate(self.pairs or ()):
+            if inside and a == b:
                 raise invalid(f"joins particle {a} to itself", at=("pairs", k))
-            key = frozenset((a, b)) if within else (a, b)
+            key = frozenset((a, b)) if inside else (a, b)
             if key in seen:
                 raise invalid(
                     "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
@@ -57,9 +76,26 @@ class Springs(Model):
             seen[key] = k
         return self
 
-    def record(self) -> SpringRecord:
-        """The parameters as kernels take them."""
-        return SpringRecord(self.stiffness, self.damping)
+    @model_validator(mode="after")
+    def _constants(self) -> Springs:
+        if (self.stiffness is None) == (self.frequency is None):
+            raise invalid(
+                "give the stiffness or the frequency, one of the two",
+                at=None if self.stiffness is None else ("frequency",),
+                allowed="stiffness = 800.0 (N/m), or frequency = 5.0 (Hz)",
+            )
+        if self.damping > 0 and self.damping_ratio is not None:
+            raise invalid(
+                "the damping is given already", at=("damping_ratio",), also=[(("damping",), "here")]
+            )
+        if self.break_strain is not None and self.rest_length == 0:
+            raise invalid(
+                "a strain needs a rest length greater than 0",
+                at=("break_strain",),
+                also=[(("rest_length",), "0 here")],
+                hint="break_force breaks springs without a rest length",
+            )
+        return self
 
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
@@ -68,16 +104,44 @@ class Springs(Model):
         assert self.on is not None
         return self.on, self.on
 
+    def spring_law(self) -> SpringLaw:
+        """The constants that all springs share."""
+        return SpringLaw(
+            self.stiffness,
+            self.frequency,
+            self.damping,
+            self.damping_ratio,
+            self.rest_length,
+            self.tension_only,
+            self.break_strain,
+            self.break_force,
+        )
+
+    def bonds(self, label: str) -> BondSet:
+        """The springs as the engine takes them. `find` raises UsageError when nothing is near enough to be joined."""
+        if self.pairs is not None:
+            listed = np.array(self.pairs, dtype=np.int64)
+            return BondSet(label, self.groups(), self.spring_law(), len(listed), partial(_listed, listed))
+        assert self.within is not None
+        inside = self.groups()[0] == self.groups()[1]
+        find = partial(near_pairs, self.within, inside, label)
+        return BondSet(label, self.groups(), self.spring_law(), None, find)
+
+
+def _listed(pairs: Ints, first: Floats, second: Floats) -> Ints:
+    return pairs
+
 
 class SpringRecord(NamedTuple):
-    """k [N/m], c [kg/s]."""
+    """A spring that pushes and pulls."""
 
-    k: float
-    c: float
+
+class StringRecord(NamedTuple):
+    """A spring that only pulls."""
 
 
 class Pair(NamedTuple):
-    """Ends of a bond: l = x₁ − x₂ [m], v₁ − v₂ [m/s], rest length [m]."""
+    """A bond: l = x₁ − x₂ [m], v₁ − v₂ [m/s], stiffness [N/m], damping [kg/s], rest length [m]."""
 
     x: float
     y: float
@@ -85,19 +149,38 @@ class Pair(NamedTuple):
     vx: float
     vy: float
     vz: float
+    k: float
+    c: float
     rest: float
 
 
 @law(bond_force, SpringRecord)
 def spring_force(f: SpringRecord, b: Pair) -> tuple[float, float, float]:
-    length = np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z)
-    inverse = 1 / length if length > 0 else 0.0
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    inverse = length / square if square > 0 else square
     along = (b.vx * b.x + b.vy * b.y + b.vz * b.z) * inverse
-    s = -(f.k * (length - b.rest) + f.c * along) * inverse
+    s = -(b.k * (length - b.rest) + b.c * along) * inverse
     return s * b.x, s * b.y, s * b.z
 
 
 @law(bond_potential, SpringRecord)
 def spring_potential(f: SpringRecord, b: Pair) -> float:
     stretch = np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z) - b.rest
-    return 0.5 * f.k * stretch * stretch
+    return 0.5 * b.k * stretch * stretch
+
+
+@law(bond_force, StringRecord)
+def string_force(f: StringRecord, b: Pair) -> tuple[float, float, float]:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    inverse = length / square if length > b.rest else square - square
+    along = (b.vx * b.x + b.vy * b.y + b.vz * b.z) * inverse
+    s = -(b.k * (length - b.rest) + b.c * along) * inverse
+    return s * b.x, s * b.y, s * b.z
+
+
+@law(bond_potential, StringRecord)
+def string_potential(f: StringRecord, b: Pair) -> float:
+    stretch = max(np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z) - b.rest, 0.0)
+    return 0.5 * b.k * stretch * stretch

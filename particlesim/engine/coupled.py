@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.cache import kernel
@@ -34,13 +35,25 @@ class Part(NamedTuple):
     last: int
 
 
+class Breaking(NamedTuple):
+    """When bonds break: strain, pull [N] (infinite: never), and which are broken."""
+
+    strain: float
+    pull: float
+    broken: Any
+
+
 class Bonds(NamedTuple):
-    """Bonds of one law: its record, both ends of each bond, rest lengths [m]."""
+    """Bonds of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
+    a number for all or an array. `breaking` is None for bonds that hold."""
 
     law: tuple[Any, ...]
     i: Any
     j: Any
+    k: Any
+    c: Any
     rest: Any
+    breaking: Any
 
 
 class StagedComposition(NamedTuple):
@@ -127,6 +140,42 @@ def _add_forces(parts: Any, c: Any, total: Any, t: Any) -> Impl:
     return impl
 
 
+def pair_of(bond: Any, c: Any, k: Any) -> Any:
+    """Bond k as laws see it."""
+    return stub()
+
+
+@inline(pair_of)
+def _pair_of(bond: Any, c: Any, k: Any) -> Impl:
+    def impl(bond: Any, c: Any, k: Any) -> Any:
+        i, j = bond.i[k], bond.j[k]
+        return Pair(
+            c.x[i] - c.x[j],
+            c.y[i] - c.y[j],
+            c.z[i] - c.z[j],
+            c.vx[i] - c.vx[j],
+            c.vy[i] - c.vy[j],
+            c.vz[i] - c.vz[j],
+            of_bond(bond.k, k),
+            of_bond(bond.c, k),
+            of_bond(bond.rest, k),
+        )
+
+    return impl
+
+
+def of_bond(column: Any, k: Any) -> Any:
+    """What belongs to bond k: an element of an array, or the number that all share."""
+    return stub()
+
+
+@inline(of_bond)
+def _of_bond(column: Any, k: Any) -> Impl:
+    if isinstance(column, types.Array):
+        return lambda column, k: column[k]
+    return lambda column, k: column
+
+
 def add_bonds(bonds: Any, c: Any, total: Any) -> Any:
     """Add the forces of all bonds to `total`."""
     return stub()
@@ -141,16 +190,7 @@ def _add_bonds(bonds: Any, c: Any, total: Any) -> Impl:
         bond = bonds[0]
         for k in range(bond.i.size):
             i, j = bond.i[k], bond.j[k]
-            pair = Pair(
-                c.x[i] - c.x[j],
-                c.y[i] - c.y[j],
-                c.z[i] - c.z[j],
-                c.vx[i] - c.vx[j],
-                c.vy[i] - c.vy[j],
-                c.vz[i] - c.vz[j],
-                bond.rest[k],
-            )
-            fx, fy, fz = bond_force(bond.law, pair)
+            fx, fy, fz = bond_force(bond.law, pair_of(bond, c, k))
             total[0, i] += fx
             total[1, i] += fy
             total[2, i] += fz
@@ -158,6 +198,36 @@ def _add_bonds(bonds: Any, c: Any, total: Any) -> Impl:
             total[1, j] -= fy
             total[2, j] -= fz
         add_bonds(bonds[1:], c, total)
+
+    return impl
+
+
+def break_bonds(bonds: Any, c: Any) -> Any:
+    """Take out bonds that are stretched or pulled too far: they lose their stiffness and damping."""
+    return stub()
+
+
+@inline(break_bonds)
+def _break_bonds(bonds: Any, c: Any) -> Impl:
+    if len(bonds) == 0:
+        return lambda bonds, c: None
+    if isinstance(bonds[0].types[-1], types.NoneType):
+        return lambda bonds, c: break_bonds(bonds[1:], c)
+
+    def impl(bonds: Any, c: Any) -> None:
+        bond = bonds[0]
+        limits = bond.breaking
+        for k in range(bond.i.size):
+            if not limits.broken[k]:
+                p = pair_of(bond, c, k)
+                length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
+                fx, fy, fz = bond_force(bond.law, p)
+                pull = -(fx * p.x + fy * p.y + fz * p.z)
+                if length - p.rest > limits.strain * p.rest or pull > limits.pull * length:
+                    limits.broken[k] = True
+                    bond.k[k] = 0
+                    bond.c[k] = 0
+        break_bonds(bonds[1:], c)
 
     return impl
 
@@ -413,6 +483,7 @@ def step_island(
                 c.x[i], c.y[i], c.z[i] = work.before[0, i], work.before[1, i], work.before[2, i]
                 c.vx[i], c.vy[i], c.vz[i] = work.before[3, i], work.before[4, i], work.before[5, i]
             return s
+        break_bonds(bonds, c)
     end = (first_step + steps) * dt
     add_forces(parts, c, work.force, end)
     add_bonds(bonds, c, work.force)

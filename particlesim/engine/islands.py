@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import Springs
+from particlesim.bonds import BondSet, SpringRecord, StringRecord
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.columns import Clock, Columns, Thermal
-from particlesim.engine.coupled import Bonds, Part, island_forces, scratch, staged, step_island
+from particlesim.engine.coupled import Bonds, Breaking, Part, island_forces, scratch, staged, step_island
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record, group_program
@@ -238,7 +238,7 @@ class CoupledIsland:
             for k, group in enumerate(island.groups)
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
-        self.bonds = tuple(self._bonds_of(springs, offset) for springs in island.springs)
+        self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
 
     def _join(self, states: list[GroupState]) -> None:
@@ -267,23 +267,50 @@ class CoupledIsland:
             self.states.append(whole.stretch(state, part))
         self._all = whole
 
-    def _bonds_of(self, springs: Springs, offset: dict[str, int]) -> Bonds:
-        first, second = springs.groups()
-        pairs = np.asarray(springs.pairs, dtype=np.int64)
-        i, j = pairs[:, 0] + offset[first], pairs[:, 1] + offset[second]
-        for column, name in ((i, first), (j, second)):
-            state = next(state for state in self.states if state.name == name)
-            if column.max() >= offset[name] + state.count:
+    def _bonds_of(self, bonds: BondSet, offset: dict[str, int]) -> Bonds:
+        """Bonds as the kernel takes them: ends in rows of the island, constants in the precision of the run."""
+        law = bonds.law
+        states = [next(state for state in self.states if state.name == name) for name in bonds.groups]
+        pairs = bonds.find(*(state.position.T.astype(float) for state in states))
+        for end, state in enumerate(states):
+            if pairs[:, end].max() >= state.count:
                 raise UsageError(
-                    f"{springs.name}: {name!r} has {state.count} particles, "
-                    f"there is no particle {int(column.max()) - offset[name]}"
+                    f"{bonds.name}: {state.name!r} has {state.count} particles, "
+                    f"there is no particle {int(pairs[:, end].max())}"
                 )
+        i, j = (pairs[:, end] + offset[state.name] for end, state in enumerate(states))
         x = self._all.x.astype(float)
         rest = np.sqrt(((x[:, i] - x[:, j]) ** 2).sum(axis=0))
-        if springs.rest_length is not None:
-            rest = np.full(len(pairs), springs.rest_length)
-        record = as_precision(springs.record(), self._all.dtype)
-        return Bonds(record, i, j, rest.astype(self._all.dtype))
+        if law.rest_length is not None:
+            rest = np.full(len(pairs), law.rest_length)
+        elif law.break_strain is not None and not rest.all():
+            a, b = pairs[int(np.argmin(rest))]
+            raise UsageError(
+                f"{bonds.name}: particles {a} and {b} are at the same place; a strain needs a length to compare with",
+                "give a rest_length, or break_force instead of break_strain",
+            )
+        k, c = law.constants(self._reduced_mass(i, j))
+        dtype = self._all.dtype
+        if law.by_mass or law.breaks:
+            k, c = k.astype(dtype), c.astype(dtype)
+        else:
+            k, c = dtype.type(law.stiffness), dtype.type(law.damping)
+        breaking = None
+        if law.breaks:
+            strain, pull = (
+                dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force)
+            )
+            breaking = Breaking(strain, pull, np.zeros(len(pairs), np.bool_))
+        record = StringRecord() if law.tension_only else SpringRecord()
+        return Bonds(record, i, j, k, c, rest.astype(dtype), breaking)
+
+    def _reduced_mass(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
+        """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
+        inverse = 1 / self._all.mass[: self._all.count].astype(float)
+        if self._all.clocked:
+            inverse[np.isinf(self._all.start[: self._all.count])] = 0
+        total = inverse[i] + inverse[j]
+        return np.divide(1, total, out=np.zeros_like(total), where=total > 0)
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds.spring import Pair
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch
 from particlesim.engine.compile import inline, stub
-from particlesim.engine.coupled import Bonds
+from particlesim.engine.coupled import Bonds, pair_of
 from particlesim.laws import bond_potential, force, potential
 from particlesim.team import Team
 
@@ -73,15 +72,11 @@ def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, row
 
 
 @kernel
-def sum_bonds(law: Any, i: Any, j: Any, rest: Any, c: Any) -> float:
+def sum_bonds(bond: Any, c: Any) -> float:
     """Potential energy of all bonds of a law [J]."""
     total = 0.0
-    for k in range(i.size):
-        a, b = i[k], j[k]
-        zero = c.x[a] - c.x[a]
-        total += bond_potential(
-            law, Pair(c.x[a] - c.x[b], c.y[a] - c.y[b], c.z[a] - c.z[b], zero, zero, zero, rest[k])
-        )
+    for k in range(bond.i.size):
+        total += bond_potential(bond.law, pair_of(bond, c, k))
     return total
 
 
@@ -110,4 +105,4 @@ def measure(
 
 def bond_energy(bonds: Sequence[Bonds], columns: Any) -> list[float]:
     """Potential energy of each set of bonds [J]."""
-    return [float(sum_bonds(b.law, b.i, b.j, b.rest, columns)) for b in bonds]
+    return [float(sum_bonds(bond, columns)) for bond in bonds]

@@ -184,14 +184,22 @@ class Simulation:
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 total[f"potential.{self._labels[k]}"] += value
-        labels = iter(self._labels[len(self.scenario.forces) :])
-        names = dict(zip(self.scenario.springs, labels, strict=True))
         for island, structure in zip(self._islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 energies = bond_energy(island.bonds, island.island_columns())
-                for springs, energy in zip(structure.springs, energies, strict=True):
-                    total[f"potential.{names[springs]}"] += energy
+                for bonds, energy in zip(structure.bonds, energies, strict=True):
+                    total[f"potential.{bonds.name}"] += energy
         return total
+
+    def broken(self) -> dict[str, tuple[int, int]]:
+        """For every set of springs that can break: how many are broken, and how many there were."""
+        found = {}
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+            if isinstance(island, CoupledIsland):
+                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
+                    if made.breaking is not None:
+                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size)
+        return found
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
         """Sum of all forces on every particle of a group [N], shape [n, 3]."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
-from particlesim.bonds import Springs
+from particlesim.bonds import BondSet, Springs
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
@@ -91,15 +91,21 @@ class Scenario(Model):
 
     def force_labels(self) -> tuple[str, ...]:
         """A name of its own for every force and set of springs, as in the ledger: 'gravity', 'drag', 'drag_2' ..."""
+        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
         labels: list[str] = []
-        for bond_or_force in (*self.forces, *self.springs):
-            base = bond_or_force.label if isinstance(bond_or_force, Force) else bond_or_force.name
+        for base in names:
             label, k = base, 1
             while label in labels:
                 k += 1
                 label = f"{base}_{k}"
             labels.append(label)
         return tuple(labels)
+
+    @property
+    def bonds(self) -> tuple[BondSet, ...]:
+        """All sets of springs, each with its name in the ledger."""
+        labels = self.force_labels()[len(self.forces) :]
+        return tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=True))
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
@@ -347,8 +353,17 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
                 yield Invalid(
                     "tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),)
                 )
+            law = springs.spring_law()
+            if group.dynamics.type == "first_order" and (law.damped or law.by_mass):
+                key = "frequency" if law.frequency is not None else "damping"
+                key = "damping_ratio" if law.damping_ratio is not None else key
+                yield Invalid(
+                    f"{name!r} has no inertia: only springs without damping, given by their stiffness, pull it",
+                    ("springs", k, key),
+                    (((*path, "dynamics"), "no inertia here"),),
+                )
             number = group.layout.number()
-            for j, pair in enumerate(springs.pairs):
+            for j, pair in enumerate(springs.pairs or ()):
                 if number is not None and pair[end] >= number:
                     yield Invalid(
                         f"{name!r} has no particle {pair[end]}",

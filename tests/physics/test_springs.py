@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, points, simulate
+from simulate import EPS, G, points, simulate
 
 import particlesim as ps
 from particlesim.integrators import METHODS
@@ -139,3 +139,211 @@ def test_pinned_particles_ignore_forces_and_kicks() -> None:
     assert final.position[1].tolist() == [0, 2, 0]
     assert final.velocity[1].tolist() == [0, 0, 0]
     assert final.position[0, 0] == pytest.approx(0.5 + 5 * 0.3, abs=1e-14)
+
+
+# What springs may be beside linear: by frequency, strings, and such that break.
+
+
+@pytest.mark.parametrize("pinned", [False, True])
+def test_a_spring_by_frequency_swings_at_it(pinned: bool) -> None:
+    # k = μ (2πf)²: after half a period, 1/2f, the stretch has changed its sign. A pinned end is infinitely heavy: μ = m.
+    # RK4 errs by (ωh)⁵/120 a step in phase, hence by its square in the cosine, and by (ωh)⁶/144 in amplitude.
+    f, steps = 2.5, 500
+    result = simulate(
+        0.5 / f,
+        0.5 / f / steps,
+        "rk4",
+        particles=[
+            points((0, 0, 0), mass=M1, pinned=pinned, name="a"),
+            points((1.2, 0, 0), mass=M2, name="b"),
+        ],
+        springs=[{"between": ["a", "b"], "pairs": [[0, 0]], "frequency": f, "rest_length": 1.0}],
+    )
+    assert length(result) == pytest.approx(0.8, abs=steps * ((math.pi / steps) ** 6 + 2 * EPS))
+
+
+def test_the_damping_ratio_says_how_fast_a_swing_dies() -> None:
+    # One period of a spring with ratio ζ takes e^(−2πζ/√(1 − ζ²)) of its stretch; the period is T/√(1 − ζ²).
+    f, zeta, steps = 2.0, 0.25, 2000
+    root = math.sqrt(1 - zeta**2)
+    t = 1 / (f * root)
+    result = simulate(
+        t,
+        t / steps,
+        "rk4",
+        particles=[points((0, 0, 0), mass=M1, name="a"), points((1.2, 0, 0), mass=M2, name="b")],
+        springs=[
+            {
+                "between": ["a", "b"],
+                "pairs": [[0, 0]],
+                "frequency": f,
+                "damping_ratio": zeta,
+                "rest_length": 1.0,
+            }
+        ],
+    )
+    exact = 1 + 0.2 * math.exp(-2 * math.pi * zeta / root)
+    assert length(result) == pytest.approx(exact, abs=steps * ((2 * math.pi / steps) ** 5 + 2 * EPS))
+
+
+def test_a_string_goes_slack() -> None:
+    # Pulled at 1 + A, a string throws its ends at each other and lets go at its rest length: from then on they fly freely,
+    # at A ω towards each other, with ω = √(k/μ) reached after a quarter of the period.
+    k, stretch, t, steps = 40.0, 0.1, 1.0, 4000
+    omega = math.sqrt(2 * k)  # two masses of 1 kg
+    result = simulate(
+        t,
+        t / steps,
+        "velocity_verlet",
+        particles=[points((0, 0, 0), (1 + stretch, 0, 0), mass=1.0, name="ends")],
+        springs=[{"on": "ends", "pairs": [[0, 1]], "stiffness": k, "rest_length": 1.0, "tension_only": True}],
+        output={"ledger": True},
+    )
+    quarter = math.pi / 2 / omega
+    # One step is partly taut and partly slack: an error of A ω² h in the speed of the ends at most.
+    error = stretch * omega**2 * (t / steps)
+    assert length(result) == pytest.approx(1 - stretch * omega * (t - quarter), abs=error * t + error / omega)
+    assert result.ledger["potential.springs"][-1] == 0
+
+
+@pytest.mark.parametrize(
+    "limit", [{"break_strain": 0.5}, {"break_force": 10.0}, {"break_strain": 0.5, "break_force": 1e9}]
+)
+def test_a_spring_breaks_where_it_should_and_never_heals(limit: dict[str, float]) -> None:
+    # Drawn apart at a constant speed (the ends are heavy), from l = 1: strain 0.5, and with k = 20 N/m the pull 10 N, are
+    # both reached at t = 0.5 s. The broken spring lets go; brought back by nothing, the ends keep their speed.
+    heavy, k = 1e9, 20.0
+
+    def pulled(t: float) -> ps.Result:
+        return simulate(
+            t,
+            0.01,
+            particles=[
+                points((0, 0, 0), (1, 0, 0), velocity=[(0, 0, 0), (1, 0, 0)], mass=heavy, name="ends"),
+            ],
+            springs=[{"name": "thread", "on": "ends", "pairs": [[0, 1]], "stiffness": k, **limit}],
+            output={"ledger": True, "every": 1},
+        )
+
+    assert pulled(0.49).broken == {"thread": (0, 1)}
+    after = pulled(0.8)
+    assert after.broken == {"thread": (1, 1)}
+    stored = after.ledger["potential.thread"]
+    stretch = after.times
+    assert stored[:50] == pytest.approx(0.5 * k * stretch[:50] ** 2, rel=1e-6)
+    assert not stored[52:].any()
+
+
+def test_a_broken_spring_stays_broken_when_its_ends_come_back() -> None:
+    result = simulate(
+        2.0,
+        0.005,
+        particles=[
+            points((0, 0, 0), mass=1.0, pinned=True, name="hook"),
+            points((1, 0, 0), velocity=[(4, 0, 0)], mass=1.0, name="ball"),
+        ],
+        springs=[
+            {
+                "name": "thread",
+                "between": ["hook", "ball"],
+                "pairs": [[0, 0]],
+                "stiffness": 1.0,
+                "break_strain": 0.2,
+            },
+            {"name": "rubber", "between": ["hook", "ball"], "pairs": [[0, 0]], "stiffness": 50.0},
+        ],
+        output={"ledger": True, "every": 1},
+    )
+    x = result.times
+    assert result.broken == {"thread": (1, 1)}
+    broken = int(np.flatnonzero(result.ledger["potential.thread"] == 0)[1])  # the first is the start
+    assert x[broken] < 0.1
+    assert not result.ledger["potential.thread"][broken:].any()
+    assert result.ledger["potential.rubber"][broken:].max() > 1
+
+
+def test_coincident_ends_feel_nothing() -> None:
+    for kind in ({}, {"tension_only": True}, {"damping": 2.0}):
+        result = simulate(
+            0.1,
+            0.01,
+            particles=[points((1, 2, 3), (1, 2, 3), mass=1.0, name="ends")],
+            springs=[{"on": "ends", "pairs": [[0, 1]], "stiffness": 50.0, "rest_length": 0.0, **kind}],
+        )
+        assert result.final.position.tolist() == [[1, 2, 3], [1, 2, 3]]
+
+
+def test_springs_join_all_that_are_near() -> None:
+    # A lattice of 3 × 3 × 3 with spacing 1: 54 edges, 72 face diagonals (√2), 32 space diagonals (√3).
+    lattice = {"layout": {"type": "lattice", "counts": [3, 3, 3], "spacing": 1.0}, "name": "block"}
+    for within, number in ((1.1, 54), (1.5, 126), (1.8, 158)):
+        result = simulate(
+            0.1,
+            0.1,
+            particles=[lattice],
+            springs=[{"on": "block", "within": within, "stiffness": 1.0, "break_force": 1.0}],
+        )
+        assert result.broken == {"springs": (0, number)}
+    between = simulate(
+        0.1,
+        0.1,
+        particles=[lattice, points((0, 0, 0.25), name="probe")],
+        springs=[{"between": ["block", "probe"], "within": 1.04, "stiffness": 1.0, "break_force": 1.0}],
+    )
+    assert between.broken == {"springs": (0, 4)}  # below, above at 0.75, and two sides at √(1 + 1/16)
+
+
+def test_a_hanging_mass_stretches_its_spring() -> None:
+    # At rest: k (l − L₀) = m g. Critical damping brings it there: after 20 time constants e^(−20)(1 + 20) of m g/k is left.
+    k, m, rest = 50.0, 2.0, 0.5
+    omega = math.sqrt(k / m)
+    t = 20 / omega
+    result = simulate(
+        t,
+        t / 4000,
+        "rk4",
+        particles=[points((0, 0, 0), (0, -rest, 0), mass=m, pinned=[0], name="line")],
+        springs=[{"on": "line", "pairs": [[0, 1]], "stiffness": k, "damping_ratio": 1.0}],
+        forces=[{"type": "gravity"}],
+    )
+    assert length(result) == pytest.approx(rest + m * G / k, abs=m * G / k * 21 * math.exp(-20) * 1.01)
+
+
+@pytest.mark.parametrize(
+    ("spring", "message"),
+    [
+        ({"stiffness": -1.0}, "at least 0"),
+        ({"stiffness": 1.0, "frequency": 2.0}, "stiffness or the frequency"),
+        ({}, "stiffness or the frequency"),
+        ({"stiffness": 1.0, "damping": 1.0, "damping_ratio": 0.1}, "damping is given already"),
+        ({"stiffness": 1.0, "break_strain": 0.1, "rest_length": 0.0}, "rest length greater than 0"),
+        ({"stiffness": 1.0, "within": 0.1}, "pairs are listed already"),
+        ({"stiffness": 1.0, "pairs": None, "within": 0.0}, "springs.0.within"),
+        ({"stiffness": 1.0, "pairs": [[0, 5]]}, "has no particle 5"),
+        ({"stiffness": 1.0, "pairs": [[0, 1], [1, 0]]}, "already joined"),
+        ({"stiffness": 1.0, "pairs": [[1, 1]]}, "to itself"),
+        ({"stiffness": 1.0, "pairs": None}, "which particles are joined"),
+        ({"stiffness": 1.0, "pairs": None, "within": 0.1}, "no two particles are within"),
+    ],
+)
+def test_springs_that_cannot_be(spring: dict[str, Any], message: str) -> None:
+    entry = {"on": "ends", "pairs": [[0, 1]], **spring}
+    with pytest.raises(ps.UsageError, match=message):
+        simulate(
+            0.1,
+            0.1,
+            particles=[points((0, 0, 0), (1, 0, 0), name="ends")],
+            springs=[{k: v for k, v in entry.items() if v is not None}],
+        )
+
+
+def test_damped_springs_need_inertia() -> None:
+    grains = points((0, 0, 0), (1, 0, 0), name="grains", dynamics={"type": "first_order", "drag": 1.0})
+    with pytest.raises(ps.UsageError, match="has no inertia"):
+        simulate(
+            0.1,
+            0.1,
+            "heun",
+            particles=[grains],
+            springs=[{"on": "grains", "pairs": [[0, 1]], "frequency": 1.0}],
+        )
