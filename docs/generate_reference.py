@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
+from particlesim.bonds import MeshSprings
 from particlesim.distributions import Choice, Exponential, LogNormal, Normal, Uniform
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
@@ -65,6 +66,9 @@ def parts() -> Iterator[str]:
     yield table(Particles)
     yield "### Layouts"
     yield from variants(LAYOUTS)
+    yield "### Springs of bodies"
+    yield prose("bodies")
+    yield table(MeshSprings)
     yield "### Dynamics"
     yield prose("dynamics")
     yield from variants(DYNAMICS)

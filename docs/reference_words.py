@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bonds import Springs
+from particlesim.bonds import MeshSprings, Springs
 from particlesim.colliders import Plane
 from particlesim.distributions import Distribution
 from particlesim.emitters import Emitter
@@ -36,6 +36,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),
     (Force, "[forces](#forces)"),
+    (MeshSprings, "[springs of bodies](#springs-of-bodies)"),
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),

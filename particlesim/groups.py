@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt
 from pydantic import Field, model_validator
 
+from particlesim.bonds import BondSet, MeshSprings
 from particlesim.crossfield import invalid
 from particlesim.distributions import Distribution, Sampled, draw, smallest
 from particlesim.flows import AnyFlow
@@ -149,3 +151,58 @@ class Particles(Group):
     """Where they are and how fast."""
     pinned: bool | tuple[Annotated[int, Field(ge=0, strict=True)], ...] = False
     """Particles that nothing moves: true for all, or a list of indices in the group."""
+    springs: MeshSprings | None = None
+    """Springs of a layout that is a body (cloth, rope, jelly)."""
+
+    @model_validator(mode="after")
+    def _body(self) -> Particles:
+        kinds = self.layout.kinds
+        here = [(("layout", "type"), f"a {self.layout.type}")]
+        if self.springs is not None and not kinds:
+            raise invalid(
+                f"a layout of type {self.layout.type!r} brings no springs",
+                at=("springs",),
+                also=here,
+                hint="cloth, rope and jelly do; [[springs]] joins particles of any layout",
+            )
+        for kind in self.springs.stiffness() if self.springs is not None else ():
+            if kind not in kinds:
+                raise invalid(
+                    f"a {self.layout.type} has no {kind} springs",
+                    at=("springs", kind),
+                    also=here,
+                    allowed=", ".join(kinds),
+                )
+        if self.layout.is_body and isinstance(self.mass, Distribution):
+            raise invalid(
+                f"the mass of a {self.layout.type} is that of the whole body: one number",
+                at=("mass",),
+                also=here,
+            )
+        return self
+
+    def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
+        value = super().sample(name, streams, first, count)
+        if name != "mass" or not self.layout.is_body:
+            return value
+        number = self.layout.number() or 1
+        if value is not None:
+            return value / number
+        return None if self.density is not None else 1.0 / number
+
+    def pins(self) -> tuple[int, ...]:
+        """Indices of the particles that nothing moves, besides `pinned = true`."""
+        listed = self.pinned if isinstance(self.pinned, tuple) else ()
+        return (*listed, *self.layout.pins().tolist())
+
+    def bonds(self) -> tuple[BondSet, ...]:
+        """The springs that its layout brings; their names are those of the group and the kind."""
+        laws = self.springs.laws() if self.springs is not None else {}
+        both = (self.name, self.name)
+        return tuple(
+            BondSet(f"{self.name}.{kind}", both, law, None, partial(self._edges, kind))
+            for kind, law in laws.items()
+        )
+
+    def _edges(self, kind: str, first: Any, second: Any) -> Any:
+        return self.layout.edges(kind)

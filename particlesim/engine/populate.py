@@ -63,8 +63,10 @@ def _capacity(scenario: Scenario, group: Group) -> int:
 
 
 def _pin(state: GroupState, group: Group) -> None:
-    pinned = getattr(group, "pinned", False)
-    if pinned is True:
+    if not isinstance(group, Particles):
+        return
+    pinned = group.pins()
+    if group.pinned is True:
         state.pin(slice(None))
     elif pinned:
         beyond = [index for index in pinned if index >= state.count]
@@ -74,6 +76,6 @@ def _pin(state: GroupState, group: Group) -> None:
                 f"pinned takes indices from 0 to {state.count - 1}",
             )
         state.pin(list(pinned))
-    if pinned:
+    if pinned or group.pinned is True:
         fixed = np.isinf(state.start[: state.count])
         state.v[:, : state.count][:, fixed] = 0

@@ -14,7 +14,7 @@ from particlesim.engine.independent import Program
 from particlesim.engine.steppers import Newtonian, Overdamped, Tracer
 from particlesim.forces import Force
 from particlesim.graph import Island
-from particlesim.groups import FirstOrder, Group, TracerMotion
+from particlesim.groups import FirstOrder, Group, Particles, TracerMotion
 from particlesim.integrators import METHODS, Verlet
 from particlesim.vectors import dot, unit
 
@@ -86,5 +86,5 @@ def memory_size(method: str) -> int:
 
 def needs_clock(group: Group, planes: Sequence[Plane]) -> bool:
     """Whether particles of a group may be born, die, stick or be pinned."""
-    pinned = getattr(group, "pinned", False)
-    return isinstance(group, Emitter) or bool(pinned) or any(plane.contact != "bounce" for plane in planes)
+    pinned = isinstance(group, Particles) and (group.pinned is True or bool(group.pins()))
+    return isinstance(group, Emitter) or pinned or any(plane.contact != "bounce" for plane in planes)

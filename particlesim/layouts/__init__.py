@@ -5,12 +5,15 @@ from typing import Annotated
 from pydantic import Field
 
 from particlesim.layouts.base import CHUNK, Layout, Placed
+from particlesim.layouts.cloth import Cloth
 from particlesim.layouts.file import File
+from particlesim.layouts.jelly import Jelly
 from particlesim.layouts.lattice import Lattice
 from particlesim.layouts.points import Points
 from particlesim.layouts.random import Random
+from particlesim.layouts.rope import Rope
 
-AnyLayout = Annotated[Points | Random | Lattice | File, Field(discriminator="type")]
-LAYOUTS: tuple[type[Layout], ...] = (Points, Random, Lattice, File)
+AnyLayout = Annotated[Points | Random | Lattice | Cloth | Rope | Jelly | File, Field(discriminator="type")]
+LAYOUTS: tuple[type[Layout], ...] = (Points, Random, Lattice, Cloth, Rope, Jelly, File)
 
 __all__ = ["CHUNK", "LAYOUTS", "AnyLayout", "Layout", "Placed"]

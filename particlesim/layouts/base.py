@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,11 @@ class Placed(NamedTuple):
 class Layout(Model):
     """Initial particles of a group."""
 
+    is_body: ClassVar[bool] = False
+    """Whether its particles are one body, whose mass the group states."""
+    kinds: ClassVar[tuple[str, ...]] = ()
+    """Kinds of springs that it can bring."""
+
     def open(self, folder: Path | None) -> Layout:
         """The layout ready to be sampled; one that names a file (relative to `folder`) reads it here."""
         return self
@@ -40,6 +45,14 @@ class Layout(Model):
     def number(self) -> int | None:
         """How many particles, None if only the file knows."""
         raise NotImplementedError
+
+    def edges(self, kind: str) -> NDArray[np.int64]:
+        """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
+        raise NotImplementedError(f"{self!r} has no springs")
+
+    def pins(self) -> NDArray[np.int64]:
+        """Indices of the particles that the layout pins, sorted."""
+        return np.empty(0, np.int64)
 
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         """Particles first … first + count − 1."""

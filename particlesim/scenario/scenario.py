@@ -8,7 +8,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
-from particlesim.bonds import BondSet, Springs
+from particlesim.bonds import BondSet, SpringLaw, Springs
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
@@ -91,8 +91,9 @@ class Scenario(Model):
 
     def force_labels(self) -> tuple[str, ...]:
         """A name of its own for every force and set of springs, as in the ledger: 'gravity', 'drag', 'drag_2' ..."""
-        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
         labels: list[str] = []
+        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
+        names += [bonds.name for group in self.particles for bonds in group.bonds()]
         for base in names:
             label, k = base, 1
             while label in labels:
@@ -105,7 +106,8 @@ class Scenario(Model):
     def bonds(self) -> tuple[BondSet, ...]:
         """All sets of springs, each with its name in the ledger."""
         labels = self.force_labels()[len(self.forces) :]
-        return tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=True))
+        listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
+        return (*listed, *(bonds for group in self.particles for bonds in group.bonds()))
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
@@ -124,7 +126,7 @@ class Scenario(Model):
         """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
         raised."""
         mistakes: list[Invalid] = []
-        for check in (_names, _references, _needs, _times, _kicks, _pins, _pairs, _joined, _colors):
+        for check in (_names, _references, _needs, _times, _kicks, _pins, _pairs, _pulled, _joined, _colors):
             mistakes += check(self)
             if mistakes:
                 break  # later checks rely on earlier ones
@@ -292,13 +294,13 @@ def _pins(scenario: Scenario) -> Iterator[Invalid]:
 def _joined(scenario: Scenario) -> Iterator[Invalid]:
     """What groups joined by springs have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for k, springs in enumerate(scenario.springs):
-        (path, first), (other, second) = (tables[name] for name in springs.groups())
+    for here, names, _ in _bond_tables(scenario):
+        (path, first), (other, second) = (tables[name] for name in names)
         methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
         if methods[0] != methods[1]:
             yield Invalid(
                 f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
-                ("springs", k),
+                here,
                 ((path, methods[0]), (other, methods[1])),
             )
         for j, plane in enumerate(scenario.planes):
@@ -306,7 +308,7 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
                 yield Invalid(
                     "a plane cannot kill particles that are joined by springs",
                     ("planes", j, "contact"),
-                    ((("springs", k), "joined here"),),
+                    ((here, "joined here"),),
                     hint="name the groups that the plane acts on with on = [...]",
                 )
         for place, group in ((path, first), (other, second)):
@@ -317,7 +319,7 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
                 yield Invalid(
                     f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
                     (*place, "cooling"),
-                    ((("springs", k), "joined here"),),
+                    ((here, "joined here"),),
                 )
 
 
@@ -336,33 +338,22 @@ def _colors(scenario: Scenario) -> Iterator[Invalid]:
         )
 
 
+def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
+    """Where springs are stated, the groups that they join, and their law."""
+    for k, springs in enumerate(scenario.springs):
+        yield ("springs", k), springs.groups(), springs.spring_law()
+    for k, group in enumerate(scenario.particles):
+        if group.springs is not None:
+            yield ("particles", k, "springs"), (group.name, group.name), group.springs.laws()["structural"]
+
+
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:
-    """Springs join particles that exist from the start and have inertia."""
+    """Springs join particles that exist."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     for k, springs in enumerate(scenario.springs):
         for end, name in enumerate(springs.groups()):
             path, group = tables[name]
-            if not isinstance(group, Particles):
-                yield Invalid(
-                    f"springs join particles that are there from the start, and {name!r} is emitted",
-                    ("springs", k),
-                    ((path, "emitted here"),),
-                )
-                continue
-            if group.dynamics.type == "tracer":
-                yield Invalid(
-                    "tracers move with their flow; no spring pulls them", ("springs", k), ((path, "here"),)
-                )
-            law = springs.spring_law()
-            if group.dynamics.type == "first_order" and (law.damped or law.by_mass):
-                key = "frequency" if law.frequency is not None else "damping"
-                key = "damping_ratio" if law.damping_ratio is not None else key
-                yield Invalid(
-                    f"{name!r} has no inertia: only springs without damping, given by their stiffness, pull it",
-                    ("springs", k, key),
-                    (((*path, "dynamics"), "no inertia here"),),
-                )
-            number = group.layout.number()
+            number = group.layout.number() if isinstance(group, Particles) else None
             for j, pair in enumerate(springs.pairs or ()):
                 if number is not None and pair[end] >= number:
                     yield Invalid(
@@ -371,3 +362,27 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
                         (((*path, "layout"), f"{number} particles"),),
                         allowed=f"0 to {number - 1}",
                     )
+
+
+def _pulled(scenario: Scenario) -> Iterator[Invalid]:
+    """Springs join particles that are there from the start and that forces move."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    for here, names, law in _bond_tables(scenario):
+        for name in dict.fromkeys(names):
+            path, group = tables[name]
+            if not isinstance(group, Particles):
+                yield Invalid(
+                    f"springs join particles that are there from the start, and {name!r} is emitted",
+                    here,
+                    ((path, "emitted here"),),
+                )
+            elif group.dynamics.type == "tracer":
+                yield Invalid("tracers move with their flow; no spring pulls them", here, ((path, "here"),))
+            elif group.dynamics.type == "first_order" and (law.damped or law.by_mass):
+                key = "frequency" if law.frequency is not None else "damping"
+                key = "damping_ratio" if law.damping_ratio is not None else key
+                yield Invalid(
+                    f"{name!r} has no inertia: only springs without damping, given by their stiffness, pull it",
+                    (*here, key),
+                    (((*path, "dynamics"), "no inertia here"),),
+                )

@@ -1,0 +1,63 @@
+"""The springs of a body that brings its own: cloth, rope, jelly."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge, Gt
+from pydantic import model_validator
+
+from particlesim.bonds.base import SpringLaw
+from particlesim.crossfield import invalid
+from particlesim.model import Model
+from particlesim.units import KilogramsPerSecond, Newtons, NewtonsPerMetre, Number
+
+Stiffness = Annotated[NewtonsPerMetre, Gt(0)]
+
+
+class MeshSprings(Model):
+    """Springs between the particles of a cloth, a rope or a jelly; their rest lengths are the distances at the start."""
+
+    structural: Stiffness
+    """Stiffness of the springs between neighbours."""
+    shear: Stiffness | None = None
+    """Stiffness of the springs across diagonals; none unless given."""
+    bend: Stiffness | None = None
+    """Stiffness of the springs to every other particle; none unless given."""
+    damping: Annotated[KilogramsPerSecond, Ge(0)] = 0.0
+    """Damping c along every spring."""
+    damping_ratio: Annotated[Number, Ge(0)] | None = None
+    """Instead of the damping: ζ in c = 2 ζ √(k μ), with the reduced mass μ of the two particles."""
+    tension_only: bool = False
+    """Springs that pull and never push."""
+    break_strain: Annotated[Number, Gt(0)] | None = None
+    """Strain beyond which a spring breaks, for good."""
+    break_force: Annotated[Newtons, Gt(0)] | None = None
+    """Pull beyond which a spring breaks, for good."""
+
+    @model_validator(mode="after")
+    def _damping(self) -> MeshSprings:
+        if self.damping > 0 and self.damping_ratio is not None:
+            raise invalid(
+                "the damping is given already", at=("damping_ratio",), also=[(("damping",), "here")]
+            )
+        return self
+
+    def stiffness(self) -> dict[str, float]:
+        """Stiffness by kind of spring [N/m], of the kinds that are given."""
+        kinds = {"structural": self.structural, "shear": self.shear, "bend": self.bend}
+        return {kind: k for kind, k in kinds.items() if k is not None}
+
+    def laws(self) -> dict[str, SpringLaw]:
+        """The constants of every kind of spring."""
+        return {
+            kind: SpringLaw(
+                stiffness,
+                damping=self.damping,
+                damping_ratio=self.damping_ratio,
+                tension_only=self.tension_only,
+                break_strain=self.break_strain,
+                break_force=self.break_force,
+            )
+            for kind, stiffness in self.stiffness().items()
+        }

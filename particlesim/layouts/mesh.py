@@ -1,0 +1,64 @@
+"""Layouts that bring their own springs: particles on a grid, and which of them are joined."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from particlesim.layouts.base import Layout
+
+Ints = NDArray[np.int64]
+Resolution = Annotated[int, Field(ge=2, le=10_000, strict=True)]
+
+STRUCTURAL = "structural"
+SHEAR = "shear"
+BEND = "bend"
+
+
+class Mesh(Layout):
+    """A body of particles and springs. The mass of its group is that of the whole body."""
+
+    is_body: ClassVar[bool] = True
+
+    def shape(self) -> tuple[int, ...]:
+        """Particles along each axis of the grid; the last one runs fastest."""
+        raise NotImplementedError
+
+    def number(self) -> int:
+        return int(np.prod(self.shape()))
+
+    def edges(self, kind: str) -> Ints:
+        """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
+        return grid_edges(self.shape(), steps(len(self.shape()), kind))
+
+
+def steps(axes: int, kind: str) -> list[tuple[int, ...]]:
+    """Where on the grid the other ends of a particle's springs are; each spring from one end only.
+
+    Structural: the next particle along an axis. Shear: across the diagonals of faces and cells. Bend: every other
+    particle along an axis.
+    """
+    units = [tuple(int(a == b) for b in range(axes)) for a in range(axes)]
+    if kind == STRUCTURAL:
+        return units
+    if kind == BEND:
+        return [tuple(2 * x for x in unit) for unit in units]
+    around = np.stack(np.meshgrid(*[[-1, 0, 1]] * axes, indexing="ij"), axis=-1).reshape(-1, axes)
+    diagonal = around[np.abs(around).sum(axis=1) > 1]
+    # Of a step and its opposite, the one whose first number that is not zero is positive.
+    forward = [row for row in diagonal.tolist() if next(x for x in row if x) > 0]
+    return [tuple(row) for row in forward]
+
+
+def grid_edges(shape: tuple[int, ...], offsets: list[tuple[int, ...]]) -> Ints:
+    """All pairs of grid points that differ by one of the offsets, shape [pairs, 2]."""
+    index = np.arange(int(np.prod(shape)), dtype=np.int64).reshape(shape)
+    found = []
+    for offset in offsets:
+        first = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, shape, strict=True))
+        second = tuple(slice(max(0, o), n - max(0, -o)) for o, n in zip(offset, shape, strict=True))
+        found.append(np.stack([index[first].ravel(), index[second].ravel()], axis=1))
+    return np.concatenate(found)

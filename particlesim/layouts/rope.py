@@ -1,0 +1,54 @@
+"""A rope: particles in a row."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from particlesim.crossfield import invalid
+from particlesim.layouts.base import Placed
+from particlesim.layouts.mesh import BEND, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.streams import Streams
+from particlesim.units import Metres, MetresPerSecond, Vector
+
+
+class Rope(Mesh):
+    """A straight row of particles from one point to another.
+
+    Structural springs join neighbours, bend springs every other particle.
+    """
+
+    kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND)
+
+    type: Literal["rope"] = "rope"
+    start: Vector[Metres]
+    """Position of the first particle."""
+    end: Vector[Metres]
+    """Position of the last particle."""
+    count: Resolution
+    """Number of particles, both ends included."""
+    velocity: Vector[MetresPerSecond] = (0.0, 0.0, 0.0)
+    """Velocity of all its particles."""
+    pinned: Literal["start", "end", "both"] | None = None
+    """Which ends nothing moves."""
+
+    @model_validator(mode="after")
+    def _length(self) -> Rope:
+        if self.start == self.end:
+            raise invalid("the rope has no length", at=("end",), also=[(("start",), "the same point")])
+        return self
+
+    def shape(self) -> tuple[int, ...]:
+        return (self.count,)
+
+    def place(self, streams: Streams, first: int, count: int) -> Placed:
+        along = np.arange(first, first + count) / (self.count - 1)
+        start, end = np.array(self.start)[:, None], np.array(self.end)[:, None]
+        position = start * (1 - along) + end * along
+        return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
+
+    def pins(self) -> Ints:
+        ends = {"start": [0], "end": [self.count - 1], "both": [0, self.count - 1], None: []}
+        return np.array(ends[self.pinned], dtype=np.int64)
