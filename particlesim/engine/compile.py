@@ -90,6 +90,12 @@ def inline(stub: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[
     return register
 
 
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator for a function of one implementation that kernels call by its name."""
+    overload(function, jit_options=INLINE, strict=False)(lambda *_: function)
+    return function
+
+
 @inline(add)
 def _add(a: Any, b: Any) -> Callable[..., Any]:
     if len(a) == 3:
@@ -107,11 +113,7 @@ def _add(a: Any, b: Any) -> Callable[..., Any]:
     )
 
 
-def _teach_helper(function: Callable[..., Any]) -> None:
-    overload(function, jit_options=INLINE, strict=False)(lambda *_: function)
-
-
 for _helper in HELPERS:
-    _teach_helper(_helper)
+    inlined(_helper)
 for _generic in GENERICS.values():
     _teach(_generic)

@@ -1,8 +1,9 @@
 """The stage-wise kernel: particles that pull on each other take every stage of every step together.
 
-One call steps an island through a whole interval. Forces are added up in a fixed order, first the one-particle forces,
-then bond after bond, so that results do not depend on anything but the scenario. The coefficients are those of
-`particlesim.integrators`, as arrays.
+One call steps a thread's share of an island through a whole interval; the threads meet before and after forces are added
+up. Every thread owns whole chunks of particles, and writes to them alone. Forces are added up in a fixed order, first the
+one-particle forces, then bond after bond, and every loop runs over a chunk, so that results do not depend on how many
+threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
-from particlesim.bonds.spring import Pair
+from particlesim.engine.barrier import meet, new_gate
+from particlesim.engine.bonding import add_bonds, break_bonds
 from particlesim.engine.cache import kernel
-from particlesim.engine.columns import fetch, held, note, span, store, type_of
-from particlesim.engine.compile import inline, stub
-from particlesim.engine.contact import overlapped, respond, trace
+from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
+from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.engine.contact import Simple, overlapped, respond, trace
+from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
-from particlesim.laws import Particle, Vector, bond_force, force, law, velocity
+from particlesim.laws import Particle, Vector, force, law, velocity
 
 Impl = Callable[..., Any]
 
@@ -33,27 +35,6 @@ class Part(NamedTuple):
     contacts: tuple[Any, ...]
     first: int
     last: int
-
-
-class Breaking(NamedTuple):
-    """When bonds break: strain, pull [N] (infinite: never), and which are broken."""
-
-    strain: float
-    pull: float
-    broken: Any
-
-
-class Bonds(NamedTuple):
-    """Bonds of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
-    a number for all or an array. `breaking` is None for bonds that hold."""
-
-    law: tuple[Any, ...]
-    i: Any
-    j: Any
-    k: Any
-    c: Any
-    rest: Any
-    breaking: Any
 
 
 class StagedComposition(NamedTuple):
@@ -76,11 +57,25 @@ class StagedVerlet(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n], slopes [stages, 6, n]."""
+    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n], slopes [stages, 6, n], and, for each
+    thread its own, forces of bonds [3, chunk]."""
 
     force: Any
     before: Any
     slopes: Any
+    pull: Any
+
+
+class Share(NamedTuple):
+    """What a thread does: particles [first, last), in chunks; its number among the threads, and where they meet."""
+
+    first: int
+    last: int
+    chunk: int
+    number: int
+    threads: int
+    gate: Any
+    wild: Any
 
 
 class FrozenRecord(NamedTuple):
@@ -94,9 +89,6 @@ class FrozenRecord(NamedTuple):
 @law(force, FrozenRecord)
 def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
     return f.x, f.y, f.z
-
-
-WHOLE_STEP = CompositionRecord((1.0,), (1.0,))
 
 
 def staged(method: Method) -> tuple[Any, ...]:
@@ -115,254 +107,238 @@ def staged(method: Method) -> tuple[Any, ...]:
 def scratch(method: Method, count: int, dtype: Any) -> Work:
     """Scratch arrays for an island."""
     stages = method.evaluations if isinstance(method, RungeKutta) else 0
-    return Work(np.zeros((3, count), dtype), np.zeros((6, count), dtype), np.zeros((stages, 6, count), dtype))
+    return Work(
+        np.zeros((3, count), dtype),
+        np.zeros((6, count), dtype),
+        np.zeros((stages, 6, count), dtype),
+        np.zeros((3, chunk_size(count)), dtype),
+    )
 
 
-def add_forces(parts: Any, c: Any, total: Any, t: Any) -> Any:
-    """Sum of the one-particle forces of every part; sets `total`."""
+def share_out(count: int, threads: int) -> list[Share]:
+    """Shares of an island for some threads, at most one for every chunk."""
+    ranges = shares(count, threads)
+    gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
+    return [
+        Share(first, last, chunk_size(count), number, len(ranges), gate, wild)
+        for number, (first, last) in enumerate(ranges)
+    ]
+
+
+def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Any:
+    """Sum of the one-particle forces on particles [lo, hi); sets `total`."""
     return stub()
 
 
 @inline(add_forces)
-def _add_forces(parts: Any, c: Any, total: Any, t: Any) -> Impl:
+def _add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Impl:
     if len(parts) == 0:
-        return lambda parts, c, total, t: None
+        return lambda parts, c, total, t, lo, hi: None
 
-    def impl(parts: Any, c: Any, total: Any, t: Any) -> None:
+    def impl(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
         part = parts[0]
-        for i in range(part.first, part.last):
-            fx, fy, fz = force(part.forces, fetch(c, i, t))
-            total[0, i] = fx
-            total[1, i] = fy
-            total[2, i] = fz
-        add_forces(parts[1:], c, total, t)
+        first, last = max(lo, part.first), min(hi, part.last)
+        if first < last:
+            q = block_of(c, first, last)
+            gx, gy, gz = total[0, first:last], total[1, first:last], total[2, first:last]
+            for i in range(gx.size):
+                fx, fy, fz = force(part.forces, fetch(q, i, t))
+                gx[i] = fx
+                gy[i] = fy
+                gz[i] = fz
+        add_forces(parts[1:], c, total, t, lo, hi)
 
     return impl
 
 
-def pair_of(bond: Any, c: Any, k: Any) -> Any:
-    """Bond k as laws see it."""
+def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Any:
+    """Total force on the particles of a share; returns when those of all shares are known.
+
+    All positions and velocities must be in place.
+    """
     return stub()
 
 
-@inline(pair_of)
-def _pair_of(bond: Any, c: Any, k: Any) -> Impl:
-    def impl(bond: Any, c: Any, k: Any) -> Any:
-        i, j = bond.i[k], bond.j[k]
-        return Pair(
-            c.x[i] - c.x[j],
-            c.y[i] - c.y[j],
-            c.z[i] - c.z[j],
-            c.vx[i] - c.vx[j],
-            c.vy[i] - c.vy[j],
-            c.vz[i] - c.vz[j],
-            of_bond(bond.k, k),
-            of_bond(bond.c, k),
-            of_bond(bond.rest, k),
-        )
+@outline(evaluate)
+def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Impl:
+    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+        for lo in range(share.first, share.last, share.chunk):
+            add_forces(parts, c, work.force, t, lo, min(lo + share.chunk, share.last))
+        add_bonds(bonds, c, work.force, work.pull)
+        meet(share.gate, share.threads)
 
     return impl
 
 
-def of_bond(column: Any, k: Any) -> Any:
-    """What belongs to bond k: an element of an array, or the number that all share."""
+def rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Any:
+    """Time derivative of position and velocity of particles [lo, hi), into slope [6, n]."""
     return stub()
 
 
-@inline(of_bond)
-def _of_bond(column: Any, k: Any) -> Impl:
-    if isinstance(column, types.Array):
-        return lambda column, k: column[k]
-    return lambda column, k: column
-
-
-def add_bonds(bonds: Any, c: Any, total: Any) -> Any:
-    """Add the forces of all bonds to `total`."""
-    return stub()
-
-
-@inline(add_bonds)
-def _add_bonds(bonds: Any, c: Any, total: Any) -> Impl:
-    if len(bonds) == 0:
-        return lambda bonds, c, total: None
-
-    def impl(bonds: Any, c: Any, total: Any) -> None:
-        bond = bonds[0]
-        for k in range(bond.i.size):
-            i, j = bond.i[k], bond.j[k]
-            fx, fy, fz = bond_force(bond.law, pair_of(bond, c, k))
-            total[0, i] += fx
-            total[1, i] += fy
-            total[2, i] += fz
-            total[0, j] -= fx
-            total[1, j] -= fy
-            total[2, j] -= fz
-        add_bonds(bonds[1:], c, total)
-
-    return impl
-
-
-def break_bonds(bonds: Any, c: Any) -> Any:
-    """Take out bonds that are stretched or pulled too far: they lose their stiffness and damping."""
-    return stub()
-
-
-@inline(break_bonds)
-def _break_bonds(bonds: Any, c: Any) -> Impl:
-    if len(bonds) == 0:
-        return lambda bonds, c: None
-    if isinstance(bonds[0].types[-1], types.NoneType):
-        return lambda bonds, c: break_bonds(bonds[1:], c)
-
-    def impl(bonds: Any, c: Any) -> None:
-        bond = bonds[0]
-        limits = bond.breaking
-        for k in range(bond.i.size):
-            if not limits.broken[k]:
-                p = pair_of(bond, c, k)
-                length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
-                fx, fy, fz = bond_force(bond.law, p)
-                pull = -(fx * p.x + fy * p.y + fz * p.z)
-                if length - p.rest > limits.strain * p.rest or pull > limits.pull * length:
-                    limits.broken[k] = True
-                    bond.k[k] = 0
-                    bond.c[k] = 0
-        break_bonds(bonds[1:], c)
-
-    return impl
-
-
-def part_rates(parts: Any, c: Any, total: Any, slope: Any, t: Any) -> Any:
-    """Time derivative of every particle's position and velocity, into slope [6, n]."""
-    return stub()
-
-
-@inline(part_rates)
-def _part_rates(parts: Any, c: Any, total: Any, slope: Any, t: Any) -> Impl:
+@inline(rates)
+def _rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Impl:
     if len(parts) == 0:
-        return lambda parts, c, total, slope, t: None
+        return lambda parts, c, total, slope, t, lo, hi: None
     dynamics = parts[0].types[0].instance_class
 
     if dynamics is Newtonian:
 
-        def newtonian(parts: Any, c: Any, total: Any, slope: Any, t: Any) -> None:
-            for i in range(parts[0].first, parts[0].last):
-                slope[0, i], slope[1, i], slope[2, i] = c.vx[i], c.vy[i], c.vz[i]
-                for k in range(3):
-                    slope[3 + k, i] = total[k, i] / c.m[i]
-            part_rates(parts[1:], c, total, slope, t)
+        def newtonian(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
+            first, last = max(lo, parts[0].first), min(hi, parts[0].last)
+            if first < last:
+                m = c.m[first:last]
+                for k, v in enumerate((c.vx, c.vy, c.vz)):
+                    slope[k, first:last] = v[first:last]
+                    f, out = total[k, first:last], slope[3 + k, first:last]
+                    for i in range(m.size):
+                        out[i] = f[i] / m[i]
+            rates(parts[1:], c, total, slope, t, lo, hi)
 
         return newtonian
     assert dynamics is Overdamped, "tracers are never coupled"
 
-    def overdamped(parts: Any, c: Any, total: Any, slope: Any, t: Any) -> None:
+    def overdamped(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
         g = parts[0].dynamics.gamma
-        for i in range(parts[0].first, parts[0].last):
+        for i in range(max(lo, parts[0].first), min(hi, parts[0].last)):
             wx, wy, wz = velocity(parts[0].dynamics.flow, fetch(c, i, t))
             slope[0, i] = wx + total[0, i] / g
             slope[1, i] = wy + total[1, i] / g
             slope[2, i] = wz + total[2, i] / g
             for k in range(3):
                 slope[3 + k, i] = 0
-        part_rates(parts[1:], c, total, slope, t)
+        rates(parts[1:], c, total, slope, t, lo, hi)
 
     return overdamped
 
 
-def evolve(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any) -> Any:
-    """One step of a method, without contacts."""
+@inlined
+def kick(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """v += weight · h f/m for all particles of a block with total forces g."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        k = weight * hi / q.m[i]
+        q.vx[i] += k * gx[i]
+        q.vy[i] += k * gy[i]
+        q.vz[i] += k * gz[i]
+
+
+@inlined
+def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """x += weight · h v for all particles of a block."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        s = weight * hi
+        q.x[i] += s * q.vx[i]
+        q.y[i] += s * q.vy[i]
+        q.z[i] += s * q.vz[i]
+
+
+@inlined
+def combine(
+    target: Any, before: Any, slopes: Any, weights: Any, clock: Any, t: Any, end: Any, h: Any
+) -> None:
+    """target = before + h Σ weights[j] slopes[j] for one column of a block; as many slopes as weights."""
+    target[:] = 0
+    for j in range(weights.size):
+        if weights[j] != 0:
+            weight, slope = type_of(h, weights[j]), slopes[j]
+            for i in range(target.size):
+                target[i] += weight * slope[i]
+    for i in range(target.size):
+        _, hi = span(clock, i, t, end, h)
+        target[i] = before[i] + hi * target[i]
+
+
+@inlined
+def stormer(q: Any, gx: Any, gy: Any, gz: Any, t: Any, end: Any, h: Any) -> None:
+    """Störmer's rule for all particles of a block with total forces g; remembers the velocity between the steps."""
+    ux, uy, uz, known = q.memory
+    half = type_of(h, 0.5)
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        if hi > 0:
+            k = hi / q.m[i]
+            ax, ay, az = k * gx[i], k * gy[i], k * gz[i]
+            again = known[i] == hi
+            ux[i] = (ux[i] if again else q.vx[i] - half * ax) + ax
+            uy[i] = (uy[i] if again else q.vy[i] - half * ay) + ay
+            uz[i] = (uz[i] if again else q.vz[i] - half * az) + az
+            q.x[i] += hi * ux[i]
+            q.y[i] += hi * uy[i]
+            q.z[i] += hi * uz[i]
+            q.vx[i] = ux[i] + half * ax
+            q.vy[i] = uy[i] + half * ay
+            q.vz[i] = uz[i] + half * az
+            known[i] = hi
+
+
+def evolve(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> Any:
+    """One step of a method for a share of particles, without contacts."""
     return stub()
 
 
 @inline(evolve)
-def _evolve(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any) -> Impl:
-    kind = method.instance_class
-    if kind is StagedComposition:
+def _evolve(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> Impl:
+    return {StagedComposition: _composition, StagedRungeKutta: _runge_kutta, StagedVerlet: _verlet}[
+        method.instance_class
+    ]
 
-        def composition(
-            method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any
-        ) -> None:
-            now = t
-            for stage in range(method.kicks.size):
-                kick, drift = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
-                if kick != 0:
-                    add_forces(parts, c, work.force, now)
-                    add_bonds(bonds, c, work.force)
-                    for i in range(c.x.size):
-                        _, hi = span(c.clock, i, t, end, h)
-                        k = kick * hi / c.m[i]
-                        c.vx[i] += k * work.force[0, i]
-                        c.vy[i] += k * work.force[1, i]
-                        c.vz[i] += k * work.force[2, i]
-                for i in range(c.x.size):
-                    _, hi = span(c.clock, i, t, end, h)
-                    s = drift * hi
-                    c.x[i] += s * c.vx[i]
-                    c.y[i] += s * c.vy[i]
-                    c.z[i] += s * c.vz[i]
-                now += method.drifts[stage] * (end - t)
 
-        return composition
-    if kind is StagedRungeKutta:
+def _composition(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    now = t
+    for stage in range(method.kicks.size):
+        push, glide = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
+        if push != 0:
+            if stage > 0:
+                meet(share.gate, share.threads)
+            evaluate(parts, bonds, c, work, share, now)
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            q = block_of(c, lo, hi)
+            if push != 0:
+                kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
+            if glide != 0:
+                drift(q, glide, t, end, h)
+        now += method.drifts[stage] * (end - t)
 
-        def runge_kutta(
-            method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any
-        ) -> None:
-            stages = method.b.size
-            for stage in range(stages + 1):
-                # Place of the stage; after the last one, the end of the step.
-                for i in range(c.x.size):
-                    _, hi = span(c.clock, i, t, end, h)
-                    for k in range(6):
-                        change = work.before[k, i] - work.before[k, i]
-                        for j in range(stage):
-                            weight = method.a[stage, j] if stage < stages else method.b[j]
-                            change += type_of(h, weight) * work.slopes[j, k, i]
-                        place = work.before[k, i] + hi * change
-                        if k == 0:
-                            c.x[i] = place
-                        elif k == 1:
-                            c.y[i] = place
-                        elif k == 2:
-                            c.z[i] = place
-                        elif k == 3:
-                            c.vx[i] = place
-                        elif k == 4:
-                            c.vy[i] = place
-                        else:
-                            c.vz[i] = place
-                if stage < stages:
-                    now = t + method.c[stage] * (end - t)
-                    add_forces(parts, c, work.force, now)
-                    add_bonds(bonds, c, work.force)
-                    part_rates(parts, c, work.force, work.slopes[stage], now)
 
-        return runge_kutta
-    assert kind is StagedVerlet
+def _runge_kutta(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    stages = method.b.size
+    for stage in range(stages + 1):
+        if stage > 0:  # the place of the stage; after the last one, the end of the step
+            weights = method.a[stage, :stage] if stage < stages else method.b
+            for lo in range(share.first, share.last, share.chunk):
+                hi = min(lo + share.chunk, share.last)
+                q = block_of(c, lo, hi)
+                for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+                    before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
+                    combine(target, before, slopes, weights, q.clock, t, end, h)
+        if stage < stages:
+            now = t + method.c[stage] * (end - t)
+            if stage > 0:
+                meet(share.gate, share.threads)
+            evaluate(parts, bonds, c, work, share, now)
+            for lo in range(share.first, share.last, share.chunk):
+                hi = min(lo + share.chunk, share.last)
+                rates(parts, c, work.force, work.slopes[stage], now, lo, hi)
 
-    def verlet(method: Any, parts: Any, bonds: Any, c: Any, work: Any, t: Any, end: Any, h: Any) -> None:
-        add_forces(parts, c, work.force, t)
-        add_bonds(bonds, c, work.force)
-        ux, uy, uz, known = c.memory
-        half = type_of(h, 0.5)
-        for i in range(c.x.size):
-            _, hi = span(c.clock, i, t, end, h)
-            if hi > 0:
-                k = hi / c.m[i]
-                ax, ay, az = k * work.force[0, i], k * work.force[1, i], k * work.force[2, i]
-                again = known[i] == hi
-                ux[i] = (ux[i] if again else c.vx[i] - half * ax) + ax
-                uy[i] = (uy[i] if again else c.vy[i] - half * ay) + ay
-                uz[i] = (uz[i] if again else c.vz[i] - half * az) + az
-                c.x[i] += hi * ux[i]
-                c.y[i] += hi * uy[i]
-                c.z[i] += hi * uz[i]
-                c.vx[i] = ux[i] + half * ax
-                c.vy[i] = uy[i] + half * ay
-                c.vz[i] = uz[i] + half * az
-                known[i] = hi
 
-    return verlet
+def _verlet(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    evaluate(parts, bonds, c, work, share, t)
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        force = work.force
+        stormer(block_of(c, lo, hi), force[0, lo:hi], force[1, lo:hi], force[2, lo:hi], t, end, h)
 
 
 def forget(memory: Any, i: Any) -> Any:
@@ -381,7 +357,7 @@ def _forget(memory: Any, i: Any) -> Impl:
     return impl
 
 
-def collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Any:
+def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
     """Contacts at the end of a step.
 
     A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
@@ -390,13 +366,16 @@ def collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Any:
 
 
 @inline(collide)
-def _collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Impl:
+def _collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
     if len(parts) == 0:
-        return lambda parts, c, before, t, end, h: None
+        return lambda parts, c, before, share, t, end, h: None
+    contacts = parts[0].types[2]
+    if contacts.instance_class is Simple and len(contacts.types[0]) == 0:
+        return lambda parts, c, before, share, t, end, h: collide(parts[1:], c, before, share, t, end, h)
 
-    def impl(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> None:
+    def impl(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
         part = parts[0]
-        for i in range(part.first, part.last):
+        for i in range(max(share.first, part.first), min(share.last, part.last)):
             begin, hi = span(c.clock, i, t, end, h)
             if hi > 0:
                 q = fetch(c, i, end)
@@ -417,7 +396,8 @@ def _collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Impl:
                         q.T,
                         begin,
                     )
-                    r, _, outcome = trace(WHOLE_STEP, Newtonian(), (mean,), part.contacts, p, hi, ())
+                    whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))
+                    r, _, outcome = trace(whole, Newtonian(), (mean,), part.contacts, p, hi, ())
                     forget(c.memory, i)
                 else:
                     r, outcome = respond(part.contacts, q)
@@ -425,74 +405,94 @@ def _collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Impl:
                         forget(c.memory, i)
                 store(c, i, r)
                 note(c.clock, i, outcome, r.t)
-        collide(parts[1:], c, before, t, end, h)
+        collide(parts[1:], c, before, share, t, end, h)
 
     return impl
 
 
-def settle(parts: Any, c: Any, total: Any, t: Any) -> Any:
+def settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Any:
     """Give particles without inertia the velocity of their place, for the record."""
     return stub()
 
 
 @inline(settle)
-def _settle(parts: Any, c: Any, total: Any, t: Any) -> Impl:
+def _settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Impl:
     if len(parts) == 0:
-        return lambda parts, c, total, t: None
+        return lambda parts, c, total, share, t: None
     if parts[0].types[0].instance_class is Newtonian:
-        return lambda parts, c, total, t: settle(parts[1:], c, total, t)
+        return lambda parts, c, total, share, t: settle(parts[1:], c, total, share, t)
 
-    def impl(parts: Any, c: Any, total: Any, t: Any) -> None:
+    def impl(parts: Any, c: Any, total: Any, share: Any, t: Any) -> None:
         g = parts[0].dynamics.gamma
-        for i in range(parts[0].first, parts[0].last):
+        for i in range(max(share.first, parts[0].first), min(share.last, parts[0].last)):
             wx, wy, wz = velocity(parts[0].dynamics.flow, fetch(c, i, t))
             fixed = held(c.clock, i)
             c.vx[i] = type_of(c.x[i], 0 if fixed else wx + total[0, i] / g)
             c.vy[i] = type_of(c.x[i], 0 if fixed else wy + total[1, i] / g)
             c.vz[i] = type_of(c.x[i], 0 if fixed else wz + total[2, i] / g)
-        settle(parts[1:], c, total, t)
+        settle(parts[1:], c, total, share, t)
 
     return impl
 
 
+@inlined
+def save(q: Any, before: Any) -> None:
+    """Copy position and velocity of a block to before [6, block]."""
+    for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+        before[k, :] = column
+
+
+@inlined
+def restore(q: Any, before: Any) -> None:
+    """Undo `save`."""
+    for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+        column[:] = before[k, :]
+
+
+@inlined
+def all_finite(q: Any) -> bool:
+    """Whether all positions and velocities of a block are finite."""
+    wild = False
+    for i in range(q.x.size):
+        drop = (q.x[i] - q.x[i]) + (q.y[i] - q.y[i]) + (q.z[i] - q.z[i])
+        drop += (q.vx[i] - q.vx[i]) + (q.vy[i] - q.vy[i]) + (q.vz[i] - q.vz[i])
+        wild |= drop != 0
+    return not wild
+
+
 @kernel
 def step_island(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, first_step: Any, steps: Any, dt: Any
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, first_step: Any, steps: Any, dt: Any
 ) -> int:
-    """Advance an island by `steps` steps of dt, the first of which begins at first_step · dt.
+    """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step · dt.
 
-    Returns the number of steps done: fewer when a number stopped being finite in the next one, whose beginning is then
-    restored.
+    As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when a
+    number stopped being finite in the next one, whose beginning is then restored.
     """
-    n = c.x.size
     h = type_of(c.x[0], dt)
     for s in range(steps):
         t, end = (first_step + s) * dt, (first_step + s + 1) * dt
-        for i in range(n):
-            work.before[0, i], work.before[1, i], work.before[2, i] = c.x[i], c.y[i], c.z[i]
-            work.before[3, i], work.before[4, i], work.before[5, i] = c.vx[i], c.vy[i], c.vz[i]
-        evolve(method, parts, bonds, c, work, t, end, h)
-        collide(parts, c, work.before, t, end, h)
-        broken = False
-        for i in range(n):
-            drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
-            drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
-            broken |= drop != 0
-        if broken:
-            for i in range(n):
-                c.x[i], c.y[i], c.z[i] = work.before[0, i], work.before[1, i], work.before[2, i]
-                c.vx[i], c.vy[i], c.vz[i] = work.before[3, i], work.before[4, i], work.before[5, i]
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            save(block_of(c, lo, hi), work.before[:, lo:hi])
+        evolve(method, parts, bonds, c, work, share, t, end, h)
+        collide(parts, c, work.before, share, t, end, h)
+        share.wild[8 * share.number] = 0
+        for lo in range(share.first, share.last, share.chunk):
+            if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
+                share.wild[8 * share.number] = 1
+        meet(share.gate, share.threads)
+        if share.wild.sum() > 0:
+            restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             return s
-        break_bonds(bonds, c)
+        break_bonds(bonds, c, share)
     end = (first_step + steps) * dt
-    add_forces(parts, c, work.force, end)
-    add_bonds(bonds, c, work.force)
-    settle(parts, c, work.force, end)
+    evaluate(parts, bonds, c, work, share, end)
+    settle(parts, c, work.force, share, end)
     return steps
 
 
 @kernel
-def island_forces(parts: Any, bonds: Any, c: Any, total: Any, t: Any) -> None:
-    """Total force on every particle of an island, into total [3, n]."""
-    add_forces(parts, c, total, t)
-    add_bonds(bonds, c, total)
+def island_forces(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+    """Total force on every particle of an island, into work.force; `share` is the whole island."""
+    evaluate(parts, bonds, c, work, share, t)

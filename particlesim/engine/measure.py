@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.bonding import Bonds, pair_of
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch
 from particlesim.engine.compile import inline, stub
-from particlesim.engine.coupled import Bonds, pair_of
 from particlesim.laws import bond_potential, force, potential
 from particlesim.team import Team
 

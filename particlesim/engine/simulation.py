@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.islands import Births, CoupledIsland, Fault, IndependentIsland
+from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.islands import Births, Fault, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
