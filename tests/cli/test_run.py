@@ -14,7 +14,7 @@ import pytest
 
 import particlesim as ps
 
-from .conftest import LONG, TINY, Ended, environment, files, real, start
+from .conftest import LONG, TINY, Ended, environment, files, start
 
 TABLE = (
     "Tiny",
