@@ -22,7 +22,7 @@ from particlesim.engine.contact import Simple, overlapped, respond, trace
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
-from particlesim.laws import Particle, Vector, force, law, velocity
+from particlesim.laws import Particle, Vector, force, law, moved_to, velocity
 
 Impl = Callable[..., Any]
 
@@ -384,16 +384,14 @@ def _collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: A
                     mean = FrozenRecord(
                         k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
                     )
-                    p = Particle(
+                    p = moved_to(
+                        q,
                         before[0, i],
                         before[1, i],
                         before[2, i],
                         before[3, i],
                         before[4, i],
                         before[5, i],
-                        q.m,
-                        q.r,
-                        q.T,
                         begin,
                     )
                     whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))

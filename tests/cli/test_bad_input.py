@@ -20,8 +20,8 @@ def replaced(old: str, new: str) -> str:
 MISTAKES = {
     "broken TOML": (replaced("[simulation]", "[simulation"), "bad.toml:4"),
     "wrong type": (replaced("dt = 0.01", "dt = [1]"), "expected a duration"),
-    "unknown key": (replaced("restitution", "restituton"), "did you mean 'restitution'?"),
-    "misspelt force": (replaced('"gravity"', '"gravty"'), "did you mean 'gravity'?"),
+    "unknown key": (replaced("restitution", "restituton"), 'did you mean "restitution"?'),
+    "misspelt force": (replaced('"gravity"', '"gravty"'), 'did you mean "gravity"?'),
     "NaN": (replaced("mass = 0.1", "mass = nan"), "must be finite"),
     "infinity": (replaced("duration = 0.1", "duration = inf"), "must be finite"),
     "negative mass": (replaced("mass = 0.1", "mass = -0.1"), "must be greater than 0"),
@@ -31,14 +31,14 @@ MISTAKES = {
     "duration not reached": (replaced("duration = 0.1", "duration = 0.123"), "not a whole number of steps"),
     "unknown group": (
         replaced('type = "gravity"', 'type = "gravity"\non = ["bals"]'),
-        "did you mean 'balls'?",
+        'did you mean "balls"?',
     ),
     "code in an expression": (
         TINY + '\n[[forces]]\ntype = "field"\nforce = ["__import__(\'os\').getpid()", "0", "0"]\n',
         "functions can be called",
     ),
     "odd video": (replaced("[64, 48]", "[65, 48]"), "multiple of 2"),
-    "unknown color field": (replaced("size = [64, 48]", 'color_by = "sped"'), "did you mean 'speed'?"),
+    "unknown color field": (replaced("size = [64, 48]", 'color_by = "sped"'), 'did you mean "speed"?'),
     "too many particles": (
         replaced(
             'layout = { type = "points", position = [[0, 1, 0], [0.5, 1, 0], [0, 1.5, 0.5]] }',
@@ -87,7 +87,7 @@ def test_bad_scenario(psim, name):
     assert told.code == 2
     assert told.json["exit_code"] == 2
     assert not told.err
-    assert words.split("'")[0] in str(told.json) or words == "bad.toml:4"
+    assert words.split('"')[0] in str(told.json) or words == "bad.toml:4"
     assert files() == before
 
 
@@ -188,7 +188,7 @@ def test_bad_trajectories(psim):
         (("render", "--size", "big"), "Write it as --size 1280x720"),
         (("render", "--camera-eye", "1,2"), "Write it as --camera-eye 4,2,6"),
         (("render", "--look", "shiny"), '"dots", "spheres"'),
-        (("render", "--color-by", "sped"), "did you mean 'speed'?"),
+        (("render", "--color-by", "sped"), 'did you mean "speed"?'),
         (("render", "--color-by", "age"), "under [output]"),
         (("render", "--frames", "some"), "names no frames"),
         (("render", "--frames", "90:"), "no frame is chosen"),
@@ -213,9 +213,9 @@ def test_bad_requests(psim, recorded, command, words):
 def test_others(psim):
     before = files()
     refused(psim("new", "tiny"), "tiny.toml exists")
-    refused(psim("new", "other", "--template", "emiter"), "did you mean 'emitter'?")
-    refused(psim("examples", "fountan"), "did you mean 'fountain'?")
-    refused(psim("describe", "gravty"), "did you mean 'gravity'?")
+    refused(psim("new", "other", "--template", "emiter"), 'did you mean "emitter"?')
+    refused(psim("examples", "fountan"), 'did you mean "fountain"?')
+    refused(psim("describe", "gravty"), 'did you mean "gravity"?')
     refused(psim("schema", "-o", "tiny.toml"), "tiny.toml exists")
     assert files() == before
 
@@ -236,7 +236,7 @@ def test_check_tells_of_all_scenarios(psim):
 def test_in_a_process_of_its_own():
     Path("bad.toml").write_text(MISTAKES["misspelt force"][0])
     before = files()
-    refused(real("run", "bad.toml"), "did you mean 'gravity'?")
+    refused(real("run", "bad.toml"), 'did you mean "gravity"?')
     assert files() == before
 
 
