@@ -11,7 +11,7 @@ from numba import types
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
 from particlesim.engine.compile import inline, outline, stub
-from particlesim.engine.runs import FIRST, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND
+from particlesim.engine.runs import FIRST, HOLES, HOLES_END, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND
 from particlesim.laws import bond_force
 
 Impl = Callable[..., Any]
@@ -30,7 +30,8 @@ class Breaking(NamedTuple):
 
 class Bonds(NamedTuple):
     """Bonds of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
-    a number for all or an array. `breaking` is None for bonds that hold.
+    a number for all or an array, in the slots of `particlesim.engine.runs`; `holes` are slots without a bond, with ends −1.
+    `breaking` is None for bonds that hold.
 
     `table` lists the pieces of `particlesim.engine.runs` that a thread works on, and `begin` where those of each chunk
     begin.
@@ -42,6 +43,7 @@ class Bonds(NamedTuple):
     k: Any
     c: Any
     rest: Any
+    holes: Any
     table: Any
     begin: Any
     breaking: Any
@@ -139,6 +141,8 @@ def _add_short(bond: Any, c: Any, total: Any, piece: Any) -> Impl:
     def impl(bond: Any, c: Any, total: Any, piece: Any) -> None:
         for k in range(piece[OFFSET], piece[OFFSET] + piece[LENGTH]):
             i, j = bond.i[k], bond.j[k]
+            if i < 0:
+                continue
             fx, fy, fz = bond_force(bond.law, pair_of(bond, c, k))
             if piece[OWNS_FIRST]:
                 total[0, i] += fx
@@ -189,6 +193,8 @@ def _add_long(bond: Any, c: Any, total: Any, pull: Any, piece: Any) -> Impl:
             px[k] = fx
             py[k] = fy
             pz[k] = fz
+        for hole in bond.holes[piece[HOLES] : piece[HOLES_END]]:
+            px[hole - first] = py[hole - first] = pz[hole - first] = 0
         if piece[OWNS_FIRST]:
             gx, gy, gz = total[0, a : a + n], total[1, a : a + n], total[2, a : a + n]
             for k in range(n):
@@ -240,7 +246,7 @@ def _break_springs(bond: Any, c: Any, piece: Any) -> Impl:
     def impl(bond: Any, c: Any, piece: Any) -> None:
         limits = bond.breaking
         for k in range(piece[OFFSET], piece[OFFSET] + piece[LENGTH]):
-            if not limits.broken[k]:
+            if bond.i[k] >= 0 and not limits.broken[k]:
                 p = pair_of(bond, c, k)
                 length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
                 fx, fy, fz = bond_force(bond.law, p)

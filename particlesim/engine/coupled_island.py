@@ -24,7 +24,7 @@ from particlesim.engine.coupled import (
 )
 from particlesim.engine.islands import Fault, group_uses_radius
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
-from particlesim.engine.runs import chunk_size, in_runs, owned, pieces
+from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
@@ -68,7 +68,7 @@ class CoupledIsland:
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
-        self.springs = sum(bonds.i.size for bonds in self.bonds)
+        self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
 
@@ -110,8 +110,6 @@ class CoupledIsland:
                     f"there is no particle {int(pairs[:, end].max())}"
                 )
         i, j = (pairs[:, end] + offset[state.name] for end, state in enumerate(states))
-        order = in_runs(i, j)
-        pairs, i, j = pairs[order], i[order], j[order]
         x = self._all.x.astype(float)
         rest = np.sqrt(((x[:, i] - x[:, j]) ** 2).sum(axis=0))
         if law.rest_length is not None:
@@ -124,8 +122,9 @@ class CoupledIsland:
             )
         k, c = law.constants(self._reduced_mass(i, j))
         dtype = self._all.dtype
+        slots = in_slots(i, j, chunk_size(self._all.count))
         if law.by_mass or law.breaks:
-            k, c = k.astype(dtype), c.astype(dtype)
+            k, c = slots.spread(k.astype(dtype)), slots.spread(c.astype(dtype))
         else:
             k, c = dtype.type(law.stiffness), dtype.type(law.damping)
         breaking = None
@@ -133,10 +132,19 @@ class CoupledIsland:
             strain, pull = (
                 dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force)
             )
-            breaking = Breaking(strain, pull, np.zeros(len(pairs), np.bool_))
-        record = StringRecord() if law.tension_only else SpringRecord()
-        table = pieces(i, j, chunk_size(self._all.count))
-        return Bonds(record, i, j, k, c, rest.astype(dtype), table, np.empty(0, np.int64), breaking)
+            breaking = Breaking(strain, pull, np.zeros(len(slots.i), np.bool_))
+        return Bonds(
+            StringRecord() if law.tension_only else SpringRecord(),
+            slots.i,
+            slots.j,
+            k,
+            c,
+            slots.spread(rest.astype(dtype)),
+            slots.holes,
+            slots.table,
+            np.empty(0, np.int64),
+            breaking,
+        )
 
     def _for(self, threads: int) -> list[tuple[tuple[Bonds, ...], Work, Share]]:
         """What each of some threads works on: pieces of bonds, scratch, particles."""

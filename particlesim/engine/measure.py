@@ -76,7 +76,8 @@ def sum_bonds(bond: Any, c: Any) -> float:
     """Potential energy of all bonds of a law [J]."""
     total = 0.0
     for k in range(bond.i.size):
-        total += bond_potential(bond.law, pair_of(bond, c, k))
+        if bond.i[k] >= 0:
+            total += bond_potential(bond.law, pair_of(bond, c, k))
     return total
 
 

@@ -1,22 +1,27 @@
 """Springs as runs (i + k, j + k), k = 0 … n − 1, so that kernels read both ends from neighbouring places.
 
-The springs of grids are few long runs. Runs are cut at the borders of chunks of particles, which do not depend on the
-number of threads, so each end of a piece lies in one chunk, and has one owner. An owner adds to its own particles, piece
-after piece in one order: sums have the same bits for any number of threads.
+The springs of grids are few long runs, some with holes. Runs are cut at the borders of chunks of particles, which do not
+depend on the number of threads, so each end of a piece lies in one chunk, and has one owner. An owner adds to its own
+particles, piece after piece in one order: sums have the same bits for any number of threads.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
 
-FIRST, SECOND, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND = range(6)
-"""Columns of a table of pieces: row of the first and of the second end, springs, index of the first of them, and whether
-the thread adds to the first and to the second end."""
+FIRST, SECOND, LENGTH, OFFSET, HOLES, HOLES_END, OWNS_FIRST, OWNS_SECOND = range(8)
+"""Columns of a table of pieces: row of the first and of the second end, slots, index of the first of them, the range of
+its holes in the list of them, and whether the thread adds to the first and to the second end."""
+
+GAP = 4
+"""Springs missing in a run that do not end it, such as those between the last particle of a row and the first of the next:
+they take slots without a spring, holes."""
 
 CHUNKS = 64
 """Chunks of an island at most, hence threads at most."""
@@ -29,28 +34,51 @@ def chunk_size(count: int) -> int:
     return max(LEAST, -(-count // (CHUNKS * 64)) * 64)
 
 
-def in_runs(i: Ints, j: Ints) -> Ints:
-    """The order of springs in which those of a run follow each other."""
-    return np.lexsort((i, j - i))
+class Slots(NamedTuple):
+    """Springs in runs: their order, the slot of each spring in that order, both ends in every slot (−1 in holes), the slots
+    that are holes, and the table of pieces, shape [pieces, 6], FIRST to HOLES_END."""
+
+    order: Ints
+    slot: Ints
+    i: Ints
+    j: Ints
+    holes: Ints
+    table: Ints
+
+    def spread(self, values: NDArray[Any]) -> NDArray[Any]:
+        """What belongs to every spring, in slots; 0 in holes."""
+        out = np.zeros(len(self.i), values.dtype)
+        out[self.slot] = values[self.order]
+        return out
 
 
-def pieces(i: Ints, j: Ints, chunk: int) -> Ints:
-    """Runs of springs in the order of `in_runs`, cut at multiples of `chunk`, sorted by their first ends.
-
-    Shape [pieces, 4]: FIRST, SECOND, LENGTH, OFFSET.
-    """
-    new = np.ones(len(i), np.bool_)
-    new[1:] = (np.diff(i) != 1) | (np.diff(j) != 1) | (i[1:] % chunk == 0) | (j[1:] % chunk == 0)
+def in_slots(i: Ints, j: Ints, chunk: int) -> Slots:
+    """Springs with ends i and j as runs, cut at multiples of `chunk` and sorted by their first ends."""
+    order = np.lexsort((i, j - i))
+    i, j = i[order], j[order]
+    missing = np.diff(i) - 1
+    missing[(np.diff(j - i) != 0) | (missing < 0) | (missing > GAP)] = 0
+    slot = np.arange(len(i)) + np.concatenate([[0], np.cumsum(missing)])
+    number = int(slot[-1]) + 1
+    before = np.searchsorted(slot, np.arange(number), side="right") - 1
+    into = np.arange(number) - slot[before]  # 0 in a spring's own slot, 1, 2 ... in the holes after it
+    a, b = i[before] + into, j[before] + into
+    new = np.ones(number, np.bool_)
+    new[1:] = (np.diff(a) != 1) | (np.diff(b) != 1) | (a[1:] % chunk == 0) | (b[1:] % chunk == 0)
     start = np.flatnonzero(new)
-    length = np.diff(np.append(start, len(i)))
-    table = np.stack([i[start], j[start], length, start], axis=1)
-    return table[np.lexsort((table[:, OFFSET], table[:, FIRST]))]
+    end = np.append(start[1:], number)
+    holes = np.flatnonzero(into)
+    table = np.stack(
+        [a[start], b[start], end - start, start, *(np.searchsorted(holes, x) for x in (start, end))], axis=1
+    )
+    table = table[np.lexsort((table[:, OFFSET], table[:, FIRST]))]
+    return Slots(order, slot, np.where(into, -1, a), np.where(into, -1, b), holes, table)
 
 
 def owned(table: Ints, first: int, last: int, chunk: int, chunks: int) -> tuple[Ints, Ints]:
     """The pieces with an end among particles [first, last), and where those of every chunk (of first ends) begin.
 
-    Shapes [pieces, 6] and [chunks + 1]; `first` and `last` are borders of chunks, or the end.
+    Shapes [pieces, 8] and [chunks + 1]; `first` and `last` are borders of chunks, or the end.
     """
     mine = [(table[:, end] >= first) & (table[:, end] < last) for end in (FIRST, SECOND)]
     flagged = np.column_stack([table, *mine])[mine[0] | mine[1]].astype(np.int64)

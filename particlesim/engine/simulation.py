@@ -199,7 +199,7 @@ class Simulation:
             if isinstance(island, CoupledIsland):
                 for bonds, made in zip(structure.bonds, island.bonds, strict=True):
                     if made.breaking is not None:
-                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size)
+                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size - made.holes.size)
         return found
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.engine.runs import OWNS_FIRST, OWNS_SECOND, chunk_size, in_runs, owned, pieces, shares
+from particlesim.engine.runs import OWNS_FIRST, OWNS_SECOND, chunk_size, in_slots, owned, shares
 from particlesim.engine.simulation import Simulation
 from particlesim.integrators import METHODS
 
@@ -163,14 +163,22 @@ def test_pieces_cover_every_spring_once_and_every_end_has_one_owner() -> None:
     count = 5000
     i, j = rng.integers(0, count, (2, 20_000))
     grid = np.arange(count - 70)
+    grid = grid[grid % 50 > 1]  # rows of 48, with holes of two between them
     i, j = np.concatenate([i[i != j], grid]), np.concatenate([j[i != j], grid + 70])
-    order = in_runs(i, j)
-    i, j, chunk = i[order], j[order], chunk_size(count)
-    table = pieces(i, j, chunk)
-    seen = np.zeros(len(i), int)
-    for a, b, n, o in table.tolist():
-        assert (i[o : o + n] == np.arange(a, a + n)).all()
-        assert (j[o : o + n] == np.arange(b, b + n)).all()
+    chunk = chunk_size(count)
+    slots = in_slots(i, j, chunk)
+    assert sorted(zip(slots.i[slots.slot], slots.j[slots.slot], strict=True)) == sorted(
+        zip(i, j, strict=True)
+    )
+    assert (slots.spread(i) == np.where(slots.i < 0, 0, slots.i)).all()
+    assert (np.delete(slots.i, slots.holes) >= 0).all()
+    assert 0 < len(slots.holes) == (slots.i == -1).sum()
+    seen = np.zeros(len(slots.i), int)
+    for a, b, n, o, first, last in slots.table.tolist():
+        spring = slots.i[o : o + n] >= 0
+        assert (slots.i[o : o + n] == np.where(spring, np.arange(a, a + n), -1)).all()
+        assert (slots.j[o : o + n] == np.where(spring, np.arange(b, b + n), -1)).all()
+        assert slots.holes[first:last].tolist() == (o + np.flatnonzero(~spring)).tolist()
         assert a // chunk == (a + n - 1) // chunk
         assert b // chunk == (b + n - 1) // chunk
         seen[o : o + n] += 1
@@ -178,8 +186,8 @@ def test_pieces_cover_every_spring_once_and_every_end_has_one_owner() -> None:
     for threads in (1, 2, 5):
         ends = np.zeros(2, int)
         for first, last in shares(count, threads):
-            mine, begin = owned(table, first, last, chunk, -(-count // chunk))
+            mine, begin = owned(slots.table, first, last, chunk, -(-count // chunk))
             ends += [(mine[:, column] * mine[:, 2]).sum() for column in (OWNS_FIRST, OWNS_SECOND)]
             assert begin[0] == 0
             assert begin[-1] == len(mine)
-        assert (ends == len(i)).all()
+        assert (ends == len(slots.i)).all()
