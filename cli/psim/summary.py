@@ -46,8 +46,9 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "particle_steps_per_second": result.particle_steps / result.seconds if result.seconds > 0 else None,
         "energy": _ends(result.energy) if result.ledger else None,
         "momentum": _momentum(result),
+        "checks": [check.as_data() for check in result.checks],
         "warnings": warnings,
-        "exit_code": 0,
+        "exit_code": 0 if result.passed else 1,
     }
 
 
@@ -76,12 +77,26 @@ def show_summary(told: dict[str, Any]) -> None:
         ("took", duration(told["seconds"]) + (f", {rate(speed)}" if speed else "")),
         ("energy", _change(told["energy"])),
         ("momentum", _momentum_text(told["momentum"])),
+        ("checks", "\n".join(_check_text(check) for check in told["checks"])),
         ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
     ]
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
     facts(rows, sys.stderr)
     for text in told["warnings"]:
         warn(text)
+
+
+def show_failures(result: Result) -> None:
+    """The checks that failed, on stderr."""
+    for check in result.checks:
+        if not check.passed:
+            say(f"{paint('check failed', 'red')}: {check.message}")
+
+
+def _check_text(check: dict[str, Any]) -> str:
+    """'passed  energy.drift ≤ 0.001: 2.3e-05'."""
+    value = "not finite" if check["value"] is None else f"{check['value']:.6g}"
+    return f"{'passed' if check['passed'] else 'FAILED'}  {check['name']} {check['bound']}: {value}"
 
 
 def _particles(count: dict[str, Any]) -> str:
