@@ -10,6 +10,7 @@ compiler, which is how tests and the stability analysis evaluate single laws.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
@@ -28,7 +29,10 @@ LEAVE = 3
 
 
 class Particle(NamedTuple):
-    """One particle: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], and the time [s]."""
+    """One particle: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], and the time [s].
+
+    `w` is the inverse mass [1/kg], for integrators: a division less in every step. Laws use the mass.
+    """
 
     x: float
     y: float
@@ -40,6 +44,7 @@ class Particle(NamedTuple):
     r: float
     T: float
     t: float
+    w: float = math.nan
 
 
 class Generic(NamedTuple):
@@ -62,6 +67,14 @@ def helper(function: F) -> F:
     """Register the decorated scalar function as one that laws may call; it is inlined into them."""
     HELPERS.append(function)
     return function
+
+
+@helper
+def moved_to(
+    p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float, t: float
+) -> Particle:
+    """The particle at another place, velocity and time."""
+    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w)
 
 
 def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

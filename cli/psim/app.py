@@ -5,12 +5,9 @@ Only Typer is imported here; every subcommand imports what it needs when it is c
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import os
-import signal
 import sys
-from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -27,6 +24,7 @@ from psim.render import render
 from psim.report import guarded
 from psim.run import run
 from psim.schema import schema
+from psim.stop import listen
 from psim.sweep import sweep
 
 app = typer.Typer(
@@ -150,18 +148,12 @@ for _name, _function, _panel, _examples in _COMMANDS:
     )(guarded(_function))
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """SIGTERM ends a run as Ctrl-C does: what was computed is kept."""
-    raise KeyboardInterrupt
-
-
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     # Imports make some hundred thousand objects that live to the end: looking through them again and again, and once more
     # at the end, takes a fifth of the time of a short run.
     gc.set_threshold(100_000)
-    with contextlib.suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGTERM, _terminate)
+    listen()
     try:
         app(prog_name="psim")
     except SystemExit as end:

@@ -49,6 +49,7 @@ def render(
 
     import particlesim as ps
     from psim.progress import render_progress
+    from psim.stop import stoppable
     from psim.talk import duration, say, warn
 
     given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
@@ -70,7 +71,7 @@ def render(
             frames=parse_frames(frames),
             overwrite=force,
             threads=threads,
-            progress=progress,
+            progress=stoppable(progress),
         )
     if quiet:
         return

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from particlesim.laws import PASS, Particle, contact, gap, law
+from particlesim.laws import PASS, Particle, contact, gap, law, moved_to
 
 
 class PlaneRecord(NamedTuple):
@@ -95,7 +95,7 @@ def plane_contact(c: PlaneRecord, p: Particle) -> tuple[Particle, int]:
     vx = p.vx + j * c.nx - c.loss * p.vx if hit else p.vx
     vy = p.vy + j * c.ny - c.loss * p.vy if hit else p.vy
     vz = p.vz + j * c.nz - c.loss * p.vz if hit else p.vz
-    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, p.t), c.outcome if below else PASS
+    return moved_to(p, x, y, z, vx, vy, vz, p.t), c.outcome if below else PASS
 
 
 @law(contact, PlaneXRecord)
@@ -106,7 +106,7 @@ def plane_x_contact(c: PlaneXRecord, p: Particle) -> tuple[Particle, int]:
     vx = p.vx - c.bounce * p.vx if hit else p.vx
     vy = c.keep * p.vy if hit else p.vy
     vz = c.keep * p.vz if hit else p.vz
-    return Particle(x, p.y, p.z, vx, vy, vz, p.m, p.r, p.T, p.t), c.outcome if below else PASS
+    return moved_to(p, x, p.y, p.z, vx, vy, vz, p.t), c.outcome if below else PASS
 
 
 @law(contact, PlaneYRecord)
@@ -117,7 +117,7 @@ def plane_y_contact(c: PlaneYRecord, p: Particle) -> tuple[Particle, int]:
     vx = c.keep * p.vx if hit else p.vx
     vy = p.vy - c.bounce * p.vy if hit else p.vy
     vz = c.keep * p.vz if hit else p.vz
-    return Particle(p.x, y, p.z, vx, vy, vz, p.m, p.r, p.T, p.t), c.outcome if below else PASS
+    return moved_to(p, p.x, y, p.z, vx, vy, vz, p.t), c.outcome if below else PASS
 
 
 @law(contact, PlaneZRecord)
@@ -128,4 +128,4 @@ def plane_z_contact(c: PlaneZRecord, p: Particle) -> tuple[Particle, int]:
     vx = c.keep * p.vx if hit else p.vx
     vy = c.keep * p.vy if hit else p.vy
     vz = p.vz - c.bounce * p.vz if hit else p.vz
-    return Particle(p.x, p.y, z, vx, vy, vz, p.m, p.r, p.T, p.t), c.outcome if below else PASS
+    return moved_to(p, p.x, p.y, z, vx, vy, vz, p.t), c.outcome if below else PASS

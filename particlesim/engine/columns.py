@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 
 from particlesim.engine.compile import inline, stub
-from particlesim.laws import KILL, PASS, STICK, Particle
+from particlesim.laws import KILL, PASS, STICK, Particle, moved_to
 
 Impl = Callable[..., Any]
 
@@ -191,7 +191,7 @@ def fetch(c: Any, i: Any, t: Any) -> Any:
 @inline(fetch)
 def _fetch(c: Any, i: Any, t: Any) -> Impl:
     def impl(c: Any, i: Any, t: Any) -> Any:
-        x = c.x[i]
+        x, m = c.x[i], c.m[i]
         return Particle(
             x,
             c.y[i],
@@ -199,11 +199,26 @@ def _fetch(c: Any, i: Any, t: Any) -> Impl:
             c.vx[i],
             c.vy[i],
             c.vz[i],
-            c.m[i],
+            m,
             load(c.r, i, x),
             temperature(c.thermal, i, t, x),
             t,
+            type_of(m, 1) / m,
         )
+
+    return impl
+
+
+def fetch_known(c: Any, inverse: Any, i: Any, t: Any) -> Any:
+    """Particle i with its inverse mass from an array: division and square root share a slow unit."""
+    return stub()
+
+
+@inline(fetch_known)
+def _fetch_known(c: Any, inverse: Any, i: Any, t: Any) -> Impl:
+    def impl(c: Any, inverse: Any, i: Any, t: Any) -> Any:
+        p = fetch(c, i, t)
+        return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t, inverse[i])
 
     return impl
 
@@ -235,16 +250,14 @@ def chosen(condition: Any, p: Any, q: Any) -> Any:
 def _chosen(condition: Any, p: Any, q: Any) -> Impl:
     if isinstance(condition, types.BooleanLiteral | types.NoneType):
         return lambda condition, p, q: q
-    return lambda condition, p, q: Particle(
+    return lambda condition, p, q: moved_to(
+        q,
         p.x if condition else q.x,
         p.y if condition else q.y,
         p.z if condition else q.z,
         p.vx if condition else q.vx,
         p.vy if condition else q.vy,
         p.vz if condition else q.vz,
-        q.m,
-        q.r,
-        q.T,
         q.t,
     )
 

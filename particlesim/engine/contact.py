@@ -15,7 +15,7 @@ from numba import types
 from particlesim.engine.columns import type_of
 from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
-from particlesim.laws import PASS, Particle, contact, gap
+from particlesim.laws import PASS, contact, gap, moved_to
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
@@ -93,9 +93,7 @@ def _rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Callable[..., 
 
     def impl(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
         c = colliders[0]
-        coasting = Particle(
-            p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t
-        )
+        coasting = moved_to(p, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.t)
         here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
         return here | rests(colliders[1:], p, q, h, slack)
 
@@ -142,7 +140,7 @@ def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Ca
             outcome = max(outcome, more)
             sweeps += 1
         if nearest(colliders, q) < slack:
-            q = Particle(legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.m, q.r, q.T, q.t)
+            q = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
         return q, outcome
 
     return impl

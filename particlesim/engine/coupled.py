@@ -19,7 +19,7 @@ from particlesim.engine.compile import inline, stub
 from particlesim.engine.contact import overlapped, respond, trace
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
-from particlesim.laws import Particle, Vector, bond_force, force, law, velocity
+from particlesim.laws import Particle, Vector, bond_force, force, law, moved_to, velocity
 
 Impl = Callable[..., Any]
 
@@ -335,16 +335,14 @@ def _collide(parts: Any, c: Any, before: Any, t: Any, end: Any, h: Any) -> Impl:
                     mean = FrozenRecord(
                         k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
                     )
-                    p = Particle(
+                    p = moved_to(
+                        q,
                         before[0, i],
                         before[1, i],
                         before[2, i],
                         before[3, i],
                         before[4, i],
                         before[5, i],
-                        q.m,
-                        q.r,
-                        q.T,
                         begin,
                     )
                     r, _, outcome = trace(WHOLE_STEP, Newtonian(), (mean,), part.contacts, p, hi, ())

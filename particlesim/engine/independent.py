@@ -16,6 +16,7 @@ from particlesim.engine.columns import (
     block_of,
     chosen,
     fetch,
+    fetch_known,
     held,
     keep,
     note,
@@ -45,19 +46,22 @@ class Program(NamedTuple):
     contacts: tuple[Any, ...]
 
 
-def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Any:
-    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision."""
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> Any:
+    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the
+    inverse masses."""
     return stub()
 
 
 @inline(step_block)
-def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> Callable[..., Any]:
+def _step_block(
+    program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any
+) -> Callable[..., Any]:
     if program.types[3].instance_class is Simple:
 
-        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
+        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
             for i in range(c.x.size):
                 begin, hi = span(c.clock, i, t, end, h)
-                p = fetch(c, i, begin)
+                p = fetch_known(c, inverse, i, begin)
                 q, memory = advance(
                     program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i)
                 )
@@ -71,11 +75,11 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
 
         return simple
 
-    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> None:
+    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
         # The few particles that end inside a collider keep their state here, and are traced one by one below.
         for i in range(c.x.size):
             begin, hi = span(c.clock, i, t, end, h)
-            p = fetch(c, i, begin)
+            p = fetch_known(c, inverse, i, begin)
             q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
             inside = overlapped(program.contacts, q)
             marks[i] = inside
@@ -85,7 +89,7 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, marks: Any) -> C
             if marks[i]:
                 begin, hi = span(c.clock, i, t, end, h)
                 if hi > 0:
-                    p = fetch(c, i, begin)
+                    p = fetch_known(c, inverse, i, begin)
                     q, memory, outcome = trace(
                         program.method,
                         program.dynamics,
@@ -142,14 +146,16 @@ def step_range(
     """
     kept = np.empty((KEPT, block))
     marks = np.empty(block, np.bool_)
+    inverse = np.empty(block, columns.m.dtype)
     for lo in range(first, last, block):
         c = block_of(columns, lo, min(last, lo + block))
         n = c.x.size
         h = type_of(c.x[0], dt)
         for i in range(n):
             keep(c, kept, i)
+            inverse[i] = type_of(c.m[i], 1) / c.m[i]
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, marks)
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, marks)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):

@@ -105,7 +105,8 @@ class GroupState:
         x, y, z = (float(c) for c in self.x[:, row])
         vx, vy, vz = (float(c) for c in self.v[:, row])
         heat = float(self.temperature(time)[row]) if self.warm else 0.0
-        return Particle(x, y, z, vx, vy, vz, float(self.mass[row]), float(self.radius[row]), heat, time)
+        mass = float(self.mass[row])
+        return Particle(x, y, z, vx, vy, vz, mass, float(self.radius[row]), heat, time, 1 / mass)
 
     def columns(self, *, radius: bool, thermal: bool) -> Columns:
         """The arrays as kernels take them, with what its laws use."""

@@ -13,7 +13,7 @@ from numba import types
 
 from particlesim.engine.compile import inline, stub
 from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
-from particlesim.laws import Particle, force, velocity
+from particlesim.laws import force, moved_to, velocity
 
 Impl = Callable[..., Any]
 
@@ -69,7 +69,7 @@ def _derivative(dynamics: Any, forces: Any, p: Any) -> Impl:
 
         def newtonian(dynamics: Any, forces: Any, p: Any) -> Any:
             fx, fy, fz = force(forces, p)
-            return Rate(p.vx, p.vy, p.vz, fx / p.m, fy / p.m, fz / p.m)
+            return Rate(p.vx, p.vy, p.vz, fx * p.w, fy * p.w, fz * p.w)
 
         return newtonian
     if dynamics.instance_class is Overdamped:
@@ -97,17 +97,15 @@ def moved(p: Any, h: Any, r: Any, t: Any) -> Any:
 @inline(moved)
 def _moved(p: Any, h: Any, r: Any, t: Any) -> Impl:
     if isinstance(r, types.NoneType):
-        return lambda p, h, r, t: Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, t)
-    return lambda p, h, r, t: Particle(
+        return lambda p, h, r, t: moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, t)
+    return lambda p, h, r, t: moved_to(
+        p,
         p.x + h * r.x,
         p.y + h * r.y,
         p.z + h * r.z,
         p.vx + h * r.vx,
         p.vy + h * r.vy,
         p.vz + h * r.vz,
-        p.m,
-        p.r,
-        p.T,
         t,
     )
 
@@ -145,6 +143,21 @@ def _weigh(row: Any, slopes: Any) -> Impl:
     return lambda row, slopes: accumulate(row[-1], slopes[-1], weigh(row[:-1], slopes[:-1]))
 
 
+def displaced(p: Any, h: Any, row: Any, slopes: Any, t: Any) -> Any:
+    """The particle moved by h Σ row_j slopes_j, at time t. A single slope costs one multiplication of h."""
+    return stub()
+
+
+@inline(displaced)
+def _displaced(p: Any, h: Any, row: Any, slopes: Any, t: Any) -> Impl:
+    used = [j for j in range(len(row)) if not isinstance(row[j], types.NoneType)]
+    if used == [0]:
+        return lambda p, h, row, slopes, t: moved(p, row[0] * h, slopes[0], t)
+    if len(used) == 1:
+        return lambda p, h, row, slopes, t: displaced(p, h, row[1:], slopes[1:], t)
+    return lambda p, h, row, slopes, t: moved(p, h, weigh(row, slopes), t)
+
+
 def stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
     """The slopes of all stages: k_i = f(t + c_i h, y + h Σ_j a_ij k_j)."""
     return stub()
@@ -156,7 +169,7 @@ def _stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: 
         return lambda a, c, dynamics, forces, p, h, slopes: slopes
 
     def more(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
-        q = moved(p, h, weigh(a[0], slopes), p.t + c[0] * h)
+        q = displaced(p, h, a[0], slopes, p.t + c[0] * h)
         slope = derivative(dynamics, forces, q)
         return stages(a[1:], c[1:], dynamics, forces, p, h, (*slopes, slope))
 
@@ -175,8 +188,8 @@ def _kick(fraction: Any, forces: Any, p: Any, h: Any) -> Impl:
 
     def impl(fraction: Any, forces: Any, p: Any, h: Any) -> Any:
         fx, fy, fz = force(forces, p)
-        k = fraction * h / p.m
-        return Particle(p.x, p.y, p.z, p.vx + k * fx, p.vy + k * fy, p.vz + k * fz, p.m, p.r, p.T, p.t)
+        k = fraction * h * p.w
+        return moved_to(p, p.x, p.y, p.z, p.vx + k * fx, p.vy + k * fy, p.vz + k * fz, p.t)
 
     return impl
 
@@ -193,9 +206,7 @@ def _drift(fraction: Any, p: Any, h: Any) -> Impl:
 
     def impl(fraction: Any, p: Any, h: Any) -> Any:
         s = fraction * h
-        return Particle(
-            p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t + s
-        )
+        return moved_to(p, p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.t + s)
 
     return impl
 
@@ -241,7 +252,7 @@ def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: An
 
     def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
         fx, fy, fz = force(forces, p)
-        k = h / p.m
+        k = h * p.w
         ax, ay, az = k * fx, k * fy, k * fz
         ux, uy, uz, known = memory
         # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0. A step of no length (h = 0, which ends exactly
@@ -251,16 +262,14 @@ def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: An
         uy = uy if go_on else p.vy - method.half * ay
         uz = uz if go_on else p.vz - method.half * az
         ux, uy, uz = ux + ax, uy + ay, uz + az
-        q = Particle(
+        q = moved_to(
+            p,
             p.x + h * ux,
             p.y + h * uy,
             p.z + h * uz,
             ux + method.half * ax,
             uy + method.half * ay,
             uz + method.half * az,
-            p.m,
-            p.r,
-            p.T,
             p.t + h,
         )
         return q, (ux, uy, uz, h)

@@ -41,6 +41,7 @@ from particlesim.laws import (
     force_dx,
     helper,
     law,
+    moved_to,
     velocity,
     velocity_dx,
 )
@@ -153,7 +154,7 @@ class DragRecord(NamedTuple):
 def relative(flow: Any, p: Particle) -> Particle:
     """The particle with its velocity relative to the fluid."""
     wx, wy, wz = velocity(flow, p)
-    return Particle(p.x, p.y, p.z, p.vx - wx, p.vy - wy, p.vz - wz, p.m, p.r, p.T, p.t)
+    return moved_to(p, p.x, p.y, p.z, p.vx - wx, p.vy - wy, p.vz - wz, p.t)
 
 
 @helper

@@ -28,7 +28,18 @@ from particlesim.forces.operations import (
     slope,
     value,
 )
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, potential
+from particlesim.laws import (
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    helper,
+    law,
+    moved_to,
+    potential,
+)
 from particlesim.model import Name
 from particlesim.units import Number
 
@@ -128,7 +139,7 @@ class PotentialRecord(NamedTuple):
 @helper
 def along(p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Ray:
     """A particle, and a direction in its position and velocity."""
-    return Ray(p, Particle(x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, 0.0))
+    return Ray(p, Particle(x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @law(force, FieldRecord)
@@ -181,7 +192,7 @@ def minus_gradient(u: Any, p: Particle) -> Vector:
 @helper
 def shifted(p: Particle, x: float, y: float, z: float) -> Particle:
     """The particle moved by (x, y, z)."""
-    return Particle(p.x + x, p.y + y, p.z + z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t)
+    return moved_to(p, p.x + x, p.y + y, p.z + z, p.vx, p.vy, p.vz, p.t)
 
 
 @law(force, PotentialRecord)

@@ -78,13 +78,15 @@ def psim(capsys, monkeypatch):
 
     def run(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["psim", *map(str, arguments)])
-        handler, threshold = signal.getsignal(signal.SIGTERM), gc.get_threshold()
+        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+        threshold = gc.get_threshold()
         capsys.readouterr()
         try:
             with pytest.raises(SystemExit) as end:
                 app.main()
         finally:
-            signal.signal(signal.SIGTERM, handler)
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
             gc.set_threshold(*threshold)
             gc.unfreeze()
         said = capsys.readouterr()
