@@ -47,6 +47,7 @@ class Simulation:
         self.graph: Graph = build_graph(scenario)
         self.team = Team(threads)
         self.step = 0
+        self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
         self._islands = self._populate(block)
@@ -91,7 +92,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.step * self.scenario.grid.dt
+        return self.step * self._dt
 
     @property
     def count(self) -> int:
@@ -180,12 +181,14 @@ class Simulation:
             for state, c in zip(island.states, island.columns(), strict=True)
         }
         for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
-            sums = measure(records, columns[group.name], self.time, self.team)
+            sums = measure(records, columns[group.name], self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
                 for key, value in zip(MOTION, sums, strict=False):
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 total[f"potential.{self._labels[k]}"] += value
+        if not self.scenario.springs:
+            return total
         labels = iter(self._labels[len(self.scenario.forces) :])
         names = dict(zip(self.scenario.springs, labels, strict=True))
         for island, structure in zip(self._islands, self.graph.islands, strict=True):

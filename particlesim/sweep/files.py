@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -31,8 +32,19 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write plain data as JSON, atomically. Raises OSError."""
-    write_atomically(path, json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write data of a sweep as JSON, atomically. Raises OSError."""
+    write_atomically(path, json.dumps(plain(data), ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def plain(data: Any) -> Any:
+    """Values of TOML as JSON has them: dates and numbers that are not finite become text."""
+    if isinstance(data, dict):
+        return {key: plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if data is None or isinstance(data, str | int) or (isinstance(data, float) and math.isfinite(data)):
+        return data
+    return str(data)
 
 
 def prepare(folder: Path, definition: dict[str, Any], total: int, *, force: bool) -> None:
@@ -50,8 +62,7 @@ def prepare(folder: Path, definition: dict[str, Any], total: int, *, force: bool
             raise UsageError(
                 f"{folder} is not empty, and holds no sweep", "Choose another one with --output."
             )
-        # What JSON makes of a value (lists for tuples) is what was kept.
-        wanted = json.loads(json.dumps(definition))
+        wanted = plain(definition)
         if earlier is not None and (earlier != wanted or force):
             if not force:
                 changed = [k for k in wanted.keys() | earlier.keys() if wanted.get(k) != earlier.get(k)]

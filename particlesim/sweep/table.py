@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
+from particlesim.sweep.files import plain
 from particlesim.sweep.outcome import Outcome
 
 
@@ -42,6 +43,7 @@ class Table:
 
 
 def _cell(value: Any) -> Any:
+    value = plain(value)
     if value is None:
         return ""
     if isinstance(value, float):

@@ -106,6 +106,16 @@ def test_every_end_is_a_row(file, tmp_path) -> None:
     assert sum(result.counts.values()) == result.total == 12
 
 
+def test_values_that_json_cannot_say(file, tmp_path) -> None:
+    vary = sweep(file, "forces.air.coefficient=0.1,nan,2020-01-01,[inf]")
+    first = vary.run(tmp_path / "out", executor=InProcess())
+    assert first.counts == {"done": 1, "bad_scenario": 3}
+    written = first.table.read_text()
+    again = vary.run(tmp_path / "out", executor=InProcess())
+    assert again.earlier == 4
+    assert again.table.read_text() == written
+
+
 def test_finished_runs_are_never_redone(file, tmp_path) -> None:
     vary = sweep(file, "simulation.seed=1,2,3,4", "checks.slow.max=10,1")
 
