@@ -197,6 +197,9 @@ def scenarios(draw: st.DrawFn) -> Table:
         "planes": draw(named("q", planes, 3)),
         "impulses": draw(named("j", impulses, 2)),
     }
+    groups = [*table["particles"], *table["emitters"]]
+    if all(group.get("dynamics", {}).get("type", "second_order") != "second_order" for group in groups):
+        table["impulses"] = []  # there must be someone to kick
     return table
 
 
