@@ -58,11 +58,10 @@ class LocalWorkers:
         """As `Executor.each`; `task` must survive pickling."""
         queue = _Queue(numbers)
         team: list[_Worker] = []
-        seconds = 0.0
-        ended = 0
+        short = False  # whether the last run was
         try:
             while True:
-                ahead = AHEAD if ended and seconds / ended < SHORT else 1
+                ahead = AHEAD if short else 1
                 while len(team) < self._count and queue.more():
                     team.append(_Worker(task))
                 for worker in team:
@@ -84,7 +83,7 @@ class LocalWorkers:
                             yield lost, None
                         continue
                     number, result, took = message
-                    seconds, ended = seconds + took, ended + 1
+                    short = took < SHORT
                     if isinstance(result, BaseException):
                         raise result
                     yield number, result
