@@ -108,6 +108,8 @@ def parts() -> Iterator[str]:
     yield from section(Scenario, "planes")
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
+    yield "## `[[checks]]`"
+    yield from section(Scenario, "checks")
     yield "## `[render]`"
     yield prose("render")
     yield table(RenderSettings)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
 from particlesim.bonds import MeshSprings, Springs
+from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.distributions import Distribution
 from particlesim.emitters import Emitter
@@ -40,6 +41,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
+    (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),
     (Flow, "[flows](#flows)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
+from particlesim.checking import CheckResult, Checks
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
@@ -54,8 +56,14 @@ class Result:
     died: dict[str, int]
     seconds: float
     warnings: tuple[str, ...] = ()
+    checks: tuple[CheckResult, ...] = ()
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check of the scenario holds."""
+        return all(check.passed for check in self.checks)
 
     @property
     def energy(self) -> NDArray[np.float64]:
@@ -101,15 +109,15 @@ def run(
     check_fits(required, path)
     simulation = Simulation(scenario, threads=threads)
     writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
-    watch = Watch(scenario)
+    watch, checks = Watch(scenario), Checks(scenario)
     log = _Log()
     began = time.perf_counter()
-    status, summary = "failed", {}
+    status: str = "failed"
+    summary: dict[str, int | str] = {}
     try:
-        _steps(simulation, writer, watch, log, progress, began)
+        _steps(simulation, writer, watch, checks, log, progress, began)
         status = "complete"
-        summary = {"steps": simulation.step, "particle_steps": simulation.particle_steps, "born": log.born}
-        summary |= {f"broken.{name}": number for name, (number, _) in simulation.broken().items()}
+        summary = _summary(simulation, log, checks)
     except DivergenceError:
         status = "diverged"
         raise
@@ -137,7 +145,21 @@ def run(
         seconds=seconds,
         warnings=(*advice(scenario), *watch.warnings, *problems),
         broken=simulation.broken(),
+        checks=checks.results(),
     )
+
+
+def _summary(simulation: Simulation, log: _Log, checks: Checks) -> dict[str, int | str]:
+    """What the trajectory tells of the whole run; results of checks as JSON."""
+    told: dict[str, int | str] = {
+        "steps": simulation.step,
+        "particle_steps": simulation.particle_steps,
+        "born": log.born,
+    }
+    told |= {f"broken.{name}": number for name, (number, _) in simulation.broken().items()}
+    if results := checks.results():
+        told["checks"] = json.dumps([result.as_data() for result in results], ensure_ascii=False)
+    return told
 
 
 def _writer(
@@ -161,6 +183,7 @@ def _steps(
     simulation: Simulation,
     writer: TrajectoryWriter | None,
     watch: Watch,
+    checks: Checks,
     log: _Log,
     progress: Callable[[Progress], None] | None,
     began: float,
@@ -187,15 +210,16 @@ def _steps(
 
     for step in (0, *grid.frame_steps()):
         simulation.advance_to(step, between=tell)
-        _record(simulation, writer, log, fields)
+        row = _record(simulation, writer, log, fields)
+        checks.look(simulation, row, log.born, sum(log.died.values()))
         watch.look(simulation)
         tell()
 
 
 def _record(
     simulation: Simulation, writer: TrajectoryWriter | None, log: _Log, fields: tuple[str, ...]
-) -> None:
-    """Take the frame of the present state."""
+) -> dict[str, float]:
+    """Take the frame of the present state; returns its row of the ledger, empty when none is kept."""
     events = simulation.take_events()
     for births in events.births:
         log.born += len(births.ids)
@@ -215,3 +239,4 @@ def _record(
     if writer is not None:
         columns: dict[str, Any] = columns_of(simulation, fields, writer.buffer)
         writer.append(simulation.time, simulation.step, columns, row)
+    return row

@@ -25,6 +25,7 @@ from psim.report import guarded
 from psim.run import run
 from psim.schema import schema
 from psim.stop import listen
+from psim.sweep import sweep
 
 app = typer.Typer(
     name="psim",
@@ -52,6 +53,16 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim run fountain.toml --video",
             "psim run fountain.toml --set simulation.dt=1e-3 --set forces.air.coefficient=0.3 -o fine.vtkhdf",
             "psim run fountain.toml --json > summary.json",
+        ),
+    ),
+    (
+        "sweep",
+        sweep,
+        _SIMULATE,
+        (
+            "psim sweep fountain.toml --vary forces.air.coefficient=0.1,0.2,0.5 --vary simulation.integrator=heun,rk4",
+            "psim sweep fountain.toml --vary 'forces.air.coefficient=linspace(0, 1, 11)' --workers 2",
+            "psim sweep fountain.toml --vary 'forces.air.coefficient=uniform(0.1, 0.5)' --samples 64 --seed 1",
         ),
     ),
     (

@@ -11,6 +11,7 @@ from psim.talk import animated, duration, rate, say
 
 if TYPE_CHECKING:
     from particlesim.runner import Progress
+    from particlesim.sweep import SweepProgress
 
 FIRST_LINE, LINE_EVERY = 10.0, 30.0
 """Seconds before the first plain line, and between them: a log of CI stays short."""
@@ -62,6 +63,36 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
                 )
 
             yield show
+
+
+@contextmanager
+def sweep_progress(name: str, *, quiet: bool) -> Iterator[Callable[[SweepProgress], None] | None]:
+    """A function that shows how many runs of a sweep have ended; None when nothing is to be shown."""
+    if quiet:
+        yield None
+    elif not animated():
+        due = _Due()
+
+        def line(p: SweepProgress) -> None:
+            if p.rate and due.now():
+                left = duration((p.total - p.ended) / p.rate)
+                say(f"{name}: {_sweep_note(p)}, {left} left")
+
+        yield line
+    else:
+        with _bar(name) as bar:
+            task = bar.add_task(name, total=None, note="preparing")
+
+            def show(p: SweepProgress) -> None:
+                bar.update(task, total=p.total, completed=p.ended, note=_sweep_note(p))
+
+            yield show
+
+
+def _sweep_note(p: SweepProgress) -> str:
+    """'120 of 1,000 runs, 3 not well, 150 runs/s'."""
+    failures = f", {p.failures:,} not well" if p.failures else ""
+    return f"{p.ended:,} of {p.total:,} runs{failures}, {p.rate:.3g} runs/s"
 
 
 class _Due:

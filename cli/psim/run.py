@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,12 +39,16 @@ def run(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")
     ] = False,
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
+    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
 
     The trajectory opens in ParaView as it is. Shows progress and ends with a summary; the paths of what was written go to
-    stdout. Ctrl-C keeps every frame that was finished.
+    stdout. Ctrl-C keeps every frame that was finished. Exit code 1 when a check of the scenario fails.
     """
     import particlesim as ps
 
@@ -54,11 +60,11 @@ def run(
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
     quiet = quiet or as_json
-    result = _simulate(loaded, scenario, path, force, threads, quiet)
+    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet))
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
-    from psim.summary import show_summary, summary
+    from psim.summary import show_failures, show_summary, summary
 
     told = summary(result, scenario, film, warnings)
     if as_json:
@@ -70,6 +76,28 @@ def run(
         print(path)
         if film is not None:
             print(film)
+    if not result.passed:
+        if not as_json:
+            show_failures(result)
+        raise typer.Exit(1)
+
+
+def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]) -> Result:
+    """The result of a run, which goes to a JUnit report as well, whether it ends well or not."""
+    if junit is None:
+        return simulate()
+    import particlesim as ps
+    from psim.junit import check_report, write_report
+
+    check_report(junit)
+    began = time.perf_counter()
+    try:
+        result = simulate()
+    except ps.PsimError as error:
+        write_report(junit, scenario.stem, time.perf_counter() - began, (), error)
+        raise
+    write_report(junit, scenario.stem, result.seconds, result.checks)
+    return result
 
 
 def _output(scenario: Path, output: Path | None) -> Path:

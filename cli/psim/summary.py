@@ -47,8 +47,9 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "energy": _ends(result.energy) if result.ledger else None,
         "momentum": _momentum(result),
         "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
+        "checks": [check.as_data() for check in result.checks],
         "warnings": warnings,
-        "exit_code": 0,
+        "exit_code": 0 if result.passed else 1,
     }
 
 
@@ -78,12 +79,26 @@ def show_summary(told: dict[str, Any]) -> None:
         ("energy", _change(told["energy"])),
         ("momentum", _momentum_text(told["momentum"])),
         ("springs", _broken(told["broken_springs"])),
+        ("checks", "\n".join(_check_text(check) for check in told["checks"])),
         ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
     ]
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
     facts(rows, sys.stderr)
     for text in told["warnings"]:
         warn(text)
+
+
+def show_failures(result: Result) -> None:
+    """The checks that failed, on stderr."""
+    for check in result.checks:
+        if not check.passed:
+            say(f"{paint('check failed', 'red')}: {check.message}")
+
+
+def _check_text(check: dict[str, Any]) -> str:
+    """'passed  energy.drift ≤ 0.001: 2.3e-05'."""
+    value = "not finite" if check["value"] is None else f"{check['value']:.6g}"
+    return f"{'passed' if check['passed'] else 'FAILED'}  {check['name']} {check['bound']}: {value}"
 
 
 def _particles(count: dict[str, Any]) -> str:

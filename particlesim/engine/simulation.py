@@ -48,6 +48,7 @@ class Simulation:
         self.graph: Graph = build_graph(scenario)
         self.team = Team(threads)
         self.step = 0
+        self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
         self._islands = self._populate(block)
@@ -60,6 +61,7 @@ class Simulation:
         )
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
+        self._ledger_columns = self._name_columns()
 
     def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
@@ -91,7 +93,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.step * self.scenario.grid.dt
+        return self.step * self._dt
 
     @property
     def count(self) -> int:
@@ -146,40 +148,41 @@ class Simulation:
         events, self.events = self.events, Events()
         return events
 
-    def _ledger_sources(self) -> list[tuple[str, tuple[int, ...]]]:
-        """For every group, which forces have a potential."""
+    def _ledger_sources(self) -> list[tuple[tuple[int, ...], tuple[Any, ...]]]:
+        """For every group, which forces have a potential, and their records in its precision."""
         found = []
-        for group in self.scenario.groups:
+        for group, state in zip(self.scenario.groups, self.states, strict=True):
             here = tuple(
                 k
                 for k, f in enumerate(self.scenario.forces)
                 if acts_on(f, group) and has_law(potential, f.record())
             )
-            found.append((group.name, here))
+            records = tuple(as_precision(self.scenario.forces[k].record(), state.dtype) for k in here)
+            found.append((here, records))
         return found
+
+    def _name_columns(self) -> tuple[str, ...]:
+        forces = sorted({k for here, _ in self._sources for k in here})
+        bonds = range(len(self.scenario.forces), len(self._labels))
+        return (*MOTION, *(f"potential.{self._labels[k]}" for k in (*forces, *bonds)))
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
-        forces = sorted({k for _, here in self._sources for k in here})
-        bonds = range(len(self.scenario.forces), len(self._labels))
-        return (*MOTION, *(f"potential.{self._labels[k]}" for k in (*forces, *bonds)))
+        return self._ledger_columns
 
     def ledger(self) -> dict[str, float]:
         """Kinetic and potential energies [J], momentum [kg m/s] and angular momentum [kg m²/s] about the origin.
 
         Particles without inertia have potential energy only.
         """
-        total = dict.fromkeys(self.ledger_columns(), 0.0)
+        total = dict.fromkeys(self._ledger_columns, 0.0)
         columns = {
             state.name: c
             for island in self._islands
             for state, c in zip(island.states, island.columns(), strict=True)
         }
-        for (name, forces), group, state in zip(
-            self._sources, self.scenario.groups, self.states, strict=True
-        ):
-            records = tuple(as_precision(self.scenario.forces[k].record(), state.dtype) for k in forces)
-            sums = measure(records, columns[name], self.time, self.team)
+        for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
+            sums = measure(records, columns[group.name], self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
                 for key, value in zip(MOTION, sums, strict=False):
                     total[key] += value
@@ -231,8 +234,11 @@ class Simulation:
         best: tuple[str | None, float] = (None, -1.0)
         for label, law in zip(self._labels, self.scenario.forces, strict=False):
             if acts_on(law, group):
-                with np.errstate(all="ignore"):
-                    size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
+                try:
+                    with np.errstate(all="ignore"):
+                        size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
+                except (ArithmeticError, ValueError):  # what compiled code answers with an infinity or a NaN
+                    return label, float("nan")
                 if not np.isfinite(size):
                     return label, size
                 if size > best[1]:

@@ -37,11 +37,18 @@ def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
 
 
 def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Scenario:
-    settings: tuple[Override, ...]
+    return scenario_of(source, parse_overrides(overrides), folder)
+
+
+def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
+    """Overrides of either form. Raises UsageError or ScenarioError for text that is none."""
     if isinstance(overrides, Mapping):
-        settings = overrides_from_mapping(overrides)
-    else:
-        settings = tuple(parse_override(text) for text in overrides)
+        return overrides_from_mapping(overrides)
+    return tuple(parse_override(text) for text in overrides)
+
+
+def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | None) -> Scenario:
+    """The scenario of a parsed source with further overrides. Raises ScenarioError with every mistake and its place."""
     source = apply_overrides(source, settings)
     mistakes: list[Invalid] = []
     try:

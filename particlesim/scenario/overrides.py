@@ -46,7 +46,7 @@ def parse_override(argument: str) -> Override:
         )
     text = f"--set {argument}"
     override = Override(key.strip(), None, text, text.index(key.strip(), 6), len(text) - len(value.lstrip()))
-    return replace(override, value=_toml_value(override, value.strip()))
+    return replace(override, value=toml_value(override, value.strip()))
 
 
 def override_from_python(key: str, value: object) -> Override:
@@ -92,7 +92,8 @@ def dotted_path(raw: Any, path: Sequence[str | int]) -> str:
     return ".".join(f'"{word}"' if "." in word else word for word in words)
 
 
-def _toml_value(override: Override, value: str) -> object:
+def toml_value(override: Override, value: str) -> object:
+    """`value`, the last part of the override's text, read as TOML. Raises ScenarioError with the place in that text."""
     prefix = "v = "
     try:
         parsed = tomllib.loads(prefix + value)

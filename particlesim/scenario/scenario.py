@@ -9,6 +9,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
 
 from particlesim.bonds import BondSet, SpringLaw, Springs
+from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
@@ -19,6 +20,7 @@ from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
 from particlesim.model import Model
 from particlesim.names import did_you_mean
+from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -52,6 +54,8 @@ class Scenario(Model):
     """Half-spaces that hold particles back."""
     impulses: tuple[Impulse, ...] = ()
     """Kicks at given times."""
+    checks: tuple[Check, ...] = ()
+    """What must hold; a run that breaks one has failed."""
     render: RenderSettings = RenderSettings()
     """How videos look."""
 
@@ -126,7 +130,19 @@ class Scenario(Model):
         """Check what no single table shows. A list given as context["mistakes"] collects them all; else the first is
         raised."""
         mistakes: list[Invalid] = []
-        for check in (_names, _references, _needs, _times, _kicks, _pins, _pairs, _pulled, _joined, _colors):
+        for check in (
+            _names,
+            _references,
+            _needs,
+            _times,
+            _kicks,
+            _pins,
+            _pairs,
+            _pulled,
+            _joined,
+            _colors,
+            disagreements,
+        ):
             mistakes += check(self)
             if mistakes:
                 break  # later checks rely on earlier ones
@@ -135,6 +151,7 @@ class Scenario(Model):
             mistakes.append(grid)
         else:
             self._grid = grid
+            mistakes += untimely(self, grid)
         if mistakes and info.context is not None and "mistakes" in info.context:
             info.context["mistakes"].extend(mistakes)
         elif mistakes:

@@ -1,0 +1,125 @@
+"""How the checks of a scenario must agree with the rest of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from particlesim.checks import FIELD_QUANTITIES, TOTALS, Check
+from particlesim.crossfield import Invalid
+from particlesim.laws import has_law, potential
+from particlesim.names import did_you_mean
+from particlesim.scenario.timegrid import TOLERANCE, TimeGrid
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def quantities(scenario: Scenario) -> tuple[str, ...]:
+    """Quantities of the whole simulation that a scenario has."""
+    labels = scenario.force_labels()
+    forces = [
+        label
+        for label, force in zip(labels, scenario.forces, strict=False)
+        if has_law(potential, force.record())
+    ]
+    return (*TOTALS, *(f"potential.{label}" for label in (*forces, *labels[len(scenario.forces) :])))
+
+
+def check_labels(scenario: Scenario) -> tuple[str, ...]:
+    """A name of its own for every check."""
+    labels: list[str] = []
+    for check in scenario.checks:
+        base = check.label()
+        label, k = base, 1
+        while label in labels:
+            k += 1
+            label = f"{base}_{k}"
+        labels.append(label)
+    return tuple(labels)
+
+
+def disagreements(scenario: Scenario) -> Iterator[Invalid]:
+    """Checks of quantities that there are not, of unknown groups, and two of one name."""
+    named: dict[str, int] = {}
+    for k, check in enumerate(scenario.checks):
+        yield from _quantity(scenario, check, k)
+        if check.name is not None and check.name in named:
+            other = ("checks", named[check.name], "name")
+            yield Invalid(
+                f"two checks are called {check.name!r}", ("checks", k, "name"), ((other, "the other one"),)
+            )
+        if check.name is not None:
+            named.setdefault(check.name, k)
+
+
+def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
+    at = ("checks", k)
+    totals = quantities(scenario)
+    name = check.quantity
+    if name not in totals and name not in FIELD_QUANTITIES:
+        yield _unknown(name, k, totals)
+        return
+    groups = [group.name for group in scenario.groups]
+    if check.group is not None and check.group not in groups:
+        hint = did_you_mean(check.group, groups)
+        yield Invalid(f"unknown group {check.group!r}", (*at, "group"), allowed=", ".join(groups), hint=hint)
+    if name in FIELD_QUANTITIES and check.statistic is None:
+        allowed = '"min", "max", "mean" or "percentile"'
+        yield Invalid(
+            f"{name} is a number for every particle; a check needs a statistic of it",
+            (*at, "quantity"),
+            allowed=f"statistic = {allowed}",
+        )
+    if name in totals and check.statistic is not None:
+        yield Invalid(f"{name} is one number; there is no statistic of it", (*at, "statistic"))
+    if name in totals and name != "count" and check.group is not None:
+        yield Invalid(f"{name} is a sum over all groups", (*at, "group"))
+    looked = [group for group in scenario.groups if check.group in (None, group.name)]
+    if name == "temperature" and looked and all(group.temperature is None for group in looked):
+        yield Invalid("no particle here has a temperature", (*at, "quantity"))
+
+
+def _unknown(name: str, k: int, totals: tuple[str, ...]) -> Invalid:
+    known = (*totals, *FIELD_QUANTITIES)
+    allowed = ", ".join(known)
+    components = [known_name for known_name in FIELD_QUANTITIES if known_name.startswith(f"{name}.")]
+    hint = did_you_mean(name, known)
+    if components:
+        hint = "name a component: " + ", ".join(components)
+    elif name.startswith("potential."):
+        hint = "of forces, those count that have a potential energy: " + (
+            ", ".join(known_name for known_name in totals if known_name.startswith("potential.")) or "none"
+        )
+    return Invalid(f"unknown quantity {name!r}", ("checks", k, "quantity"), allowed=allowed, hint=hint)
+
+
+def check_step(grid: TimeGrid, at: float) -> int | None:
+    """The frame's step at a time, None when no frame is there."""
+    for step in _neighbours(grid, at):
+        if math.isclose(step * grid.dt, at, rel_tol=TOLERANCE, abs_tol=TOLERANCE * grid.dt):
+            return step
+    return None
+
+
+def _neighbours(grid: TimeGrid, at: float) -> list[int]:
+    """Steps of the frames around a time."""
+    below = min(math.floor(at / grid.dt + TOLERANCE) // grid.every * grid.every, grid.steps)
+    return list(dict.fromkeys((below, min(below + grid.every, grid.steps))))
+
+
+def untimely(scenario: Scenario, grid: TimeGrid) -> Iterator[Invalid]:
+    """Checks at times without a frame."""
+    for k, check in enumerate(scenario.checks):
+        if isinstance(check.at, str) or check_step(grid, check.at) is not None:
+            continue
+        place = ("checks", k, "at")
+        if check.at > grid.duration:
+            end = ((("simulation", "duration"), f"the run ends at {grid.duration:g} s"),)
+            yield Invalid("a check after the end of the run", place, end)
+            continue
+        near = " and ".join(f"{step * grid.dt:.10g} s" for step in _neighbours(grid, check.at))
+        yield Invalid(
+            f"there is no frame at {check.at:.10g} s", place, hint=f"the nearest frames are at {near}"
+        )

@@ -1,0 +1,57 @@
+"""The table of a sweep: one row per run, one column per parameter and quantity."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from particlesim.sweep.files import plain
+from particlesim.sweep.outcome import Outcome
+
+
+class Table:
+    """Rows of results.csv; kept as text, so that a million of them fit in memory.
+
+    Numbers are written with as many digits as it takes to read back the same bits; what there is not is empty.
+    """
+
+    def __init__(self, parameters: Iterable[str], quantities: Iterable[str], checks: Iterable[str]) -> None:
+        self._parameters, self._quantities, self._checks = tuple(parameters), tuple(quantities), tuple(checks)
+        self._rows: dict[int, str] = {}
+
+    def add(self, outcome: Outcome) -> None:
+        """The row of a run."""
+        row = [
+            outcome.run,
+            *(_cell(outcome.parameters.get(key)) for key in self._parameters),
+            *(_cell(outcome.quantities.get(name)) for name in self._quantities),
+            *(_cell(outcome.checks.get(name)) for name in self._checks),
+            outcome.status,
+            outcome.cause,
+            f"{outcome.seconds:.6f}",
+        ]
+        self._rows[outcome.run] = _line(row)
+
+    def text(self) -> str:
+        """The table as CSV, by run number."""
+        checks = (f"check {name}" for name in self._checks)
+        head = ["run", *self._parameters, *self._quantities, *checks, "status", "cause", "seconds"]
+        return _line(head) + "".join(self._rows[number] for number in sorted(self._rows))
+
+
+def _cell(value: Any) -> Any:
+    value = plain(value)
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(value)
+    return value if isinstance(value, int | str) and not isinstance(value, bool) else json.dumps(value)
+
+
+def _line(row: list[Any]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(row)
+    return out.getvalue()

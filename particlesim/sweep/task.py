@@ -1,0 +1,132 @@
+"""One run of a sweep, as a worker does it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from particlesim.checking import total
+from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
+from particlesim.runner import Result, run
+from particlesim.scenario.agreement import quantities
+from particlesim.scenario.dump import dump
+from particlesim.scenario.load import scenario_of
+from particlesim.scenario.overrides import Override, overrides_from_mapping
+from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.source import Source
+from particlesim.sweep.design import Design
+from particlesim.sweep.files import RESULT, SCENARIO, TRAJECTORY, run_folder, write_atomically, write_json
+from particlesim.sweep.outcome import Outcome, Status
+from particlesim.trajectory.frame import Frame
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything that the runs of a sweep have in common; called with the number of a run, from 1, it does that run.
+
+    `source` is the scenario, `settings` what is set for all runs, `home` the folder that its relative paths start from.
+    Every run is done by one thread, and leaves its scenario and its result in a folder of its own below `output`.
+    """
+
+    source: Source
+    settings: tuple[Override, ...]
+    home: Path | None
+    design: Design
+    output: Path
+    record: bool = False
+
+    def scenario(self, number: int) -> Scenario:
+        """The scenario of a run. Raises ScenarioError."""
+        varied = overrides_from_mapping(self.design.settings(number - 1))
+        return scenario_of(self.source, (*self.settings, *varied), self.home)
+
+    def __call__(self, number: int) -> Outcome:
+        folder = run_folder(self.output, number, len(self.design))
+        began = time.perf_counter()
+        try:
+            folder.mkdir(exist_ok=True)
+            outcome = self._run(number, folder)
+        except Interrupted:
+            raise
+        except (PsimError, MemoryError, OSError) as error:
+            outcome = self.ended(number, _status(error), _cause(error), time.perf_counter() - began)
+        try:
+            write_json(folder / RESULT, outcome.as_data())
+        except OSError as error:
+            cause = f"the result cannot be written: {error.strerror or error}"
+            return self.ended(number, "failed", cause, outcome.seconds)
+        return outcome
+
+    def ended(self, number: int, status: Status, cause: str, seconds: float = 0.0) -> Outcome:
+        """The outcome of a run without a result."""
+        return Outcome(number, self.design.settings(number - 1), status, cause, seconds)
+
+    def _run(self, number: int, folder: Path) -> Outcome:
+        began = time.perf_counter()
+        scenario = self.scenario(number)
+        write_atomically(folder / SCENARIO, self._text(scenario))
+        trajectory = folder / TRAJECTORY if self.record else None
+        result = run(scenario, trajectory, overwrite=True, threads=1)
+        failed = [check.message for check in result.checks if not check.passed]
+        return Outcome(
+            number,
+            self.design.settings(number - 1),
+            "check_failed" if failed else "done",
+            "; ".join(failed),
+            time.perf_counter() - began,
+            final_quantities(result),
+            {check.name: _finite(check.value) for check in result.checks},
+            state_digest(result.final),
+        )
+
+    def _text(self, scenario: Scenario) -> str:
+        home = f"# relative paths start from {self.home}\n" if self.home is not None else ""
+        return home + dump(scenario)
+
+
+def final_quantities(result: Result) -> dict[str, float | None]:
+    """Totals at the end of a run, by name; without a ledger only counts."""
+    found: dict[str, float | None] = {
+        "count": len(result.final),
+        "born": result.born,
+        "died": sum(result.died.values()),
+    }
+    if result.ledger:
+        last = {name: float(values[-1]) for name, values in result.ledger.items()}
+        start = float(result.energy[0])
+        for name in quantities(result.scenario):
+            if name not in found:
+                found[name] = _finite(total(name, last, start))
+    return found
+
+
+def state_digest(final: Frame) -> str:
+    """SHA-256 of ids, positions and velocities: equal for equal bits."""
+    digest = hashlib.sha256()
+    for field in ("id", "position", "velocity"):
+        digest.update(final[field].tobytes())
+    return digest.hexdigest()
+
+
+def _status(error: BaseException) -> Status:
+    if isinstance(error, DivergenceError):
+        return "diverged"
+    if isinstance(error, UsageError):
+        return "bad_scenario"
+    return "failed"
+
+
+def _cause(error: Any) -> str:
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    if isinstance(error, OSError) and not isinstance(error, InputOutputError):
+        return str(error.strerror or error)
+    return str(error.message).splitlines()[0]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

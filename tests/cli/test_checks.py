@@ -1,0 +1,73 @@
+"""`psim run` with checks: exit code, summary, JSON, JUnit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from .conftest import TINY
+
+CHECKS = """
+[[checks]]
+quantity = "count"
+equals = 3
+
+[[checks]]
+name = "height"
+quantity = "position.y"
+statistic = "max"
+max = 1.0
+"""
+
+
+def test_a_failed_check_ends_with_1(psim) -> None:
+    Path("tiny.toml").write_text(TINY + CHECKS)
+    ended = psim("run", "tiny.toml", "--junit", "report.xml")
+    assert ended.code == 1
+    assert "passed  count = 3: 3" in ended.err
+    assert "FAILED  height ≤ 1:" in ended.err
+    assert "check failed: height is not ≤ 1: 1.4" in ended.err
+    assert ended.out.strip() == "outputs/tiny.vtkhdf"
+    suite = ElementTree.parse("report.xml").getroot()
+    assert {key: suite.get(key) for key in ("tests", "failures", "errors")} == {
+        "tests": "3",
+        "failures": "1",
+        "errors": "0",
+    }
+    assert [case.get("name") for case in suite] == ["run", "count", "height"]
+    assert [case.find("failure") is not None for case in suite] == [False, False, True]
+
+
+def test_passed_checks_and_json(psim) -> None:
+    Path("tiny.toml").write_text(TINY + CHECKS)
+    ended = psim("run", "tiny.toml", "--json", "--set", "checks.height.max=2")
+    assert ended.code == 0
+    assert ended.json["exit_code"] == 0
+    assert [check["passed"] for check in ended.json["checks"]] == [True, True]
+    failed = psim("run", "tiny.toml", "--json", "--force")
+    assert failed.code == failed.json["exit_code"] == 1
+
+
+def test_quiet_says_what_failed(psim) -> None:
+    Path("tiny.toml").write_text(TINY + CHECKS)
+    ended = psim("run", "tiny.toml", "--quiet")
+    assert ended.code == 1
+    assert ended.err.startswith("check failed: height")
+    assert ended.out == ""
+
+
+def test_a_run_that_diverges_is_an_error_in_the_report(psim) -> None:
+    field = '\n[[forces]]\ntype = "field"\nforce = ["1/(t - t)", "0", "0"]\n'
+    Path("tiny.toml").write_text(TINY + CHECKS + field)
+    ended = psim("run", "tiny.toml", "--junit", "report.xml")
+    assert ended.code == 3
+    suite = ElementTree.parse("report.xml").getroot()
+    assert suite.get("errors") == "1"
+    assert suite.find("testcase/error").get("type") == "DivergenceError"
+
+
+def test_a_report_that_cannot_be_written(psim) -> None:
+    ended = psim("run", "tiny.toml", "--junit", "nowhere/report.xml")
+    assert ended.code == 2
+    assert "nowhere" in ended.err
+    assert not Path("outputs").exists()

@@ -1,0 +1,247 @@
+"""Sweeps equal single runs bit by bit, survive interruption and lost workers, and tell how every run ended."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+import multiprocessing
+import time
+from pathlib import Path
+
+import pytest
+
+import particlesim as ps
+from particlesim.errors import ScenarioError, UsageError
+from particlesim.sweep import Design, InProcess, LocalWorkers, Sweep, SweepProgress, SweepResult, parse_axis
+from particlesim.sweep.task import state_digest
+
+SCENARIO = """
+format = 1
+[simulation]
+duration = 0.2
+dt = 0.01
+[output]
+every = 10
+[[particles]]
+layout = { type = "random", count = 20, shape = { type = "ball", radius = 1.0 } }
+radius = 0.1
+[[forces]]
+type = "gravity"
+[[forces]]
+name = "air"
+type = "linear_drag"
+coefficient = 0.1
+[[checks]]
+name = "slow"
+quantity = "speed"
+statistic = "max"
+max = 10.0
+"""
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    path = tmp_path / "balls.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+def sweep(file: Path, *vary: str, **options) -> Sweep:
+    return Sweep(file, Design(tuple(parse_axis(text) for text in vary)), **options)
+
+
+def rows(result: SweepResult) -> list[dict[str, str]]:
+    with result.table.open(newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def facts(result: SweepResult) -> list[dict[str, str]]:
+    """The table without wall times."""
+    return [{key: value for key, value in row.items() if key != "seconds"} for row in rows(result)]
+
+
+def test_equal_to_single_runs_whatever_the_workers(file, tmp_path) -> None:
+    vary = ("forces.air.coefficient=linspace(0, 1, 3)", "simulation.seed=1,2")
+    one = sweep(file, *vary).run(tmp_path / "one", workers=1)
+    two = sweep(file, *vary).run(tmp_path / "two", workers=2)
+    assert one.exit_code == two.exit_code == 0
+    assert [row["run"] for row in rows(two)] == ["1", "2", "3", "4", "5", "6"]
+    assert facts(one) == facts(two)
+    for row in rows(two):
+        number = int(row["run"])
+        folder = tmp_path / "two" / f"{number:04}"
+        single = ps.run(
+            ps.load(
+                file,
+                {
+                    "forces.air.coefficient": float(row["forces.air.coefficient"]),
+                    "simulation.seed": int(row["simulation.seed"]),
+                },
+            )
+        )
+        assert row["kinetic"] == repr(float(single.ledger["kinetic"][-1]))
+        assert row["energy"] == repr(float(single.energy[-1]))
+        assert row["check slow"] == repr(single.checks[0].value)
+        result = json.loads((folder / "result.json").read_text())
+        assert result["state"] == state_digest(single.final)
+        again = ps.run(ps.load(folder / "scenario.toml"))  # the resolved scenario gives the same run
+        assert state_digest(again.final) == result["state"]
+
+
+def test_every_end_is_a_row(file, tmp_path) -> None:
+    vary = sweep(
+        file, "simulation.dt=0.01,-1,0.02", "forces.air.coefficient=0.1,1e200", "checks.slow.max=10,1"
+    )
+    result = vary.run(tmp_path / "out", executor=InProcess())
+    states = [row["status"] for row in rows(result)]
+    assert states[0] == "done"
+    assert states[1] == "check_failed"
+    assert states[4:8] == ["bad_scenario"] * 4
+    assert states[2] == states[10] == "diverged"
+    assert "greater than 0" in rows(result)[4]["cause"]
+    assert rows(result)[1]["cause"].startswith("slow is not ≤ 1")
+    assert rows(result)[2]["kinetic"] == ""
+    assert result.exit_code == 3
+    assert sum(result.counts.values()) == result.total == 12
+
+
+def test_values_that_json_cannot_say(file, tmp_path) -> None:
+    vary = sweep(file, "forces.air.coefficient=0.1,nan,2020-01-01,[inf]")
+    first = vary.run(tmp_path / "out", executor=InProcess())
+    assert first.counts == {"done": 1, "bad_scenario": 3}
+    written = first.table.read_text()
+    again = vary.run(tmp_path / "out", executor=InProcess())
+    assert again.earlier == 4
+    assert again.table.read_text() == written
+
+
+def test_finished_runs_are_never_redone(file, tmp_path) -> None:
+    vary = sweep(file, "simulation.seed=1,2,3,4", "checks.slow.max=10,1")
+
+    class Stop(InProcess):
+        def each(self, task, numbers):
+            for number in numbers:
+                if number == 4:
+                    raise KeyboardInterrupt
+                yield number, task(number)
+
+    first = vary.run(tmp_path / "out", executor=Stop())
+    assert first.interrupted
+    assert first.exit_code == 130
+    assert len(rows(first)) == 3
+    stamps = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").glob("000[123]/result.json")}
+    assert len(stamps) == 3
+    second = vary.run(tmp_path / "out", executor=InProcess())
+    assert second.earlier == 3
+    assert second.ended == len(rows(second)) == 8
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
+    whole = vary.run(tmp_path / "whole", executor=InProcess())
+    assert facts(whole) == facts(second)
+
+    def never(number):
+        raise AssertionError(number)
+
+    class Idle:
+        def each(self, task, numbers):
+            yield from map(never, numbers)
+
+    assert vary.run(tmp_path / "out", executor=Idle()).earlier == 8
+
+
+def test_damaged_and_failed_results_are_done_again(file, tmp_path) -> None:
+    vary = sweep(file, "simulation.seed=1,2,3")
+    out = tmp_path / "out"
+    vary.run(out, executor=InProcess())
+    (out / "0002/result.json").write_text('{"run": 2')
+    data = json.loads((out / "0003/result.json").read_text())
+    (out / "0003/result.json").write_text(json.dumps({**data, "status": "failed"}))
+    again = vary.run(out, executor=InProcess())
+    assert again.earlier == 1
+    assert again.counts == {"done": 3}
+
+
+def test_another_sweep_in_the_folder(file, tmp_path) -> None:
+    out = tmp_path / "out"
+    sweep(file, "simulation.seed=1,2,3").run(out, executor=InProcess())
+    other = sweep(file, "simulation.seed=4,5", overrides=["forces.air.coefficient=0.2"])
+    with pytest.raises(UsageError, match="another sweep: runs, set, vary changed"):
+        other.run(out)
+    (out / "0003/notes.txt").write_text("mine")
+    result = other.run(out, executor=InProcess(), force=True)
+    assert len(rows(result)) == 2
+    assert not (out / "0003/result.json").exists()
+    assert (out / "0003/notes.txt").exists()  # nothing is removed that a sweep did not write
+
+
+def test_a_folder_of_something_else(file, tmp_path) -> None:
+    out = tmp_path / "thesis"
+    out.mkdir()
+    (out / "chapter1.tex").write_text("dear")
+    for force in (False, True):
+        with pytest.raises(UsageError, match="holds no sweep"):
+            sweep(file, "simulation.seed=1").run(out, force=force)
+    assert [path.name for path in out.iterdir()] == ["chapter1.tex"]
+    with pytest.raises(UsageError, match="not a folder"):
+        sweep(file, "simulation.seed=1").run(out / "chapter1.tex")
+
+
+def test_fail_fast(file, tmp_path) -> None:
+    vary = sweep(file, "checks.slow.max=10,1,10,10")
+    result = vary.run(tmp_path / "out", executor=InProcess(), fail_fast=True)
+    assert [row["status"] for row in rows(result)] == ["done", "check_failed"]
+    assert result.exit_code == 1
+
+
+def test_record_quantities_progress(file, tmp_path) -> None:
+    told: list[SweepProgress] = []
+    vary = sweep(file, "simulation.seed=1,2", quantities=["kinetic", "count"], record=True)
+    result = vary.run(tmp_path / "out", executor=InProcess(), progress=told.append)
+    assert list(rows(result)[0]) == [
+        "run", "simulation.seed", "kinetic", "count", "check slow", "status", "cause", "seconds",
+    ]  # fmt: skip
+    with ps.open(tmp_path / "out/0002/trajectory.vtkhdf") as trajectory:
+        assert len(trajectory) == 3
+    assert [(p.ended, p.total) for p in told] == [(0, 2), (1, 2), (2, 2)]
+
+
+@pytest.mark.parametrize(
+    ("vary", "options", "error", "message"),
+    [
+        ("forces.aer.coefficient=1,2", {}, ScenarioError, 'did you mean "air"'),
+        ("simulation.dtt=1,2", {}, ScenarioError, "dt"),
+        ("simulation.seed=1,2", {"overrides": ["simulation.dt=-1"]}, ScenarioError, "greater than 0"),
+        ("simulation.seed=1,2", {"quantities": ["kinetik"]}, UsageError, 'did you mean "kinetic"'),
+        (
+            "simulation.seed=1,2",
+            {"quantities": ["energy"], "overrides": ["output.ledger=false"]},
+            UsageError,
+            "switched off",
+        ),
+    ],
+)
+def test_mistakes_before_anything_runs(file, vary, options, error, message) -> None:
+    with pytest.raises(error) as caught:
+        sweep(file, vary, **options)
+    assert message in str(caught.value)
+
+
+def test_lost_workers_are_replaced(tmp_path, monkeypatch) -> None:
+    """Run 3 takes its worker down the first time, run 5 always."""
+    monkeypatch.setenv("PSIM_TEST_MARK", str(tmp_path / "mark"))
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    task = importlib.import_module("fragile_task").fragile
+    assert dict(LocalWorkers(2).each(task, range(1, 8))) == {
+        k: (None if k == 5 else k * k) for k in range(1, 8)
+    }
+
+
+def test_ctrl_c_ends_the_workers(tmp_path, monkeypatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    task = importlib.import_module("fragile_task").endless
+    ends = LocalWorkers(2).each(task, range(3))
+    next(ends)
+    began = time.perf_counter()
+    ends.close()
+    assert time.perf_counter() - began < 5
+    assert not multiprocessing.active_children()
