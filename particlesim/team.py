@@ -7,6 +7,7 @@ who did what.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -30,6 +31,11 @@ class Team:
     def __init__(self, threads: int | None = None) -> None:
         self.threads = available_cores() if threads is None else max(1, threads)
         self._pool = ThreadPoolExecutor(self.threads, "psim") if self.threads > 1 else None
+        if self._pool is not None:
+            # Start them all now: a thread that is born with work stays for milliseconds on the core of its parent.
+            together = threading.Barrier(self.threads)
+            for _ in range(self.threads):
+                self._pool.submit(together.wait)
 
     def each(self, work: Callable[[int], Any], count: int) -> None:
         """Call work(0) … work(count − 1), in any order, and return when all are done."""
