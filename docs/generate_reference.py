@@ -29,6 +29,7 @@ from particlesim.forces.operations import FUNCTIONS, VARIABLES
 from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
 from particlesim.layouts import LAYOUTS
+from particlesim.model import field_docs
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.simulation import Output, Simulation
@@ -155,9 +156,10 @@ def table(model: type[BaseModel], without: tuple[str, ...] = ()) -> str:
     fields = {name: info for name, info in model.model_fields.items() if name not in without}
     if not fields:
         return ""
+    docs = field_docs(model)
     rows = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
     for name, info in fields.items():
-        meaning = cell(info.description or "")
+        meaning = cell(docs.get(name, ""))
         kind = cell(type_words(info.annotation, tuple(info.metadata)))
         rows.append(f"| `{name}` | {kind} | {cell(default_words(info))} | {meaning} |")
     return "\n".join(rows)

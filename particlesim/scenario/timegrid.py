@@ -57,9 +57,9 @@ def time_grid(simulation: Simulation, output: Output) -> TimeGrid | Invalid:
         fits = asked is not None and math.isclose(every * asked, period, rel_tol=TOLERANCE)
         dt = asked if fits and asked is not None else period / every
     ratio = simulation.duration / dt
-    steps = round(ratio)
-    if ratio > MOST_STEPS:
+    if not ratio <= MOST_STEPS:
         return Invalid(f"{ratio:.3g} steps are more than can be counted", at=_step(simulation))
+    steps = round(ratio)
     if steps < 1 or not math.isclose(steps * dt, simulation.duration, rel_tol=TOLERANCE):
         return _not_reached(simulation, output, dt, every, ratio)
     if every is None:
@@ -69,7 +69,7 @@ def time_grid(simulation: Simulation, output: Output) -> TimeGrid | Invalid:
 
 def _whole_steps(period: float, dt: float) -> int:
     """Steps per frame: as few as possible, none longer than dt."""
-    ratio = period / dt
+    ratio = min(period / dt, float(MOST_STEPS))
     nearest = max(round(ratio), 1)
     return nearest if math.isclose(ratio, nearest, rel_tol=TOLERANCE) else math.ceil(ratio)
 
@@ -103,7 +103,7 @@ def _not_reached(
 
 def _fitting_steps(duration: float, period: float, least: int) -> int | None:
     """The fewest steps per frame, not fewer than `least`, that reach the duration; None if there are none near."""
-    for every in range(least, 4 * least + 100):
+    for every in range(least, min(4 * least, least + 900) + 100):
         ratio = duration * every / period
         if math.isclose(round(ratio) * period / every, duration, rel_tol=TOLERANCE):
             return every
