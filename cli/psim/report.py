@@ -78,7 +78,7 @@ def _as_psim_error(error: BaseException) -> Any:
 
     from particlesim.errors import InputOutputError, Interrupted, PsimError
 
-    if isinstance(error, KeyboardInterrupt):
+    if _was_interrupted(error):
         return Interrupted("stopped")
     if isinstance(error, MemoryError):
         detail = f": {error}" if str(error) else ""
@@ -91,6 +91,13 @@ def _as_psim_error(error: BaseException) -> Any:
     bug = PsimError(f"this is a mistake in psim: {type(error).__name__}: {error}", _ISSUES)
     bug.exit_code = BUG
     return bug
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it; the making of a class, in the middle of an import, hides it in a RuntimeError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def _print(error: Any) -> None:
