@@ -14,7 +14,7 @@ from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
 from particlesim.groups import Particles
-from particlesim.integrators import METHODS, Verlet
+from particlesim.integrators import method_for
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.fields import select_fields
 
@@ -57,11 +57,9 @@ def needs(scenario: Scenario) -> Needs:
             assert isinstance(group, Emitter)
             here = _alive(group, Schedule(group, scenario.streams(group)), times)
             per_particle = 8 * number + 8 + 26
-        verlet = isinstance(METHODS[group.integrator or scenario.simulation.integrator], Verlet)
+        remembered = method_for(group.integrator or scenario.simulation.integrator).memory
         memory += int(
-            here.max()
-            * (per_particle + (4 * number if verlet else 0))
-            * (1.5 if group in scenario.emitters else 1)
+            here.max() * (per_particle + remembered * number) * (1.5 if group in scenario.emitters else 1)
         )
         alive += here
     ratio = GZIP_RATIO if scenario.output.compression == "gzip" else 1.0
