@@ -191,6 +191,7 @@ def _writer(
         overwrite=overwrite,
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
+        topology=simulation.topology(),
     )
 
 
@@ -248,6 +249,9 @@ def _record(
             log.died[name] = log.died.get(name, 0) + int(number)
         if writer is not None:
             writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    if writer is not None:
+        for name, broke in simulation.broke().items():
+            writer.breaks(name, broke)
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
