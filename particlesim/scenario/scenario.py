@@ -28,6 +28,9 @@ from particlesim.streams import Streams
 
 Keys = tuple[str | int, ...]
 
+MOST_BIRTHS = 10**12
+"""Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
+
 
 class Scenario(Model):
     """A particle simulation: what there is, what acts on it, how it is stepped and what is kept."""
@@ -274,7 +277,16 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
                 )
                 yield Invalid("a kick after the end of the run", path, duration)
     for k, emitter in enumerate(scenario.emitters):
-        if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+        births = emitter.expected(end)
+        if births > MOST_BIRTHS:
+            key = "rate" if emitter.rate is not None else "burst"
+            yield Invalid(
+                f"{births:.3g} births in {end:g} s are more than a run can make",
+                ("emitters", k, key),
+                duration,
+                allowed=f"at most {MOST_BIRTHS:.0e} births",
+            )
+        elif Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 

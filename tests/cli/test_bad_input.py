@@ -17,7 +17,23 @@ def replaced(old: str, new: str) -> str:
     return TINY.replace(old, new)
 
 
+EMITTER = """
+[[emitters]]
+rate = 1e308
+limit = 10
+shape = { type = "point", position = [0, 1, 0] }
+"""
+
 MISTAKES = {
+    "rate beyond all numbers": (TINY + EMITTER, "1e+307 births in 0.1 s are more than a run can make"),
+    "rate that a limit does not bound": (
+        TINY + EMITTER.replace("1e308", "1e13"),
+        "births between two frames",
+    ),
+    "burst that a limit does not bound": (
+        TINY + EMITTER.replace("rate = 1e308", "burst = { count = 10_000_000_000, at = 0.07 }"),
+        "births between two frames",
+    ),
     "broken TOML": (replaced("[simulation]", "[simulation"), "bad.toml:4"),
     "wrong type": (replaced("dt = 0.01", "dt = [1]"), "expected a duration"),
     "unknown key": (replaced("restitution", "restituton"), 'did you mean "restitution"?'),
