@@ -12,7 +12,7 @@ import typer
 
 from psim.standard import OUTPUT, discard_output
 from psim.stop import check
-from psim.talk import paint
+from psim.talk import paint, plain
 
 if TYPE_CHECKING:
     from particlesim.errors import Diagnostic, PsimError
@@ -125,9 +125,9 @@ def _print(error: Any) -> None:
         print(render_all(error.diagnostics, color=color), file=sys.stderr)
         return
     word, style = ("interrupted", "yellow") if isinstance(error, Interrupted) else ("error", "red")
-    print(f"{paint(word, style)}: {error.message}", file=sys.stderr)
+    print(f"{paint(word, style)}: {plain(error.message)}", file=sys.stderr)
     if error.hint:
-        print(f"  {paint('help', 'cyan')}: {error.hint}", file=sys.stderr)
+        print(f"  {paint('help', 'cyan')}: {plain(error.hint)}", file=sys.stderr)
 
 
 def as_data(error: Any) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.bonds import BondSet, SpringLaw, Springs
 from particlesim.checks import Check
@@ -18,7 +18,7 @@ from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.layouts.file import File
-from particlesim.model import Model
+from particlesim.model import Line, Model, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.rendering import RenderSettings, colorable
@@ -37,9 +37,9 @@ class Scenario(Model):
 
     format: Literal[1] = 1
     """Version of the scenario format."""
-    title: Annotated[str, StringConstraints(max_length=200)] = ""
+    title: Line = ""
     """A line that names the scene, for summaries and videos."""
-    description: Annotated[str, StringConstraints(max_length=10_000)] = ""
+    description: Prose = ""
     """What the scene shows."""
     simulation: Simulation
     """Time, method, seed and precision."""

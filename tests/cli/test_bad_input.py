@@ -35,6 +35,11 @@ MISTAKES = {
         "births between two frames",
     ),
     "broken TOML": (replaced("[simulation]", "[simulation"), "bad.toml:4"),
+    "escape sequence in a title": (replaced('"Tiny"', r'"a\u001b[2Jb"'), "a line of text without control"),
+    "reversed writing in a description": (
+        replaced('title = "Tiny"', r'description = "two\nlines\u202e"'),
+        "text without control characters",
+    ),
     "wrong type": (replaced("dt = 0.01", "dt = [1]"), "expected a duration"),
     "unknown key": (replaced("restitution", "restituton"), 'did you mean "restitution"?'),
     "misspelt force": (replaced('"gravity"', '"gravty"'), 'did you mean "gravity"?'),

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -73,3 +74,23 @@ def test_ctrl_c_while_the_command_is_still_being_imported(tmp_path):
     )
     path = os.pathsep.join(map(str, (tmp_path / "early", REPOSITORY, REPOSITORY / "cli")))
     assert shell("psim --help", PYTHONPATH=path) == Ended(130, "", "")
+
+
+def test_names_of_files_do_not_reach_the_terminal_as_commands(psim):
+    name = "a\x1b[2J\x1b]0;title\x07\u202eb"
+    Path(f"{name}.toml").write_text(TINY)
+    Path(f"{name}.junk.toml").write_text(TINY.replace("restitution", "restituton"))
+    for ended in (
+        psim("check", f"{name}.toml"),
+        psim("check", f"{name}.junk.toml", "gone.toml"),
+        psim("run", f"{name}.toml", "--junit", "report.xml", "-o", f"{name}.vtkhdf"),
+        psim("inspect", f"{name}.vtkhdf"),
+        psim("render", f"gone{name}.vtkhdf"),
+    ):
+        shown = (ended.out + ended.err).replace(
+            f"{name}.vtkhdf\n", ""
+        )  # the data of `psim run`: a path for programs
+        assert "\x1b" not in shown
+        assert "\x07" not in shown
+        assert "\u202e" not in shown
+    ElementTree.parse("report.xml")  # XML has no control characters
