@@ -26,7 +26,7 @@ GRACE = 2.0
 
 
 class Held:
-    """Signals with handlers in Python that wait for `check`. One that comes a second time does not wait."""
+    """Signals with handlers in Python that wait for `check`. The second one does not wait."""
 
     def __init__(self) -> None:
         self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
@@ -34,7 +34,10 @@ class Held:
         self._timer: threading.Timer | None = None
 
     def check(self) -> None:
-        """A safe point: if a signal waits, its own handler is called (Python's own raises KeyboardInterrupt)."""
+        """A safe point: if a signal came, its own handler is called (Python's own raises KeyboardInterrupt).
+
+        Also if it was called before: where that was in vain, its exception swallowed by the end of an object's life.
+        """
         if self._waiting is not None:
             self._deliver(self._waiting, None)
 
@@ -64,7 +67,6 @@ class Held:
         self._timer.start()
 
     def _deliver(self, number: int, frame: FrameType | None) -> None:
-        self._waiting = None
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

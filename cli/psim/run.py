@@ -64,17 +64,16 @@ def run(
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
     from psim.summary import show_failures, show_summary, summary
+    from psim.talk import print_json, print_path
 
     told = summary(result, scenario, film, warnings)
     if as_json:
-        from psim.talk import print_json
-
         print_json(told)
     elif not quiet:
         show_summary(told)
-        print(path)
+        print_path(path)
         if film is not None:
-            print(film)
+            print_path(film)
     if not result.passed:
         if not as_json:
             show_failures(result)

@@ -30,3 +30,18 @@ def test_what_nohup_ignores_stays_ignored() -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     stop.listen()
     assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+
+
+def test_ctrl_c_that_compiled_code_makes_another_error_of(psim, monkeypatch):
+    import particlesim as ps
+
+    def build(*_, **__):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt as error:
+            raise ValueError("building failed: KeyboardInterrupt") from error
+
+    monkeypatch.setattr(ps, "load", build)
+    ended = psim("run", "tiny.toml")
+    assert ended.code == 130
+    assert "Traceback" not in ended.err
