@@ -81,8 +81,7 @@ def _rows(found: Difference) -> list[tuple[str, str]]:
     """The first difference, line by line."""
     rows = [("first at", _place(found))] if found.time is not None else []
     if found.what == "particle":
-        first, second = ("the first", "the second") if found.a > found.b else ("the second", "the first")
-        rows.append(("particle", f"{_particle(found)} is in {first} and not in {second}"))
+        rows.append(("particle", f"{_particle(found)} is only in one of them"))
         rows.append(
             ("particles", f"{found.a:,} and {found.b:,}, of which {found.particles:,} are not in both")
         )
@@ -108,7 +107,9 @@ def _particle(found: Difference) -> str:
 
 def _amount(found: Difference) -> str:
     """'3 ULP, 2.1e-16 relative, 1e-17 of the largest value'."""
-    parts = [f"{found.ulp:,} ULP"] if found.ulp is not None else []
+    parts = []
+    if found.ulp is not None:
+        parts.append(f"{found.ulp:,} ULP" if found.ulp < 10**6 else f"{found.ulp:.2g} ULP")
     parts += [f"{found.relative:.3g} relative"] if found.relative is not None else []
     parts += [f"{found.scaled:.3g} of the largest value in the frame"] if found.scaled is not None else []
     return ", ".join(parts)
