@@ -14,7 +14,7 @@ from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
 from particlesim.groups import Particles
-from particlesim.integrators import METHODS, Verlet
+from particlesim.integrators import method_for
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.fields import select_fields
@@ -70,11 +70,9 @@ def needs(scenario: Scenario) -> Needs:
             per_particle = 8 * number + 8 + 26
             memory += int(born.max() * BIRTH_MEMORY)
             births += schedule.total(grid.duration)
-        verlet = isinstance(METHODS[group.integrator or scenario.simulation.integrator], Verlet)
+        remembered = method_for(group.integrator or scenario.simulation.integrator).memory
         memory += int(
-            held.max()
-            * (per_particle + (4 * number if verlet else 0))
-            * (1.5 if group in scenario.emitters else 1)
+            held.max() * (per_particle + remembered * number) * (1.5 if group in scenario.emitters else 1)
         )
         alive += here
         stepped += held

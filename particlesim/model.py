@@ -7,7 +7,7 @@ import functools
 import inspect
 import textwrap
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, StringConstraints
 from pydantic_core import CoreSchema
@@ -29,6 +29,9 @@ class Model(BaseModel):
     The text under a field is its documentation. It is read from the source when someone asks for it (`field_docs`, the
     JSON Schema): pydantic would read it whenever the module is imported, which takes longer than all the rest.
     """
+
+    tag: ClassVar[str] = "type"
+    """The key that tells the models of a union apart, where they have it."""
 
     model_config = ConfigDict(
         frozen=True,

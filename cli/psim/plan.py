@@ -24,6 +24,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
     """
     from particlesim.advice import advice
     from particlesim.bounds import check_fits, needs
+    from particlesim.integrators import method_for
 
     required = needs(scenario)
     check_fits(required, output)
@@ -38,7 +39,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "steps": grid.steps,
         "dt": grid.dt,
         "dt_asked": grid.asked,
-        "integrator": scenario.simulation.integrator,
+        "integrator": method_for(scenario.simulation.integrator).label,
         "precision": scenario.simulation.precision,
         "frames": required.frames,
         "fields": ["position", "id", *scenario.recorded_fields()],

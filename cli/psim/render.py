@@ -49,7 +49,6 @@ def render(
 
     import particlesim as ps
     from psim.progress import render_progress
-    from psim.stop import stoppable
     from psim.talk import duration, print_path, say, warn
 
     given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
@@ -71,7 +70,7 @@ def render(
             frames=parse_frames(frames),
             overwrite=force,
             threads=threads,
-            progress=stoppable(progress),
+            progress=progress,
         )
     if quiet:
         return

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from psim.standard import OUTPUT, discard_output
-from psim.stop import check
+from psim.stop import requested
 from psim.talk import paint, plain
 
 if TYPE_CHECKING:
@@ -84,22 +84,13 @@ def _is_usage(error: BaseException) -> bool:
     return hasattr(error, "format_message")
 
 
-def _interrupted() -> bool:
-    """Whether Ctrl-C came and went unheard: compiled code may make an error of its own of the exception."""
-    try:
-        check()
-    except KeyboardInterrupt:
-        return True
-    return False
-
-
 def _as_psim_error(error: BaseException) -> Any:
     """The error of the library that says what happened; a bug shows its traceback."""
     import errno
 
     from particlesim.errors import InputOutputError, Interrupted, PsimError
 
-    if isinstance(error, KeyboardInterrupt) or (not isinstance(error, OSError) and _interrupted()):
+    if isinstance(error, KeyboardInterrupt) or (not isinstance(error, OSError) and requested()):
         return Interrupted("stopped")
     if isinstance(error, MemoryError):
         detail = f": {error}" if str(error) else ""

@@ -11,7 +11,6 @@ import typer
 from psim.complete import override_keys
 from psim.options import Overrides, Quiet, ScenarioFile
 from psim.progress import sweep_progress
-from psim.stop import stoppable
 from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
 if TYPE_CHECKING:
@@ -100,9 +99,7 @@ def sweep(
     folder = Path("outputs") / f"{scenario.stem}-sweep" if output is None else output
     quiet = quiet or as_json
     with sweep_progress(scenario.stem, quiet=quiet) as progress:
-        result = planned.run(
-            folder, workers=workers, fail_fast=fail_fast, force=force, progress=stoppable(progress)
-        )
+        result = planned.run(folder, workers=workers, fail_fast=fail_fast, force=force, progress=progress)
     if as_json:
         print_json(_as_data(result))
     else:

@@ -17,6 +17,7 @@ from particlesim.forces import AnyForce, Force
 from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
+from particlesim.integrators import method_for
 from particlesim.layouts.file import File
 from particlesim.model import Line, Model, Prose
 from particlesim.names import did_you_mean
@@ -325,12 +326,15 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     for here, names, _ in _bond_tables(scenario):
         (path, first), (other, second) = (tables[name] for name in names)
-        methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
+        methods = [
+            method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
+        ]
         if methods[0] != methods[1]:
             yield Invalid(
-                f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
+                "springs join groups that step together, and these have different integrators "
+                f"({methods[0].label}, {methods[1].label})",
                 here,
-                ((path, methods[0]), (other, methods[1])),
+                ((path, methods[0].label), (other, methods[1].label)),
             )
         for j, plane in enumerate(scenario.planes):
             if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
