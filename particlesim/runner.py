@@ -26,7 +26,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import Watch
+from particlesim.validity import TOO_LARGE, Watch, check_ledger, extremes, infinite
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,7 @@ def run(
     required = needs(scenario)
     check_fits(required, path)
     simulation = Simulation(scenario, threads=threads)
+    check_ledger(simulation)
     with held_signals() as signals:
         return _recorded(simulation, path, overwrite, required.particles, progress, signals)
 
@@ -255,6 +256,11 @@ def _record(
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
+        if (column := infinite(row)) is not None:
+            raise DivergenceError(
+                f"the ledger's {column} is no longer finite at t = {simulation.time:.9g} s: {extremes(simulation)}",
+                TOO_LARGE,
+            )
         log.rows.append(row)
     log.times.append(simulation.time)
     if writer is not None:

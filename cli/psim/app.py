@@ -14,6 +14,7 @@ import typer
 from psim import standard
 from psim.check import check
 from psim.describe import describe
+from psim.diff import diff
 from psim.examples import examples
 from psim.export import export
 from psim.graph import graph
@@ -22,6 +23,7 @@ from psim.new import new
 from psim.plot import plot
 from psim.render import render
 from psim.report import guarded, report
+from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
 from psim.stop import listen
@@ -86,6 +88,21 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         inspect,
         _LOOK,
         ("psim inspect outputs/fountain.vtkhdf", "psim inspect outputs/fountain.vtkhdf --json"),
+    ),
+    (
+        "diff",
+        diff,
+        _LOOK,
+        (
+            "psim diff outputs/a.vtkhdf outputs/b.vtkhdf",
+            "psim diff fine.vtkhdf coarse.vtkhdf --tolerance 1e-6",
+        ),
+    ),
+    (
+        "rerun",
+        rerun,
+        _LOOK,
+        ("psim rerun outputs/fountain.vtkhdf", "psim rerun theirs.vtkhdf --tolerance 1e-9 -o mine.vtkhdf"),
     ),
     (
         "plot",
