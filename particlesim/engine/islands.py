@@ -15,11 +15,13 @@ from particlesim.engine.adaptive import step_range_adaptive
 from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
+from particlesim.engine.pace import RESOLVED
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
+from particlesim.integrators import EmbeddedRungeKutta, Method
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -27,6 +29,9 @@ from particlesim.team import Team
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
+
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +49,17 @@ class Fault:
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+    """Where a particle was when its own steps could not go on.
+
+    Why (a code of `engine.pace`), when [s], the particle, the shortest step that was allowed [s], and for each set of
+    bonds of the island the force of all on the particle [N].
+    """
 
     why: int
     time: float
     particle: Particle
+    least: float
+    bonds: tuple[float, ...] = ()
 
 
 @dataclass
@@ -80,6 +91,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._method = island.method
         self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
@@ -112,16 +124,15 @@ class IndependentIsland:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
             return None, None, None
-        faults = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+        faults: NDArray[Any] = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
         if self.state.count:
             columns = self.columns()[0]
 
             def work(a: int, b: int) -> None:
                 self._step(columns, first, last - first, a, b, self._block, faults)
 
-            team.over_range(
-                self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
-            )
+            ahead = self.state.count * (last - first) * (OWN_STEPS if self._adaptive else 1)
+            team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
@@ -145,7 +156,7 @@ class IndependentIsland:
         for block in blocks[:64]:
             end = min(int(block) + self._block, self.state.count)
             for step in range(first, min(earliest.step, last)):
-                fault = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+                fault: NDArray[Any] = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
                 self._step(columns, step, 1, int(block), end, 1, fault)
                 if fault.any():
                     row = int((fault != 0).argmax())
@@ -156,12 +167,11 @@ class IndependentIsland:
     def _stop(self, row: int, step: int) -> Stop:
         """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""
         columns, fault, moment = copied(self.columns()[0]), np.zeros(self.state.count, np.int8), np.zeros(1)
-        step_range_adaptive(
-            self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment
-        )
+        step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
-        return Stop(int(fault[row]), float(moment[0]), p._replace(**place))
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Stop(int(fault[row]), float(moment[0]), p._replace(**place), least)
 
 
 class Source:
@@ -237,6 +247,12 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
 def copied(c: Columns) -> Columns:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Births, Fault, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
+from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
@@ -30,10 +30,14 @@ PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
 
 WHY = {
-    NOT_FINITE: ("feels a force that is not finite at t = {t:.9g} s", "keep it away from where a force has no value"),
+    NOT_FINITE: (
+        "feels a force that is not finite at t = {t:.9g} s",
+        "keep it away from where a force has no value",
+    ),
     TOO_SHORT: (
-        "needs steps below the least at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+        "needs steps below {least:.3g} s at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "shorter steps (minimum_step)",
     ),
     TOO_MANY: (
         f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
@@ -258,7 +262,11 @@ class Simulation:
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
         if fault.stop is not None:
             what, hint = WHY[fault.stop.why]
-            what = what.format(t=fault.stop.time)
+            what = what.format(t=fault.stop.time, least=fault.stop.least)
+            bonds = self.graph.islands[self._islands.index(island)].bonds
+            pulls = [(pull, made.name) for pull, made in zip(fault.stop.bonds, bonds, strict=False)]
+            if pulls and max(pulls)[0] > size:
+                size, name = max(pulls)
         message = f"particle {state.id[row]} of {state.name!r} {what}; it was at {where}"
         if name is not None:
             message += f", and the strongest force on it was {name} with {size:.6g} N"

@@ -22,6 +22,7 @@ from particlesim.layouts.file import File
 from particlesim.model import Line, Model, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
+from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -145,6 +146,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            too_fine,
             disagreements,
         ):
             mistakes += check(self)
