@@ -23,6 +23,7 @@ from particlesim.groups import Cooling, FirstOrder, MethodName, Particles, Secon
 from particlesim.impulses import Impulse
 from particlesim.layouts import Layout
 from particlesim.model import Name
+from particlesim.motions import Motion, Waypoint
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.shapes import Shape
@@ -41,6 +42,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
+    (Motion, "[motions](#motions)"),
+    (Waypoint, "[waypoint](#waypoint)"),
     (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),

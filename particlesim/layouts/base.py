@@ -38,6 +38,8 @@ class Layout(Model):
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring."""
 
+    type: str
+
     def open(self, folder: Path | None) -> Layout:
         """The layout ready to be sampled; one that names a file (relative to `folder`) reads it here."""
         return self
@@ -58,6 +60,10 @@ class Layout(Model):
     def has_surface(cls) -> bool:
         """Whether layouts of this type can have triangles."""
         return cls.triangles is not Layout.triangles
+
+    def places(self) -> dict[str, NDArray[np.int64]]:
+        """Parts that have a name, such as "left": indices of their particles."""
+        return {}
 
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""
