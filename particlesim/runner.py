@@ -26,7 +26,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import TOO_LARGE, Watch, check_ledger, extremes, infinite
+from particlesim.validity import Watch, check_ledger, infinite
 
 
 @dataclass(frozen=True)
@@ -257,10 +257,7 @@ def _record(
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
         if (column := infinite(row)) is not None:
-            raise DivergenceError(
-                f"the ledger's {column} is no longer finite at t = {simulation.time:.9g} s: {extremes(simulation)}",
-                TOO_LARGE,
-            )
+            raise simulation.overflow(column)
         log.rows.append(row)
     log.times.append(simulation.time)
     if writer is not None:

@@ -21,7 +21,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     """
     planes = island.planes[island.groups.index(group)]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
-    layout = group.layout.open(scenario.folder) if isinstance(group, Particles) else None
+    layout = scenario.opened(group) if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     state = GroupState(
         group.name,

@@ -238,15 +238,33 @@ class Simulation:
         time = fault.step * self.scenario.grid.dt
         row = fault.row
         p = state.particle(row, time)
-        name, size = self._strongest(state.name, p)
-        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
         message = (
             f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
-            f"it was at {where}"
+            f"it was {self._situation(state.name, p)}"
         )
-        if name is not None:
-            message += f", and the strongest force on it was {name} with {size:.6g} N"
         return DivergenceError(message, f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s")
+
+    def overflow(self, quantity: str) -> DivergenceError:
+        """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
+        fastest = [(np.abs(s.v[:, : s.count]).max(axis=0), s) for s in self.states if s.count]
+        speeds, state = max(fastest, key=lambda pair: pair[0].max())
+        row = int(speeds.argmax())
+        message = (
+            f"the ledger's {quantity} is no longer finite at t = {self.time:.9g} s; particle {state.id[row]} of "
+            f"{state.name!r} was {self._situation(state.name, state.particle(row, self.time))}"
+        )
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
+        return DivergenceError(message, hint)
+
+    def _situation(self, group_name: str, p: Particle) -> str:
+        """Where a particle is, how fast, and under which force."""
+        where = (
+            f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        )
+        name, size = self._strongest(group_name, p)
+        return (
+            where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
+        )
 
     def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
         group = next(g for g in self.scenario.groups if g.name == group_name)

@@ -13,17 +13,22 @@ from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
+from particlesim.errors import UsageError
 from particlesim.forces import AnyForce, Force
 from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import method_for
+from particlesim.layouts import Layout
+from particlesim.layouts.base import LayoutError
 from particlesim.layouts.file import File
 from particlesim.model import Line, Model, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
+from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
+from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
 from particlesim.streams import Streams
 
@@ -65,6 +70,7 @@ class Scenario(Model):
 
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _source: Source | None = PrivateAttr(default=None)
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -87,11 +93,28 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
-    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
-        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+    def loaded_from(
+        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+    ) -> Scenario:
+        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
         copy = self.model_copy()
-        copy._folder, copy._overrides = folder, overrides
+        copy._folder, copy._overrides, copy._source = folder, overrides, source
         return copy
+
+    def opened(self, group: Particles) -> Layout:
+        """The layout of a group; one that names a file has read it.
+
+        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
+        """
+        try:
+            return group.layout.open(self._folder)
+        except UsageError as error:
+            if self._source is None:
+                raise
+            key = error.key if isinstance(error, LayoutError) else "path"
+            k = next(k for k, other in enumerate(self.particles) if other is group)
+            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            raise scenario_error(self._source, [mistake]) from None
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""
