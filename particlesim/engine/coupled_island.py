@@ -28,7 +28,6 @@ from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
-from particlesim.integrators import METHODS
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -44,7 +43,7 @@ class CoupledIsland:
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
-        self._method = METHODS[island.method]
+        self._method = island.method
         self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.driving import Driven
-from particlesim.engine.program import memory_size, needs_clock
+from particlesim.engine.program import needs_clock
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
@@ -34,7 +34,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
         group.name,
         count,
         dtype=dtype,
-        memory=memory_size(island.method),
+        memory=island.method.memory,
         clocked=needs_clock(group, planes, bool(motions)),
         warm=group.temperature is not None,
         cooling=group.cooling,
