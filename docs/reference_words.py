@@ -24,6 +24,7 @@ from particlesim.impulses import Impulse
 from particlesim.integrators import MethodName, Options
 from particlesim.layouts import Layout
 from particlesim.model import Name
+from particlesim.motions import Motion, Waypoint
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.shapes import Shape
@@ -42,6 +43,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
+    (Motion, "[motions](#motions)"),
+    (Waypoint, "[waypoint](#waypoint)"),
     (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),
