@@ -65,6 +65,11 @@ class Layout(Model):
         """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
         return np.empty((0, 3), np.int64)
 
+    @classmethod
+    def has_surface(cls) -> bool:
+        """Whether layouts of this type can have triangles."""
+        return cls.triangles is not Layout.triangles
+
     def places(self) -> dict[str, NDArray[np.int64]]:
         """Parts that have a name, such as "left": indices of their particles."""
         return {}

@@ -173,6 +173,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            _styles,
             disagreements,
         ):
             mistakes += check(self)
@@ -420,7 +421,8 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
 def _colors(scenario: Scenario) -> Iterator[Invalid]:
     """Videos show what the trajectory holds."""
     name, fields = scenario.render.color_by, scenario.recorded_fields()
-    if name not in (*fields, "position", "id") and name not in (known := colorable(fields)):
+    springs = any(True for _ in _bond_tables(scenario))
+    if name not in (*fields, "position", "id") and name not in (known := colorable(fields, springs=springs)):
         hint = did_you_mean(name, known)
         if hint is None and name in get_args(FieldName):
             hint = f"to record it: fields = [..., {name!r}] under [output]"
@@ -430,6 +432,35 @@ def _colors(scenario: Scenario) -> Iterator[Invalid]:
             allowed=", ".join(known),
             hint=hint,
         )
+
+
+def _styles(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos draw what there is: groups and sets of springs that exist, surfaces and springs where there are some."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    joined = {name for _, names, _ in _bond_tables(scenario) for name in names}
+    for name, style in scenario.render.styles.items():
+        at = ("render", "styles", name)
+        if name not in tables and name not in sets:
+            known = [*tables, *sets]
+            hint = did_you_mean(name, known)
+            yield Invalid(
+                f"no group and no springs are called {name!r}", at, allowed=", ".join(known), hint=hint
+            )
+        elif name in tables:
+            path, group = tables[name]
+            skin = isinstance(group, Particles) and group.layout.has_surface()
+            if style == "surface" and not skin:
+                yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
+            if style == "lines" and name not in joined:
+                yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+        elif style in ("surface", "points"):
+            yield Invalid(
+                "springs are lines or hidden",
+                at,
+                ((sets[name], "these springs"),),
+                allowed='"lines", "hidden"',
+            )
 
 
 def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
