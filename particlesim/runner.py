@@ -21,6 +21,8 @@ from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
+from particlesim.references import bless as give_blessing
+from particlesim.references import check_references
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
@@ -89,12 +91,14 @@ def run(
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    bless: bool = False,
 ) -> Result:
     """Run a scenario from its start to its end.
 
     With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
-    results do not depend on it. `progress` is called at every frame, and between frames that take long.
+    results do not depend on it. `progress` is called at every frame, and between frames that take long. With `bless`, checks
+    against references are left out, and when all others hold, the trajectory becomes their reference.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
@@ -105,11 +109,13 @@ def run(
     path = None if output is None else Path(output)
     if path is not None:
         check_target(path, overwrite=overwrite)
+    check_references(scenario, path, bless=bless)
     required = needs(scenario)
     check_fits(required, path)
+    checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
-    watch, checks = Watch(scenario), Checks(scenario)
+    watch = Watch(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
@@ -128,9 +134,13 @@ def run(
         ) from None
     finally:
         simulation.close()
+        checks.close()
         if writer is not None:
             writer.close(status, summary)
     seconds = time.perf_counter() - began
+    results = checks.results()
+    if bless and path is not None and all(result.passed for result in results):
+        give_blessing(scenario, path)
     problems = (cache.problem,) if cache.problem is not None else ()
     return Result(
         scenario=scenario,
@@ -145,7 +155,7 @@ def run(
         seconds=seconds,
         warnings=(*advice(scenario), *watch.warnings, *problems),
         broken=simulation.broken(),
-        checks=checks.results(),
+        checks=results,
     )
 
 
