@@ -19,6 +19,7 @@ from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
+from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
 from particlesim.references import bless as give_blessing
@@ -114,14 +115,32 @@ def run(
     check_fits(required, path)
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
-    writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
+    with held_signals() as signals:
+        result = _recorded(simulation, checks, path, overwrite, required.particles, progress, signals)
+    if bless and path is not None and result.passed:
+        give_blessing(scenario, path)
+    return result
+
+
+def _recorded(
+    simulation: Simulation,
+    checks: Checks,
+    path: Path | None,
+    overwrite: bool,
+    particles: int,
+    progress: Callable[[Progress], None] | None,
+    signals: Held,
+) -> Result:
+    """Run to the end, and write what there is however it ends; `particles` is the largest number of them expected."""
+    scenario = simulation.scenario
+    writer = _writer(scenario, simulation, path, overwrite, particles) if path is not None else None
     watch = Watch(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
     summary: dict[str, int | str] = {}
     try:
-        _steps(simulation, writer, watch, checks, log, progress, began)
+        _steps(simulation, writer, watch, checks, log, progress, signals, began)
         status = "complete"
         summary = _summary(simulation, log, checks)
     except DivergenceError:
@@ -138,9 +157,6 @@ def run(
         if writer is not None:
             writer.close(status, summary)
     seconds = time.perf_counter() - began
-    results = checks.results()
-    if bless and path is not None and all(result.passed for result in results):
-        give_blessing(scenario, path)
     problems = (cache.problem,) if cache.problem is not None else ()
     return Result(
         scenario=scenario,
@@ -155,7 +171,7 @@ def run(
         seconds=seconds,
         warnings=(*advice(scenario), *watch.warnings, *problems),
         broken=simulation.broken(),
-        checks=results,
+        checks=checks.results(),
     )
 
 
@@ -186,6 +202,7 @@ def _writer(
         overwrite=overwrite,
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
+        topology=simulation.topology(),
     )
 
 
@@ -196,6 +213,7 @@ def _steps(
     checks: Checks,
     log: _Log,
     progress: Callable[[Progress], None] | None,
+    signals: Held,
     began: float,
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
@@ -203,6 +221,7 @@ def _steps(
     fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
+        signals.check()
         if progress is not None:
             elapsed = time.perf_counter() - began
             done = simulation.particle_steps
@@ -241,6 +260,9 @@ def _record(
             log.died[name] = log.died.get(name, 0) + int(number)
         if writer is not None:
             writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    if writer is not None:
+        for name, broke in simulation.broke().items():
+            writer.breaks(name, broke)
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()

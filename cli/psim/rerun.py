@@ -10,7 +10,6 @@ import typer
 from psim.diff import tell
 from psim.options import Force, Quiet, Threads, Tolerance, TrajectoryFile
 from psim.progress import run_progress
-from psim.stop import stoppable
 
 
 def rerun(
@@ -41,6 +40,6 @@ def rerun(
             tolerance=tolerance,
             overwrite=force,
             threads=threads,
-            progress=stoppable(progress),
+            progress=progress,
         )
     tell(compared, str(trajectory), "its repetition" if output is None else str(output), as_json=as_json)

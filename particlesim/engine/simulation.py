@@ -17,11 +17,13 @@ from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import Particle, force, has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
 from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
@@ -202,7 +204,24 @@ class Simulation:
             if isinstance(island, CoupledIsland):
                 for bonds, made in zip(structure.bonds, island.bonds, strict=True):
                     if made.breaking is not None:
-                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size - made.holes.size)
+                        found[bonds.name] = (
+                            int(np.isfinite(made.breaking.when).sum()),
+                            made.i.size - made.holes.size,
+                        )
+        return found
+
+    def topology(self) -> list[Topology]:
+        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
+        return topology(self.scenario, self.graph, self._islands, self.states)
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        found = {}
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+            if isinstance(island, CoupledIsland):
+                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
+                    if made.breaking is not None:
+                        found[bonds.name] = made.breaking.when[made.i >= 0]
         return found
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
