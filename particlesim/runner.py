@@ -17,6 +17,7 @@ from particlesim.bounds import check_fits, needs
 from particlesim.checking import CheckResult, Checks
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.provenance import provenance
@@ -89,12 +90,14 @@ def run(
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Result:
     """Run a scenario from its start to its end.
 
     With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
-    results do not depend on it. `progress` is called at every frame, and between frames that take long.
+    results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
+    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
@@ -108,6 +111,10 @@ def run(
     required = needs(scenario)
     check_fits(required, path)
     simulation = Simulation(scenario, threads=threads)
+    unstable = suspects(simulation).warnings
+    if warn is not None:
+        for text in unstable:
+            warn(text)
     writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
     watch, checks = Watch(scenario), Checks(scenario)
     log = _Log()
@@ -143,7 +150,7 @@ def run(
         born=log.born,
         died=log.died,
         seconds=seconds,
-        warnings=(*advice(scenario), *watch.warnings, *problems),
+        warnings=(*unstable, *advice(scenario), *watch.warnings, *problems),
         broken=simulation.broken(),
         checks=checks.results(),
     )

@@ -60,7 +60,10 @@ def run(
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
     quiet = quiet or as_json
-    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet))
+    said: list[str] = []
+    result = _reported(
+        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, said)
+    )
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
@@ -72,7 +75,7 @@ def run(
 
         print_json(told)
     elif not quiet:
-        show_summary(told)
+        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
         print(path)
         if film is not None:
             print(film)
@@ -137,14 +140,32 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool)
 
 
 def _simulate(
-    loaded: Scenario, scenario: Path, path: Path, force: bool, threads: int | None, quiet: bool
+    loaded: Scenario,
+    scenario: Path,
+    path: Path,
+    force: bool,
+    threads: int | None,
+    quiet: bool,
+    said: list[str],
 ) -> Result:
-    """Run; an error in the middle says where the frames before it are."""
+    """Run; an error in the middle says where the frames before it are. What is warned of at the start goes to `said`."""
     import particlesim as ps
+    from psim.talk import warn
+
+    def tell(text: str) -> None:
+        warn(text)
+        said.append(text)
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, overwrite=force, threads=threads, progress=stoppable(progress))
+            return ps.run(
+                loaded,
+                path,
+                overwrite=force,
+                threads=threads,
+                progress=stoppable(progress),
+                warn=None if quiet else tell,
+            )
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept

@@ -51,8 +51,8 @@ class Simulation:
         self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
-        self._islands = self._populate(block)
-        by_name = {state.name: state for island in self._islands for state in island.states}
+        self.islands = self._populate(block)
+        by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
         self._kicks = sorted(
             (round(at / scenario.grid.dt), k)
@@ -110,7 +110,7 @@ class Simulation:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
-            for island in self._islands:
+            for island in self.islands:
                 self._advance(island, self.step, last)
             self.step = last
             if between is not None and last < step:
@@ -178,7 +178,7 @@ class Simulation:
         total = dict.fromkeys(self._ledger_columns, 0.0)
         columns = {
             state.name: c
-            for island in self._islands
+            for island in self.islands
             for state, c in zip(island.states, island.columns(), strict=True)
         }
         for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
@@ -188,7 +188,7 @@ class Simulation:
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 total[f"potential.{self._labels[k]}"] += value
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+        for island, structure in zip(self.islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 energies = bond_energy(island.bonds, island.island_columns())
                 for bonds, energy in zip(structure.bonds, energies, strict=True):
@@ -198,7 +198,7 @@ class Simulation:
     def broken(self) -> dict[str, tuple[int, int]]:
         """For every set of springs that can break: how many are broken, and how many there were."""
         found = {}
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+        for island, structure in zip(self.islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 for bonds, made in zip(structure.bonds, island.bonds, strict=True):
                     if made.breaking is not None:
@@ -207,7 +207,7 @@ class Simulation:
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
         """Sum of all forces on every particle of a group [N], shape [n, 3]."""
-        for island in self._islands:
+        for island in self.islands:
             if any(member is state for member in island.states):
                 names = [member.name for member in island.states]
                 return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
