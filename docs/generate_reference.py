@@ -28,6 +28,7 @@ from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
 from particlesim.forces.operations import FUNCTIONS, VARIABLES
 from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
+from particlesim.integrators import METHODS
 from particlesim.layouts import LAYOUTS
 from particlesim.model import field_docs
 from particlesim.scenario.rendering import Camera, RenderSettings
@@ -59,6 +60,7 @@ def parts() -> Iterator[str]:
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
+    yield from options_of_methods()
     yield "## `[output]`"
     yield prose("output")
     yield table(Output)
@@ -128,6 +130,14 @@ def section(model: type[BaseModel], field: str) -> Iterator[str]:
     entries = model.model_fields[field].annotation
     yield prose(field)
     yield table(entries.__args__[0])  # type: ignore[union-attr]
+
+
+def options_of_methods() -> Iterator[str]:
+    """For every family of methods that has options: which they are."""
+    for model in dict.fromkeys(method.options for method in METHODS.values()):
+        if rows := table(model, without=("method",)):
+            names = [f"`{name}`" for name, method in METHODS.items() if method.options is model]
+            yield f"#### Options of {', '.join(names)}\n\n{summary(model)}\n\n{rows}"
 
 
 def variants(models: tuple[type[BaseModel], ...]) -> Iterator[str]:

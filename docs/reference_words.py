@@ -19,8 +19,9 @@ from particlesim.flows import Flow
 from particlesim.fluids import FluidName
 from particlesim.forces import Force
 from particlesim.forces.drag import Atmosphere
-from particlesim.groups import Cooling, FirstOrder, MethodName, Particles, SecondOrder, TracerMotion
+from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
+from particlesim.integrators import MethodName, Options
 from particlesim.layouts import Layout
 from particlesim.model import Name
 from particlesim.scenario.rendering import Camera, RenderSettings
@@ -46,6 +47,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Shape, "[shape](#shapes)"),
     (Flow, "[flows](#flows)"),
     ((SecondOrder, FirstOrder, TracerMotion), "[dynamics](#dynamics)"),
+    (Options, "[table](#integrators)"),
     (Cooling, "[cooling](#cooling)"),
     (Burst, "[burst](#burst)"),
     (Die, "[die](#die)"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,14 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
+from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import Watch
+from particlesim.validity import TOO_LARGE, Watch, check_ledger, extremes, infinite
 
 
 @dataclass(frozen=True)
@@ -111,18 +112,34 @@ def run(
     required = needs(scenario)
     check_fits(required, path)
     simulation = Simulation(scenario, threads=threads)
+    check_ledger(simulation)
     unstable = suspects(simulation).warnings
     if warn is not None:
         for text in unstable:
             warn(text)
-    writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
+    with held_signals() as signals:
+        result = _recorded(simulation, path, overwrite, required.particles, progress, signals)
+    return replace(result, warnings=(*unstable, *result.warnings))
+
+
+def _recorded(
+    simulation: Simulation,
+    path: Path | None,
+    overwrite: bool,
+    particles: int,
+    progress: Callable[[Progress], None] | None,
+    signals: Held,
+) -> Result:
+    """Run to the end, and write what there is however it ends; `particles` is the largest number of them expected."""
+    scenario = simulation.scenario
+    writer = _writer(scenario, simulation, path, overwrite, particles) if path is not None else None
     watch, checks = Watch(scenario), Checks(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
     summary: dict[str, int | str] = {}
     try:
-        _steps(simulation, writer, watch, checks, log, progress, began)
+        _steps(simulation, writer, watch, checks, log, progress, signals, began)
         status = "complete"
         summary = _summary(simulation, log, checks)
     except DivergenceError:
@@ -150,7 +167,7 @@ def run(
         born=log.born,
         died=log.died,
         seconds=seconds,
-        warnings=(*unstable, *advice(scenario), *watch.warnings, *problems),
+        warnings=(*advice(scenario), *watch.warnings, *problems),
         broken=simulation.broken(),
         checks=checks.results(),
     )
@@ -183,6 +200,7 @@ def _writer(
         overwrite=overwrite,
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
+        topology=simulation.topology(),
     )
 
 
@@ -193,6 +211,7 @@ def _steps(
     checks: Checks,
     log: _Log,
     progress: Callable[[Progress], None] | None,
+    signals: Held,
     began: float,
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
@@ -200,6 +219,7 @@ def _steps(
     fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
+        signals.check()
         if progress is not None:
             elapsed = time.perf_counter() - began
             done = simulation.particle_steps
@@ -238,9 +258,17 @@ def _record(
             log.died[name] = log.died.get(name, 0) + int(number)
         if writer is not None:
             writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    if writer is not None:
+        for name, broke in simulation.broke().items():
+            writer.breaks(name, broke)
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
+        if (column := infinite(row)) is not None:
+            raise DivergenceError(
+                f"the ledger's {column} is no longer finite at t = {simulation.time:.9g} s: {extremes(simulation)}",
+                TOO_LARGE,
+            )
         log.rows.append(row)
     log.times.append(simulation.time)
     if writer is not None:

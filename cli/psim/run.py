@@ -11,7 +11,6 @@ import typer
 
 from psim.options import Force, Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import render_progress, run_progress
-from psim.stop import stoppable
 
 if TYPE_CHECKING:
     from particlesim.runner import Result
@@ -68,17 +67,16 @@ def run(
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
     from psim.summary import show_failures, show_summary, summary
+    from psim.talk import print_json, print_path
 
     told = summary(result, scenario, film, warnings)
     if as_json:
-        from psim.talk import print_json
-
         print_json(told)
     elif not quiet:
         show_summary({**told, "warnings": [text for text in warnings if text not in said]})
-        print(path)
+        print_path(path)
         if film is not None:
-            print(film)
+            print_path(film)
     if not result.passed:
         if not as_json:
             show_failures(result)
@@ -163,7 +161,7 @@ def _simulate(
                 path,
                 overwrite=force,
                 threads=threads,
-                progress=stoppable(progress),
+                progress=progress,
                 warn=None if quiet else tell,
             )
     except (ps.Interrupted, ps.DivergenceError) as error:
@@ -177,5 +175,5 @@ def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: boo
     import particlesim as ps
 
     with render_progress(film.name, quiet=quiet) as progress:
-        report = ps.film(path, film, overwrite=force, threads=threads, progress=stoppable(progress))
+        report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
     return list(report.warnings)

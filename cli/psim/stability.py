@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from psim.options import Force, Overrides, ScenarioFile
-from psim.talk import facts, paint, print_json, warn
+from psim.talk import facts, paint, print_json, print_path, warn
 
 
 def stability(
@@ -62,4 +62,4 @@ def stability(
     for text in found.warnings:
         warn(text)
     if plot is not None:
-        print(plot)
+        print_path(plot)

@@ -12,7 +12,6 @@ from particlesim.analysis.plot import COLORS, INK, blank_figure, check_image, dr
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import IslandStability, Stability
 from particlesim.engine.stability import stability as of_simulation
-from particlesim.integrators import METHODS
 from particlesim.integrators.base import Method
 from particlesim.integrators.regions import Linear, amplification, has_function, one_step
 from particlesim.scenario.scenario import Scenario
@@ -51,9 +50,7 @@ def plot_stability(found: Stability, out: Path, *, overwrite: bool = False) -> N
     for number, method in enumerate(methods):
         axes = figure.add_subplot(1, len(methods), number + 1)
         dress(axes)
-        _panel(
-            axes, METHODS[method], [island for island in found.islands if island.method == method], found.dt
-        )
+        _panel(axes, method, [island for island in found.islands if island.method == method], found.dt)
     save(figure, out)
 
 

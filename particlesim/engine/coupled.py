@@ -483,7 +483,7 @@ def step_island(
         if share.wild.sum() > 0:
             restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             return s
-        break_bonds(bonds, c, share)
+        break_bonds(bonds, c, share, end)
     end = (first_step + steps) * dt
     evaluate(parts, bonds, c, work, share, end)
     settle(parts, c, work.force, share, end)

@@ -22,7 +22,6 @@ from particlesim.engine.spring_tensors import Tensors, bound, extreme_modes, jac
 from particlesim.engine.state import GroupState
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group
-from particlesim.integrators import METHODS
 from particlesim.integrators.regions import Linear, has_function
 from particlesim.laws import Particle, evaluate, force_dv, force_dx, velocity_dx
 from particlesim.scenario.scenario import Scenario
@@ -166,7 +165,7 @@ class IslandModel:
         root = np.sqrt(np.repeat(w, 3)[free])
         # In y = √m x the matrices of springs are symmetric.
         kx, kv = (m[np.ix_(free, free)] * root / root[:, None] for m in (kx, kv))
-        if not has_function(METHODS[self.structure.method]) and not kv.any():
+        if not has_function(self.structure.method) and not kv.any():
             return pairs(-np.linalg.eigvals(kx), np.zeros(len(free)))
         massless = np.repeat(self.massless, [3 * state.count for state in self.island.states])[free]
         heavy = np.flatnonzero(~massless)
@@ -175,7 +174,7 @@ class IslandModel:
         a[heavy, n + np.arange(m)] = 1
         a[np.flatnonzero(massless), :n] = kx[massless]
         a[n:, :n], a[n:, n:] = kx[heavy], kv[np.ix_(heavy, heavy)]
-        if has_function(METHODS[self.structure.method]):
+        if has_function(self.structure.method):
             return Linear(np.linalg.eigvals(a)[:, None, None], None)
         y = np.linalg.eig(a)[1][:n]
         y = y / np.linalg.norm(y, axis=0)

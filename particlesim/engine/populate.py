@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.program import memory_size, needs_clock
+from particlesim.engine.program import needs_clock
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
@@ -27,7 +27,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
         group.name,
         count,
         dtype=dtype,
-        memory=memory_size(island.method),
+        memory=island.method.memory,
         clocked=needs_clock(group, planes),
         warm=group.temperature is not None,
         cooling=group.cooling,

@@ -17,11 +17,13 @@ from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import Particle, force, has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
 from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
@@ -51,8 +53,8 @@ class Simulation:
         self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
-        self.islands = self._populate(block)
-        by_name = {state.name: state for island in self.islands for state in island.states}
+        self._islands = self._populate(block)
+        by_name = {state.name: state for island in self._islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
         self._kicks = sorted(
             (round(at / scenario.grid.dt), k)
@@ -91,6 +93,11 @@ class Simulation:
         return islands
 
     @property
+    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
+        """What steps together, in the order of the graph's islands."""
+        return self._islands
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self.step * self._dt
@@ -110,7 +117,7 @@ class Simulation:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
-            for island in self.islands:
+            for island in self._islands:
                 self._advance(island, self.step, last)
             self.step = last
             if between is not None and last < step:
@@ -178,7 +185,7 @@ class Simulation:
         total = dict.fromkeys(self._ledger_columns, 0.0)
         columns = {
             state.name: c
-            for island in self.islands
+            for island in self._islands
             for state, c in zip(island.states, island.columns(), strict=True)
         }
         for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
@@ -188,7 +195,7 @@ class Simulation:
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 total[f"potential.{self._labels[k]}"] += value
-        for island, structure in zip(self.islands, self.graph.islands, strict=True):
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 energies = bond_energy(island.bonds, island.island_columns())
                 for bonds, energy in zip(structure.bonds, energies, strict=True):
@@ -198,16 +205,33 @@ class Simulation:
     def broken(self) -> dict[str, tuple[int, int]]:
         """For every set of springs that can break: how many are broken, and how many there were."""
         found = {}
-        for island, structure in zip(self.islands, self.graph.islands, strict=True):
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
             if isinstance(island, CoupledIsland):
                 for bonds, made in zip(structure.bonds, island.bonds, strict=True):
                     if made.breaking is not None:
-                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size - made.holes.size)
+                        found[bonds.name] = (
+                            int(np.isfinite(made.breaking.when).sum()),
+                            made.i.size - made.holes.size,
+                        )
+        return found
+
+    def topology(self) -> list[Topology]:
+        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
+        return topology(self.scenario, self.graph, self._islands, self.states)
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        found = {}
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+            if isinstance(island, CoupledIsland):
+                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
+                    if made.breaking is not None:
+                        found[bonds.name] = made.breaking.when[made.i >= 0]
         return found
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
         """Sum of all forces on every particle of a group [N], shape [n, 3]."""
-        for island in self.islands:
+        for island in self._islands:
             if any(member is state for member in island.states):
                 names = [member.name for member in island.states]
                 return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.linear import IslandModel, pairs
-from particlesim.integrators import METHODS
+from particlesim.integrators import METHODS, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
     amplification,
@@ -45,7 +45,7 @@ class IslandStability:
     """
 
     groups: tuple[str, ...]
-    method: str
+    method: Method
     forces: dict[str, float]
     step: float
     growth: float
@@ -59,12 +59,12 @@ class IslandStability:
         name = " and ".join(repr(group) for group in self.groups)
         if self.step == 0:
             return (
-                f"{self.method} lets oscillations of {name} grow with every step, by a factor of "
-                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method)}"
+                f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
+                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
             )
         sure = " that is sure" if self.how == "bounds" else ""
         return (
-            f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method} for {name}, {self.step:.3g} s"
+            f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
             f"{self._strictest()}: {advice(self.step)}"
         )
 
@@ -101,7 +101,7 @@ class Stability:
             "islands": [
                 {
                     "groups": list(island.groups),
-                    "method": island.method,
+                    "method": island.method.label,
                     "largest_stable_dt": _finite(island.step),
                     "forces": {name: _finite(step) for name, step in island.forces.items()},
                     "growth_over_run_log10": island.growth,
@@ -165,7 +165,7 @@ def unlimited() -> tuple[str, ...]:
 def _of(simulation: Simulation, number: int) -> IslandStability:
     model = _model(simulation, number)
     structure, grid = model.structure, simulation.scenario.grid
-    method = METHODS[structure.method]
+    method = structure.method
     found = model.linearise()
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
@@ -173,7 +173,7 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
         total = min(total, 0.0)  # rounding, not growth
     return IslandStability(
         tuple(group.name for group in structure.groups),
-        structure.method,
+        method,
         {label: largest_step(method, system) for label, system in found.forces.items()},
         largest_step(method, found.together),
         total,
@@ -185,7 +185,7 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
 def _surely_stable(simulation: Simulation, number: int) -> bool:
     """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
     model = _model(simulation, number)
-    method, grid = METHODS[model.structure.method], simulation.scenario.grid
+    method, grid = model.structure.method, simulation.scenario.grid
     limits = model.box()
     if limits is None:
         if model.structure.coupled:

@@ -1,12 +1,13 @@
 """Time integrators: one method per file, each a table of coefficients that checks itself at import.
 
-To add a method, write its file and add one line to `METHODS`.
+To add a method, write its file, add one line to `METHODS` and its name to the options of its family.
 """
 
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
 from particlesim.integrators.explicit_euler import EXPLICIT_EULER
 from particlesim.integrators.heun import HEUN
 from particlesim.integrators.midpoint import MIDPOINT
+from particlesim.integrators.options import FixedStep, FixedStepName, Options
 from particlesim.integrators.rk3 import RK3
 from particlesim.integrators.rk4 import RK4
 from particlesim.integrators.stormer_verlet import STORMER_VERLET
@@ -29,4 +30,34 @@ METHODS: dict[str, Method] = {
     )
 }
 
-__all__ = ["METHODS", "Composition", "Method", "RungeKutta", "Verlet"]
+MethodName = FixedStepName
+"""The names of all methods."""
+
+AnyOptions = FixedStep
+"""A method by its name, with its options."""
+
+AnyIntegrator = MethodName | AnyOptions
+"""What a scenario writes as `integrator`: the name of a method, or a table with its options."""
+
+
+def method_for(integrator: AnyIntegrator) -> Method:
+    """The method that a scenario asks for, with its options."""
+    if isinstance(integrator, Options):
+        return METHODS[integrator.method].configured(integrator)
+    method = METHODS[integrator]
+    return method.configured(method.options(method=integrator))
+
+
+__all__ = [
+    "METHODS",
+    "AnyIntegrator",
+    "AnyOptions",
+    "Composition",
+    "FixedStep",
+    "Method",
+    "MethodName",
+    "Options",
+    "RungeKutta",
+    "Verlet",
+    "method_for",
+]

@@ -6,8 +6,10 @@ stages, for particles that pull on each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple, Self
+
+from particlesim.integrators.options import FixedStep, Options
 
 
 class RungeKuttaRecord(NamedTuple):
@@ -46,10 +48,32 @@ class Method:
     reversible: bool = False
     first_order: str | None = None
 
+    options: ClassVar[type[Options]] = FixedStep
+    """The model of what a scenario may say of it; its fields beside `method` are fields here."""
+
+    def configured(self, options: Options) -> Self:
+        """The method with the options of a scenario."""
+        return replace(self, **options.settings())
+
+    @property
+    def label(self) -> str:
+        """Its name, with its options where it has some: 'rk45 (tolerance = 1e-06)'."""
+        names = [name for name in self.options.model_fields if name != "method"]
+        words = (
+            f"{name} = {_shown(getattr(self, name))}" for name in names if getattr(self, name) is not None
+        )
+        text = ", ".join(words)
+        return f"{self.name} ({text})" if text else self.name
+
     @property
     def evaluations(self) -> int:
         """Force evaluations per step."""
         raise NotImplementedError
+
+    @property
+    def memory(self) -> int:
+        """Numbers per particle that it remembers from step to step."""
+        return 0
 
     def record(self) -> tuple[object, ...]:
         """The coefficients as kernels take them."""
@@ -188,6 +212,10 @@ class Verlet(Method):
     def evaluations(self) -> int:
         return 1
 
+    @property
+    def memory(self) -> int:
+        return 4
+
     def record(self) -> VerletRecord:
         return VerletRecord(0.5)
 
@@ -195,6 +223,13 @@ class Verlet(Method):
 def _equal(x: float, y: float) -> bool:
     """Equal but for rounding: a coefficient with ten right digits is a wrong one."""
     return abs(x - y) <= 1e-14
+
+
+def _shown(value: object) -> str:
+    """An option as a scenario would write it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _none_if_zero(x: float) -> float | None:
