@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from particlesim.bounds import check_fits, needs
 from particlesim.checking import CheckResult, Checks
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.interruption import Held, held_signals
@@ -93,13 +94,15 @@ def run(
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
     bless: bool = False,
+    warn: Callable[[str], None] | None = None,
 ) -> Result:
     """Run a scenario from its start to its end.
 
     With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
-    results do not depend on it. `progress` is called at every frame, and between frames that take long. With `bless`, checks
-    against references are left out, and when all others hold, the trajectory becomes their reference.
+    results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
+    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
+    `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
@@ -116,11 +119,15 @@ def run(
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
+    unstable = suspects(simulation).warnings
+    if warn is not None:
+        for text in unstable:
+            warn(text)
     with held_signals() as signals:
         result = _recorded(simulation, checks, path, overwrite, required.particles, progress, signals)
     if bless and path is not None and result.passed:
         give_blessing(scenario, path)
-    return result
+    return replace(result, warnings=(*unstable, *result.warnings))
 
 
 def _recorded(

@@ -27,6 +27,7 @@ from psim.report import guarded, report
 from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
+from psim.stability import stability
 from psim.stop import listen
 from psim.sweep import sweep
 
@@ -82,6 +83,15 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         check,
         _SIMULATE,
         ("psim check scenarios/*.toml", "psim check fountain.toml --set emitters.drops.rate=1e6"),
+    ),
+    (
+        "stability",
+        stability,
+        _SIMULATE,
+        (
+            "psim stability orbit.toml",
+            "psim stability orbit.toml --set simulation.dt=86400 --plot region.png",
+        ),
     ),
     (
         "render",

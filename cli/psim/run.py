@@ -66,8 +66,9 @@ def run(
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
     quiet = quiet or as_json
+    said: list[str] = []
     result = _reported(
-        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless)
+        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless, said)
     )
     warnings = list(result.warnings)
     if film is not None:
@@ -79,7 +80,7 @@ def run(
     if as_json:
         print_json(told)
     elif not quiet:
-        show_summary(told)
+        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
         print_path(path)
         if film is not None:
             print_path(film)
@@ -161,13 +162,27 @@ def _simulate(
     threads: int | None,
     quiet: bool,
     bless: bool,
+    said: list[str],
 ) -> Result:
-    """Run; an error in the middle says where the frames before it are."""
+    """Run; an error in the middle says where the frames before it are. What is warned of at the start goes to `said`."""
     import particlesim as ps
+    from psim.talk import warn
+
+    def tell(text: str) -> None:
+        warn(text)
+        said.append(text)
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, overwrite=force, threads=threads, progress=progress, bless=bless)
+            return ps.run(
+                loaded,
+                path,
+                overwrite=force,
+                threads=threads,
+                progress=progress,
+                warn=None if quiet else tell,
+                bless=bless,
+            )
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept

@@ -110,6 +110,11 @@ class Simulation:
         return islands
 
     @property
+    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
+        """What steps together, in the order of the graph's islands."""
+        return self._islands
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self.step * self._dt
