@@ -15,23 +15,12 @@ from particlesim.bonds import BondSet, MeshSprings
 from particlesim.crossfield import invalid
 from particlesim.distributions import Distribution, Sampled, draw, smallest
 from particlesim.flows import AnyFlow
+from particlesim.integrators import AnyIntegrator
 from particlesim.layouts import AnyLayout
 from particlesim.model import Model, Name
 from particlesim.selection import Selection, selected
 from particlesim.streams import Streams
 from particlesim.units import Kelvin, Kilograms, KilogramsPerCubicMetre, KilogramsPerSecond, Metres, PerSecond
-
-MethodName = Literal[
-    "symplectic_euler",
-    "explicit_euler",
-    "midpoint",
-    "heun",
-    "rk3",
-    "rk4",
-    "stormer_verlet",
-    "velocity_verlet",
-    "yoshida4",
-]
 
 
 class FirstOrder(Model):
@@ -87,7 +76,7 @@ class Group(Model):
     """How the temperature changes; constant unless given."""
     dynamics: AnyDynamics = SecondOrder()
     """Whether particles have inertia."""
-    integrator: MethodName | None = None
+    integrator: AnyIntegrator | None = None
     """Method for this group; the simulation's unless given."""
 
     @model_validator(mode="after")

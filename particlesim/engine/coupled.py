@@ -384,7 +384,7 @@ def _forget(memory: Any, i: Any) -> Impl:
         return lambda memory, i: None
 
     def impl(memory: Any, i: Any) -> None:
-        memory[3][i] = 0
+        memory[-1][i] = 0
 
     return impl
 

@@ -22,13 +22,12 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, group_uses_radius
+from particlesim.engine.islands import Fault, copied, group_uses_radius
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
-from particlesim.integrators import METHODS
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -44,7 +43,7 @@ class CoupledIsland:
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
-        self._method = METHODS[island.method]
+        self._method = island.method
         self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype
@@ -250,12 +249,4 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
         thermal=heat,
         clock=clock,
         memory=tuple(column[a:b] for column in c.memory),
-    )
-
-
-def copied(c: Columns) -> Columns:
-    """Columns with position, velocity and memory copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
     )

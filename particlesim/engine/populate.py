@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.driving import Driven
-from particlesim.engine.program import memory_size, needs_clock
+from particlesim.engine.program import needs_clock
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
@@ -28,13 +28,13 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     member = island.groups.index(group)
     planes, motions = island.planes[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
-    layout = group.layout.open(scenario.folder) if isinstance(group, Particles) else None
+    layout = scenario.opened(group) if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     state = GroupState(
         group.name,
         count,
         dtype=dtype,
-        memory=memory_size(island.method),
+        memory=island.method.memory,
         clocked=needs_clock(group, planes, bool(motions)),
         warm=group.temperature is not None,
         cooling=group.cooling,

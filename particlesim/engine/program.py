@@ -15,7 +15,6 @@ from particlesim.engine.steppers import Newtonian, Overdamped, Tracer
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group, Particles, TracerMotion
-from particlesim.integrators import METHODS, Verlet
 from particlesim.vectors import dot, unit
 
 CONTACT_TOLERANCE = 16
@@ -71,17 +70,12 @@ def group_program(
 ) -> Program:
     """What is compiled for a group of independent particles."""
     program = Program(
-        METHODS[island.method].record(),
+        island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
         contacts_record(planes, group, dtype),
     )
     return as_precision(program, dtype)
-
-
-def memory_size(method: str) -> int:
-    """Numbers per particle that a method remembers from step to step."""
-    return 4 if isinstance(METHODS[method], Verlet) else 0
 
 
 def needs_clock(group: Group, planes: Sequence[Plane], led: bool) -> bool:

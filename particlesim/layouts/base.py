@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.errors import UsageError
 from particlesim.model import Model
 from particlesim.streams import Streams
 
@@ -28,6 +29,14 @@ class Placed(NamedTuple):
     mass: Floats | None = None
     radius: Floats | None = None
     temperature: Floats | None = None
+
+
+class LayoutError(UsageError):
+    """A mistake in one key of a layout that only reading its file shows."""
+
+    def __init__(self, message: str, hint: str | None = None, *, key: str = "path") -> None:
+        super().__init__(message, hint)
+        self.key = key
 
 
 class Layout(Model):

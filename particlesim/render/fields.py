@@ -100,6 +100,7 @@ def color_indices(frame: Frame, coloring: Coloring, low: float, high: float, cou
 
 def quantized(values: Array, low: float, high: float, count: int) -> Array:
     """Index into a palette of `count` colours that spans low to high, uint16, the shape of `values`."""
-    share = (values.astype(np.float32) - np.float32(low)) * np.float32((count - 1) / (high - low))
+    with np.errstate(over="ignore", invalid="ignore"):  # values far outside of the range
+        share = (values - low) * ((count - 1) / (high - low))
     share = np.nan_to_num(share, nan=0.0, posinf=count - 1, neginf=0.0)
-    return np.asarray(np.clip(share, 0, count - 1) + np.float32(0.5), np.uint16)
+    return np.asarray(np.clip(share, 0, count - 1) + 0.5, np.uint16)

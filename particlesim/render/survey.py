@@ -2,7 +2,7 @@
 values.
 
 Frames and particles are sampled, so that this takes a moment for any trajectory. Positions that are not
-finite are left out, and a few particles that escape far from the others do not shrink the rest.
+finite, or hardly so, are left out, and a few particles that escape far from the others do not shrink the rest.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from particlesim.render.stage import Array
 
 FRAMES = 25
 PARTICLES = 20_000
+FARTHEST = 1e100
+"""Positions [m] and values beyond it are left out like those that are not finite: their squares are."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def survey(source: FrameSource, values_of: Callable[[Frame], Array | None], firs
         count = max(count, len(frame.position))
         some = slice(None, None, max(1, -(-len(frame.position) // PARTICLES)))
         position = np.asarray(frame.position[some], float)
-        good = np.isfinite(position).all(axis=1)
+        good = (np.abs(position) < FARTHEST).all(axis=1)
         points.append(position[good])
         radii.append(_radii(source, frame, some)[good])
         value = values_of(frame)
@@ -101,7 +103,7 @@ def _robust_bounds(points: Array) -> tuple[Array, Array]:
 def _value_range(values: Array) -> tuple[float, float]:
     """From the 1st to the 99th percentile, or all where these are close to the extremes; zero where it is
     near."""
-    values = values[np.isfinite(values)]
+    values = values[np.abs(values) < FARTHEST]
     if not len(values):
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())

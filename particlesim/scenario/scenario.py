@@ -4,31 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.bonds import BondSet, SpringLaw, Springs
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
+from particlesim.errors import UsageError
 from particlesim.forces import AnyForce, Force
 from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
+from particlesim.integrators import method_for
+from particlesim.layouts import Layout
+from particlesim.layouts.base import LayoutError
 from particlesim.layouts.file import File
-from particlesim.model import Model
+from particlesim.model import Line, Model, Prose
 from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
+from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
+from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
 from particlesim.selection import mistakes as selection_mistakes
 from particlesim.streams import Streams
 
 Keys = tuple[str | int, ...]
+
+MOST_BIRTHS = 10**12
+"""Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
 
 
 class Scenario(Model):
@@ -36,9 +45,9 @@ class Scenario(Model):
 
     format: Literal[1] = 1
     """Version of the scenario format."""
-    title: Annotated[str, StringConstraints(max_length=200)] = ""
+    title: Line = ""
     """A line that names the scene, for summaries and videos."""
-    description: Annotated[str, StringConstraints(max_length=10_000)] = ""
+    description: Prose = ""
     """What the scene shows."""
     simulation: Simulation
     """Time, method, seed and precision."""
@@ -65,6 +74,7 @@ class Scenario(Model):
 
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _source: Source | None = PrivateAttr(default=None)
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -87,11 +97,28 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
-    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
-        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+    def loaded_from(
+        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+    ) -> Scenario:
+        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
         copy = self.model_copy()
-        copy._folder, copy._overrides = folder, overrides
+        copy._folder, copy._overrides, copy._source = folder, overrides, source
         return copy
+
+    def opened(self, group: Particles) -> Layout:
+        """The layout of a group; one that names a file has read it.
+
+        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
+        """
+        try:
+            return group.layout.open(self._folder)
+        except UsageError as error:
+            if self._source is None:
+                raise
+            key = error.key if isinstance(error, LayoutError) else "path"
+            k = next(k for k, other in enumerate(self.particles) if other is group)
+            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            raise scenario_error(self._source, [mistake]) from None
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""
@@ -281,7 +308,16 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
                 )
                 yield Invalid("a kick after the end of the run", path, duration)
     for k, emitter in enumerate(scenario.emitters):
-        if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+        births = emitter.expected(end)
+        if births > MOST_BIRTHS:
+            key = "rate" if emitter.rate is not None else "burst"
+            yield Invalid(
+                f"{births:.3g} births in {end:g} s are more than a run can make",
+                ("emitters", k, key),
+                duration,
+                allowed=f"at most {MOST_BIRTHS:.0e} births",
+            )
+        elif Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 
@@ -352,12 +388,15 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     for here, names, _ in _bond_tables(scenario):
         (path, first), (other, second) = (tables[name] for name in names)
-        methods = [group.integrator or scenario.simulation.integrator for group in (first, second)]
+        methods = [
+            method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
+        ]
         if methods[0] != methods[1]:
             yield Invalid(
-                f"springs join groups that step together, and these have different integrators ({methods[0]}, {methods[1]})",
+                "springs join groups that step together, and these have different integrators "
+                f"({methods[0].label}, {methods[1].label})",
                 here,
-                ((path, methods[0]), (other, methods[1])),
+                ((path, methods[0].label), (other, methods[1].label)),
             )
         for j, plane in enumerate(scenario.planes):
             if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):

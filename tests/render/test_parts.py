@@ -267,3 +267,15 @@ def test_values_reach_from_percentile_to_percentile():
     low, high = survey(source, partial(values_of, coloring=choose_coloring(source, "heat")), 0, 0).values
     assert low == pytest.approx(10, abs=0.3)
     assert 19.5 < high < 22
+
+
+def test_positions_that_are_hardly_finite_do_not_spoil_the_picture():
+    near = np.random.default_rng(1).normal(size=(50, 3))
+    far = np.array([[1e308, 0, 0], [0, -1e308, 0], [0, 0, 1e120]])
+    source = single(np.concatenate([near, far]), velocity=np.concatenate([near, 1e200 * np.ones((3, 3))]))
+    coloring = choose_coloring(source, "speed")
+    scene = survey(source, coloring, 0, 0)
+    assert (scene.low == near.min(axis=0)).all()
+    assert (scene.high == near.max(axis=0)).all()
+    assert scene.values[1] < 10
+    assert (color_indices(source[0], coloring, *scene.values, 256)[-3:] == 255).all()
