@@ -6,6 +6,8 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from numbers import Integral
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,10 @@ from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
+from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
-from particlesim.trajectory.target import check_target
+from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter
 from particlesim.validity import Watch, check_ledger, infinite
 
@@ -42,7 +45,7 @@ class Progress:
     frames: int
 
 
-@dataclass
+@dataclass(repr=False, eq=False)
 class Result:
     """What a run leaves: the last frame in memory, the ledger over time, and how it went."""
 
@@ -60,6 +63,10 @@ class Result:
     checks: tuple[CheckResult, ...] = ()
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
+
+    def __repr__(self) -> str:
+        where = "" if self.path is None else f" in {str(self.path)!r}"
+        return f"<Result: {len(self.times)} frames{where}, {len(self.final)} particles at t = {self.times[-1]:g} s>"
 
     @property
     def passed(self) -> bool:
@@ -84,16 +91,16 @@ class _Log:
 
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     output: str | Path | None = None,
     *,
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Result:
-    """Run a scenario from its start to its end.
+    """Run a scenario, or the scenario of a file, from its start to its end.
 
-    With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
+    With `output`, frames go to that trajectory file (.vtkhdf) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
     results do not depend on it. `progress` is called at every frame, and between frames that take long.
 
@@ -101,10 +108,14 @@ def run(
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
     recorded until then are kept.
     """
-    if threads is not None and threads < 1:
-        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
+    if isinstance(scenario, str | PathLike):
+        scenario = load(scenario)
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"run takes a Scenario or the path of one, not {type(scenario).__name__}")
+    _check_threads(threads)
     path = None if output is None else Path(output)
     if path is not None:
+        check_trajectory_name(path)
         check_target(path, overwrite=overwrite)
     required = needs(scenario)
     check_fits(required, path)
@@ -112,6 +123,15 @@ def run(
     check_ledger(simulation)
     with held_signals() as signals:
         return _recorded(simulation, path, overwrite, required.particles, progress, signals)
+
+
+def _check_threads(threads: int | None) -> None:
+    if threads is None:
+        return
+    if isinstance(threads, bool) or not isinstance(threads, Integral):
+        raise TypeError(f"threads is a whole number or None, not {threads!r}")
+    if threads < 1:
+        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
 
 
 def _recorded(
