@@ -28,6 +28,7 @@ from psim.run import run
 from psim.schema import schema
 from psim.stop import listen
 from psim.sweep import sweep
+from psim.verify import verify
 
 app = typer.Typer(
     name="psim",
@@ -66,6 +67,12 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim sweep fountain.toml --vary 'forces.air.coefficient=linspace(0, 1, 11)' --workers 2",
             "psim sweep fountain.toml --vary 'forces.air.coefficient=uniform(0.1, 0.5)' --samples 64 --seed 1",
         ),
+    ),
+    (
+        "verify",
+        verify,
+        _SIMULATE,
+        ("psim verify orbit.toml", "psim verify orbit.toml --set simulation.dt=1e-3 --json"),
     ),
     (
         "check",
