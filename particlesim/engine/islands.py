@@ -122,9 +122,10 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
             return None, None, None
-        faults: NDArray[Any] = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+        faults = self._no_faults()
         if self.state.count:
             columns = self.columns()[0]
 
@@ -137,6 +138,10 @@ class IndependentIsland:
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
+
+    def _no_faults(self) -> NDArray[Any]:
+        """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
+        return np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
 
     def _step(
         self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
@@ -156,7 +161,7 @@ class IndependentIsland:
         for block in blocks[:64]:
             end = min(int(block) + self._block, self.state.count)
             for step in range(first, min(earliest.step, last)):
-                fault: NDArray[Any] = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+                fault = self._no_faults()
                 self._step(columns, step, 1, int(block), end, 1, fault)
                 if fault.any():
                     row = int((fault != 0).argmax())

@@ -111,6 +111,11 @@ class Simulation:
         return islands
 
     @property
+    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
+        """What steps together, in the order of the graph's islands."""
+        return self._islands
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self.step * self._dt
@@ -256,21 +261,41 @@ class Simulation:
         time = fault.step * self.scenario.grid.dt
         row = fault.row
         p = state.particle(row, time) if fault.stop is None else fault.stop.particle
-        name, size = self._strongest(state.name, p)
-        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        pulls: tuple[tuple[str, float], ...] = ()
         what = f"is no longer finite after the step from t = {time:.9g} s"
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
         if fault.stop is not None:
             what, hint = WHY[fault.stop.why]
             what = what.format(t=fault.stop.time, least=fault.stop.least)
-            bonds = self.graph.islands[self._islands.index(island)].bonds
-            pulls = [(pull, made.name) for pull, made in zip(fault.stop.bonds, bonds, strict=False)]
-            if pulls and max(pulls)[0] > size:
-                size, name = max(pulls)
-        message = f"particle {state.id[row]} of {state.name!r} {what}; it was at {where}"
-        if name is not None:
-            message += f", and the strongest force on it was {name} with {size:.6g} N"
+            names = [bonds.name for bonds in self.graph.islands[self._islands.index(island)].bonds]
+            pulls = tuple(zip(names, fault.stop.bonds, strict=False))
+        situation = self._situation(state.name, p, pulls)
+        return DivergenceError(f"particle {state.id[row]} of {state.name!r} {what}; it was {situation}", hint)
+
+    def overflow(self, quantity: str) -> DivergenceError:
+        """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
+        fastest = [(np.abs(s.v[:, : s.count]).max(axis=0), s) for s in self.states if s.count]
+        speeds, state = max(fastest, key=lambda pair: pair[0].max())
+        row = int(speeds.argmax())
+        message = (
+            f"the ledger's {quantity} is no longer finite at t = {self.time:.9g} s; particle {state.id[row]} of "
+            f"{state.name!r} was {self._situation(state.name, state.particle(row, self.time))}"
+        )
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
         return DivergenceError(message, hint)
+
+    def _situation(self, group_name: str, p: Particle, pulls: tuple[tuple[str, float], ...] = ()) -> str:
+        """Where a particle is, how fast, and under which force; `pulls` are those of springs [N]."""
+        where = (
+            f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        )
+        name, size = self._strongest(group_name, p)
+        for spring, pull in pulls:
+            if pull > size:
+                name, size = spring, pull
+        return (
+            where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
+        )
 
     def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
         group = next(g for g in self.scenario.groups if g.name == group_name)
