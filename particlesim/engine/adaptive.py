@@ -33,15 +33,14 @@ from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.independent import refresh
 from particlesim.engine.pace import (
     MOST_STEPS,
-    NOT_FINITE,
     RESOLVED,
     SMALLEST,
     TOO_MANY,
-    TOO_SHORT,
     combined,
     factor,
     scales,
     size2,
+    why_short,
 )
 from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
 from particlesim.laws import PASS, Particle
@@ -415,12 +414,8 @@ def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
                 return -1
         else:
             w[AGAIN, k], w[STEP, k] = 1, wish
-            if wish < max(method.least, RESOLVED * w[STOP, k]):
-                r = rate_at(d, k, SLOPE)
-                still = (
-                    (r.x - r.x) + (r.y - r.y) + (r.z - r.z) + (r.vx - r.vx) + (r.vy - r.vy) + (r.vz - r.vz)
-                )
-                return TOO_SHORT if still == 0 else NOT_FINITE
+        if wish < taken and w[STEP, k] < max(method.least, RESOLVED * w[STOP, k]):
+            return why_short(rate_at(d, k, SLOPE))
         aim(d, k, most)
         return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
 

@@ -20,15 +20,14 @@ from particlesim.engine.compile import inline, inlined, stub
 from particlesim.engine.coupled import collide, displace, evaluate, find_slopes, restore, save, settle
 from particlesim.engine.pace import (
     MOST_STEPS,
-    NOT_FINITE,
     RESOLVED,
     SMALLEST,
     TOO_MANY,
-    TOO_SHORT,
     combined,
     factor,
     scales,
     size2,
+    why_short,
 )
 from particlesim.engine.steppers import Rate
 
@@ -218,12 +217,9 @@ def step_island_adaptive(
             else:
                 step, again = wish, True
                 restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
-                if wish < max(method.least, RESOLVED * end):
-                    slope = six(work.slopes[0], row)
-                    still = (slope.x - slope.x) + (slope.y - slope.y) + (slope.z - slope.z)
-                    still += (slope.vx - slope.vx) + (slope.vy - slope.vy) + (slope.vz - slope.vz)
-                    give_up(share, pace, TOO_SHORT if still == 0 else NOT_FINITE, now, row)
-                    return s
+            if wish < taken and step < max(method.least, RESOLVED * end):
+                give_up(share, pace, why_short(six(work.slopes[0], row)), now, row)
+                return s
             if tries >= MOST_STEPS:
                 give_up(share, pace, TOO_MANY, now, row)
                 return s

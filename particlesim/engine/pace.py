@@ -71,3 +71,11 @@ def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
         wish *= previous**method.beta
     most = 1.0 if again or error > 1 else method.grow
     return float(min(max(wish, method.shrink), most))
+
+
+@inlined
+def why_short(slope: Any) -> int:
+    """Why steps fall below the least: the slope at their beginning is not finite, or the error does not get smaller."""
+    drop = (slope.x - slope.x) + (slope.y - slope.y) + (slope.z - slope.z)
+    drop += (slope.vx - slope.vx) + (slope.vy - slope.vy) + (slope.vz - slope.vz)
+    return TOO_SHORT if drop == 0 else NOT_FINITE
