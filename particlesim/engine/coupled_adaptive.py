@@ -151,6 +151,15 @@ def _attempt(
 
 
 @inlined
+def carry(slopes: Any, last: Any, share: Any) -> None:
+    """The slopes at the end of a step are those at the beginning of the next."""
+    for k in range(6):
+        source, target = slopes[last, k, share.first : share.last], slopes[0, k, share.first : share.last]
+        for i in range(source.size):
+            target[i] = source[i]
+
+
+@inlined
 def give_up(share: Any, pace: Any, why: Any, t: Any, row: Any) -> None:
     """Report why the island cannot go on."""
     if share.number == 0:
@@ -210,9 +219,7 @@ def step_island_adaptive(
                     break_bonds(bonds, c, share, then)
                     stale = True
                 else:
-                    work.slopes[0, :, share.first : share.last] = work.slopes[
-                        last, :, share.first : share.last
-                    ]
+                    carry(work.slopes, last, share)
                 now = then
             else:
                 step, again = wish, True

@@ -156,7 +156,7 @@ def test_euler_by_step_doubling_keeps_the_two_halves() -> None:
 
 
 def test_bounces_births_and_deaths_fall_inside_long_steps() -> None:
-    # Drops are born every 0.1 s in steps of 0.5 s (9 of them alive at the end), fall from H, bounce with e = 0.5, live for 1 s, or touch the kill plane.
+    # Drops are born every 0.1 s in steps of 0.5 s, fall from H, bounce with e = 0.5, and live for 1 s: 9 are left.
     height, e = 2.0, 0.5
     fall = math.sqrt(2 * height / G)
     result = simulate(
