@@ -19,6 +19,7 @@ from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
+from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
 from particlesim.scenario.scenario import Scenario
@@ -108,14 +109,28 @@ def run(
     required = needs(scenario)
     check_fits(required, path)
     simulation = Simulation(scenario, threads=threads)
-    writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
+    with held_signals() as signals:
+        return _recorded(simulation, path, overwrite, required.particles, progress, signals)
+
+
+def _recorded(
+    simulation: Simulation,
+    path: Path | None,
+    overwrite: bool,
+    particles: int,
+    progress: Callable[[Progress], None] | None,
+    signals: Held,
+) -> Result:
+    """Run to the end, and write what there is however it ends; `particles` is the largest number of them expected."""
+    scenario = simulation.scenario
+    writer = _writer(scenario, simulation, path, overwrite, particles) if path is not None else None
     watch, checks = Watch(scenario), Checks(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
     summary: dict[str, int | str] = {}
     try:
-        _steps(simulation, writer, watch, checks, log, progress, began)
+        _steps(simulation, writer, watch, checks, log, progress, signals, began)
         status = "complete"
         summary = _summary(simulation, log, checks)
     except DivergenceError:
@@ -176,6 +191,7 @@ def _writer(
         overwrite=overwrite,
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
+        topology=simulation.topology(),
     )
 
 
@@ -186,6 +202,7 @@ def _steps(
     checks: Checks,
     log: _Log,
     progress: Callable[[Progress], None] | None,
+    signals: Held,
     began: float,
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
@@ -193,6 +210,7 @@ def _steps(
     fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
+        signals.check()
         if progress is not None:
             elapsed = time.perf_counter() - began
             done = simulation.particle_steps
@@ -231,6 +249,9 @@ def _record(
             log.died[name] = log.died.get(name, 0) + int(number)
         if writer is not None:
             writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    if writer is not None:
+        for name, broke in simulation.broke().items():
+            writer.breaks(name, broke)
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()

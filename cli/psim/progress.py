@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import animated, duration, rate, say
+from psim.talk import animated, duration, plain, rate, say
 
 if TYPE_CHECKING:
     from particlesim.runner import Progress
@@ -26,7 +26,7 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
         yield _plain_run(name)
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
 
             speed = _Speed()
 
@@ -48,12 +48,12 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
         def line(done: int, total: int) -> None:
             if due.now():
                 left = duration(due.elapsed * (total - done) / done)
-                say(f"{name}: {done} of {total} pictures, {left} left")
+                say(f"{plain(name)}: {done} of {total} pictures, {left} left")
 
         yield line
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
             began = time.perf_counter()
 
             def show(done: int, total: int) -> None:
@@ -76,12 +76,12 @@ def sweep_progress(name: str, *, quiet: bool) -> Iterator[Callable[[SweepProgres
         def line(p: SweepProgress) -> None:
             if p.rate and due.now():
                 left = duration((p.total - p.ended) / p.rate)
-                say(f"{name}: {_sweep_note(p)}, {left} left")
+                say(f"{plain(name)}: {_sweep_note(p)}, {left} left")
 
         yield line
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
 
             def show(p: SweepProgress) -> None:
                 bar.update(task, total=p.total, completed=p.ended, note=_sweep_note(p))
@@ -136,7 +136,7 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
         if fast and due.now():
             left = duration(p.elapsed * (p.steps - p.step) / p.step)
             done = f"{100 * p.step / p.steps:.0f} %"
-            say(f"{name}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
+            say(f"{plain(name)}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
 
     return line
 
@@ -155,7 +155,7 @@ def _bar(name: str) -> Any:
 
     return Progress(
         SpinnerColumn(),
-        TextColumn("[bold]{task.description}", markup=True),
+        TextColumn("{task.description}", style="bold", markup=False),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
         TextColumn("{task.fields[note]}", markup=False),

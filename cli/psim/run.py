@@ -11,7 +11,6 @@ import typer
 
 from psim.options import Force, Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import render_progress, run_progress
-from psim.stop import stoppable
 
 if TYPE_CHECKING:
     from particlesim.runner import Result
@@ -65,17 +64,16 @@ def run(
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
     from psim.summary import show_failures, show_summary, summary
+    from psim.talk import print_json, print_path
 
     told = summary(result, scenario, film, warnings)
     if as_json:
-        from psim.talk import print_json
-
         print_json(told)
     elif not quiet:
         show_summary(told)
-        print(path)
+        print_path(path)
         if film is not None:
-            print(film)
+            print_path(film)
     if not result.passed:
         if not as_json:
             show_failures(result)
@@ -144,7 +142,7 @@ def _simulate(
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, overwrite=force, threads=threads, progress=stoppable(progress))
+            return ps.run(loaded, path, overwrite=force, threads=threads, progress=progress)
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept
@@ -156,5 +154,5 @@ def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: boo
     import particlesim as ps
 
     with render_progress(film.name, quiet=quiet) as progress:
-        report = ps.film(path, film, overwrite=force, threads=threads, progress=stoppable(progress))
+        report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
     return list(report.warnings)

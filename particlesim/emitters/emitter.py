@@ -130,6 +130,12 @@ class Emitter(Group):
         """All bursts, as a tuple."""
         return self.burst if isinstance(self.burst, tuple) else (self.burst,)
 
+    def expected(self, duration: float) -> float:
+        """Births until a time [s], not rounded; infinite where that is beyond all numbers."""
+        end = duration if self.stop is None else min(duration, self.stop)
+        steady = max(end - self.start, 0.0) * (self.rate or 0.0)
+        return steady + sum(burst.count for burst in self.bursts() if burst.at < duration)
+
     def births(self, streams: Streams, first: int, birth: Floats) -> Born:
         """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""
         count = len(birth)

@@ -352,7 +352,7 @@ def _forget(memory: Any, i: Any) -> Impl:
         return lambda memory, i: None
 
     def impl(memory: Any, i: Any) -> None:
-        memory[3][i] = 0
+        memory[-1][i] = 0
 
     return impl
 
@@ -483,7 +483,7 @@ def step_island(
         if share.wild.sum() > 0:
             restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             return s
-        break_bonds(bonds, c, share)
+        break_bonds(bonds, c, share, end)
     end = (first_step + steps) * dt
     evaluate(parts, bonds, c, work, share, end)
     settle(parts, c, work.force, share, end)

@@ -22,7 +22,7 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, group_uses_radius
+from particlesim.engine.islands import Fault, copied, group_uses_radius
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
@@ -30,6 +30,7 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
 
 WORTH_SPRINGS = 5_000
 """Springs below which threads would spend their time waiting for each other."""
@@ -131,7 +132,7 @@ class CoupledIsland:
             strain, pull = (
                 dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force)
             )
-            breaking = Breaking(strain, pull, np.zeros(len(slots.i), np.bool_))
+            breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
         return Bonds(
             StringRecord() if law.tension_only else SpringRecord(),
             slots.i,
@@ -161,6 +162,18 @@ class CoupledIsland:
                 found.append((mine, self._work._replace(pull=np.zeros_like(self._work.pull)), share))
             self._shares[threads] = found
         return self._shares[threads]
+
+    def topology(self, names: Sequence[str]) -> list[Topology]:
+        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
+        ids = self._all.id
+        found = []
+        for name, bonds in zip(names, self.bonds, strict=True):
+            there = bonds.i >= 0
+            pairs = np.stack([ids[bonds.i[there]], ids[bonds.j[there]]], axis=1)
+            broke = np.full(len(pairs), np.inf) if bonds.breaking is None else bonds.breaking.when[there]
+            rest = bonds.rest[there].astype(float)
+            found.append(Topology(name, pairs, rest, broke, breakable=bonds.breaking is not None))
+        return found
 
     def _reduced_mass(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
         """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
@@ -231,12 +244,4 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
         thermal=heat,
         clock=clock,
         memory=tuple(column[a:b] for column in c.memory),
-    )
-
-
-def copied(c: Columns) -> Columns:
-    """Columns with position, velocity and memory copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
     )

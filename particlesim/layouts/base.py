@@ -50,6 +50,10 @@ class Layout(Model):
         """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
         raise NotImplementedError(f"{self!r} has no springs")
 
+    def triangles(self) -> NDArray[np.int64]:
+        """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
+        return np.empty((0, 3), np.int64)
+
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""
         return np.empty(0, np.int64)

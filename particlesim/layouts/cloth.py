@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from particlesim.crossfield import invalid
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Number, Vector
 from particlesim.vectors import dot, unit
@@ -63,6 +63,10 @@ class Cloth(Mesh):
         right, up = np.array(unit(self.right)), np.array(unit(self.up))
         position = np.array(self.origin)[:, None] + np.outer(right, across) + np.outer(up, along)
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
+
+    def triangles(self) -> Ints:
+        nx, ny = self.resolution
+        return grid_triangles(np.arange(nx * ny, dtype=np.int64).reshape(ny, nx))
 
     def pins(self) -> Ints:
         nx, ny = self.resolution

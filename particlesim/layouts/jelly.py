@@ -9,7 +9,7 @@ from annotated_types import Gt
 from pydantic import Field
 
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Vector
 
@@ -47,6 +47,20 @@ class Jelly(Mesh):
         cell = np.stack([index % nx / (nx - 1), index // nx % ny / (ny - 1), index // (nx * ny) / (nz - 1)])
         position = np.array(self.origin)[:, None] + cell * np.array(self.size)[:, None]
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
+
+    def triangles(self) -> Ints:
+        nx, ny, nz = self.resolution
+        index = np.arange(nx * ny * nz, dtype=np.int64).reshape(nz, ny, nx)
+        # Each side with the axes that make its normal columns × rows point outwards.
+        sides = [
+            index[-1],
+            index[0].T,
+            index[:, 0],
+            index[:, -1].T,
+            index[:, :, 0].T,
+            index[:, :, -1],
+        ]
+        return np.concatenate([grid_triangles(side) for side in sides])
 
     def pins(self) -> Ints:
         nx, ny, nz = self.resolution

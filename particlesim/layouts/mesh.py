@@ -35,6 +35,19 @@ class Mesh(Layout):
         return grid_edges(self.shape(), steps(len(self.shape()), kind))
 
 
+def grid_triangles(index: Ints) -> Ints:
+    """Two triangles for every cell of a grid of particles [rows, columns], with the normal columns × rows, shape [n, 3].
+
+    The diagonals alternate like those of a union jack, so that no direction is preferred.
+    """
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    row, column = np.indices(a.shape)
+    rising = ((row + column) % 2 == 0)[..., None]
+    first = np.where(rising, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
+    second = np.where(rising, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
+    return np.stack([first, second], axis=2).reshape(-1, 3)
+
+
 def steps(axes: int, kind: str) -> list[tuple[int, ...]]:
     """Where on the grid the other ends of a particle's springs are; each spring from one end only.
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from pydantic_core import ErrorDetails
 
-from particlesim.model import Name
+from particlesim.model import Line, Name, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario import typewalk
 from particlesim.scenario.typewalk import Node
@@ -25,7 +25,11 @@ _LIMITS = {
 
 
 # Patterns in words.
-_PATTERNS = {get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit"}
+_PATTERNS = {
+    get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit",
+    get_args(Line)[1].pattern: "a line of text without control characters",
+    get_args(Prose)[1].pattern: "text without control characters",
+}
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import PrivateAttr, StringConstraints, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.bonds import BondSet, SpringLaw, Springs
 from particlesim.checks import Check
@@ -19,7 +19,7 @@ from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import method_for
 from particlesim.layouts.file import File
-from particlesim.model import Model
+from particlesim.model import Line, Model, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.rendering import RenderSettings, colorable
@@ -29,15 +29,18 @@ from particlesim.streams import Streams
 
 Keys = tuple[str | int, ...]
 
+MOST_BIRTHS = 10**12
+"""Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
+
 
 class Scenario(Model):
     """A particle simulation: what there is, what acts on it, how it is stepped and what is kept."""
 
     format: Literal[1] = 1
     """Version of the scenario format."""
-    title: Annotated[str, StringConstraints(max_length=200)] = ""
+    title: Line = ""
     """A line that names the scene, for summaries and videos."""
-    description: Annotated[str, StringConstraints(max_length=10_000)] = ""
+    description: Prose = ""
     """What the scene shows."""
     simulation: Simulation
     """Time, method, seed and precision."""
@@ -275,7 +278,16 @@ def _times(scenario: Scenario) -> Iterator[Invalid]:
                 )
                 yield Invalid("a kick after the end of the run", path, duration)
     for k, emitter in enumerate(scenario.emitters):
-        if Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+        births = emitter.expected(end)
+        if births > MOST_BIRTHS:
+            key = "rate" if emitter.rate is not None else "burst"
+            yield Invalid(
+                f"{births:.3g} births in {end:g} s are more than a run can make",
+                ("emitters", k, key),
+                duration,
+                allowed=f"at most {MOST_BIRTHS:.0e} births",
+            )
+        elif Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 

@@ -10,16 +10,26 @@ from threading import Condition, Thread
 from types import TracebackType
 from typing import Any, Literal, Self
 
+import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
-from particlesim.trajectory.frame_file import EventData, EventKind, FrameData, FrameFile, event_rows
+from particlesim.trajectory.frame_file import (
+    BreakData,
+    EventData,
+    EventKind,
+    FrameData,
+    FrameFile,
+    Item,
+    event_rows,
+)
 from particlesim.trajectory.layout import STATES, create_file
 from particlesim.trajectory.lock import WriterLock, is_being_written
 from particlesim.trajectory.superblock import clear_mark, read_superblock
 from particlesim.trajectory.target import check_target, replacing, write_error
+from particlesim.trajectory.topology import Topology
 
 # Small frames share a flush. No more of them: when a write fails, those of its batch are lost.
 _BATCH_BYTES = 256 << 10
@@ -31,8 +41,8 @@ class TrajectoryWriter:
     fields: what to record beside position and id (names of `FIELDS`). groups: names that the field `group`
     counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
     key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
-    largest count expected in a frame; it only chooses how the file is cut (`chunks`). queue_bytes: how much
-    may wait to be written before `append` waits.
+    largest count expected in a frame; it only chooses how the file is cut (`chunks`). topology: springs and
+    surfaces, of names of their own. queue_bytes: how much may wait to be written before `append` waits.
 
     The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
     path that exists (unless `overwrite`) or cannot be written.
@@ -52,6 +62,7 @@ class TrajectoryWriter:
         queue_bytes: int = 256 << 20,
         causes: Sequence[str] = (),
         particles_hint: int = 8192,
+        topology: Sequence[Topology] = (),
     ) -> None:
         self.path = Path(path)
         self._fields = {spec.name: spec for spec in select_fields(fields)}
@@ -69,9 +80,11 @@ class TrajectoryWriter:
             precision=precision,
             compressed=compression == "gzip",
             particles=particles_hint,
+            topology=topology,
         )
+        self._broke = {each.name: np.array(each.broke, float) for each in topology if each.breakable}
 
-        self._queue: deque[FrameData | EventData] = deque()
+        self._queue: deque[Item] = deque()
         self._queue_limit = queue_bytes
         self._queued_bytes = 0
         self._changed = Condition()
@@ -157,6 +170,20 @@ class TrajectoryWriter:
         if len(rows):
             self._put(EventData(kind, rows))
 
+    def breaks(self, name: str, broke: npt.NDArray[np.float64]) -> None:
+        """Queue when the springs of a set broke [s], infinity for those that hold, shape [springs].
+
+        What the writer knows already costs nothing. Raises as `append` does.
+        """
+        if name not in self._broke:
+            raise unknown_name("set of springs that can break", name, self._broke)
+        known = self._broke[name]
+        changed = np.flatnonzero(broke != known)
+        if len(changed):
+            first, last = int(changed[0]), int(changed[-1]) + 1
+            known[first:last] = broke[first:last]
+            self._put(BreakData(name, first, known[first:last].copy()))
+
     def close(self, status: str = "complete", summary: Mapping[str, float | int | str] | None = None) -> None:
         """Write what is queued, then how the run ended, and close. Calling it again does nothing.
 
@@ -189,7 +216,7 @@ class TrajectoryWriter:
         except Exception as second:
             error.add_note(f"closing the trajectory failed too: {second}")
 
-    def _put(self, item: FrameData | EventData) -> None:
+    def _put(self, item: Item) -> None:
         with self._changed:
             if self._closed or self._ending:
                 raise UsageError(f"{self.path} is closed", "Append before close().")
@@ -219,18 +246,18 @@ class TrajectoryWriter:
                 return
             self._release(batch)
 
-    def _next_batch(self) -> list[FrameData | EventData]:
+    def _next_batch(self) -> list[Item]:
         """What is queued, up to a limit, so that many small frames share a flush; empty at the end."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._queue) or self._ending)
-            batch: list[FrameData | EventData] = []
+            batch: list[Item] = []
             size = 0
             while self._queue and (not batch or size + self._queue[0].nbytes <= _BATCH_BYTES):
                 batch.append(self._queue.popleft())
                 size += batch[-1].nbytes
             return batch
 
-    def _release(self, batch: Sequence[FrameData | EventData]) -> None:
+    def _release(self, batch: Sequence[Item]) -> None:
         """Count a written batch and take its memory back."""
         frames = [item for item in batch if isinstance(item, FrameData)]
         for frame in frames:

@@ -148,9 +148,9 @@ def stopped_after_some_frames(number: int, **options) -> Ended:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
-def test_interrupted_run_keeps_its_frames(number):
-    ended = stopped_after_some_frames(number)
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_interrupted_run_keeps_its_frames(name):
+    ended = stopped_after_some_frames(getattr(signal, name))
     assert ended.code == 130, ended
     assert re.search(r"interrupted: stopped at t = .* s of 1000000 s", ended.err)
     assert "outputs/long.vtkhdf" in ended.err
