@@ -33,13 +33,24 @@ WORTH_THREADS = 500_000
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
     """
 
     member: int
     row: int
     step: int
     stop: Stop | None = None
+    unsolved: Unsolved | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+
+    method: str
+    residual: float
+    iterations: int
 
 
 @dataclass(frozen=True)
