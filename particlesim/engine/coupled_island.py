@@ -178,7 +178,9 @@ class CoupledIsland:
         work = self._work._replace(pull=np.zeros_like(self._work.pull))
         if work.system is None:
             return work
-        return work._replace(system=work.system._replace(pull=np.zeros_like(work.system.pull)))
+        system = work.system
+        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
         """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""

@@ -15,14 +15,16 @@ import numpy as np
 
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import fetch, recall, span, type_of
-from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.engine.compile import inline, outline, outlined, stub
 from particlesim.engine.coupled import evaluate, evolve
 from particlesim.engine.krylov import (
     INDEFINITE,
     SOLVED,
     UNSOLVED,
     WILD,
+    clear,
     conjugate_gradients,
+    copy,
     size2,
     stabilised,
 )
@@ -126,23 +128,23 @@ def _implicit(
             s.report[0], s.report[1], s.report[2] = ended, np.sqrt(size / first), iterations
 
 
-@inlined
+@outlined
 def solve(
     bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
 ) -> Any:
     """Solve the linear equations: how it ended, and the size of what is left."""
     status, left = INDEFINITE, size
     if symmetric:
-        s.other[:, share.first : share.last] = s.residual[:, share.first : share.last]
+        copy(s.residual, s.other, share.first, share.last)
         status, left, _ = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
         if status == INDEFINITE:
-            s.residual[:, share.first : share.last] = s.other[:, share.first : share.last]
+            copy(s.other, s.residual, share.first, share.last)
     if status == INDEFINITE:
         status, left, _ = stabilised(bonds, s, share, plain, size, goal, limit)
     return status, left
 
 
-@inlined
+@outlined
 def change(c: Any, s: Any, share: Any, taken: Any, reach: Any) -> None:
     """Add part of the solution to the velocities of a share, and put the particles where these lead."""
     for k, (v, x) in enumerate(((c.vx, c.x), (c.vy, c.y), (c.vz, c.z))):
@@ -217,7 +219,7 @@ def _begin(
         if method.slope != 0 or method.past != 0 or inertialess(parts):
             evaluate(parts, bonds, c, work, share, t)
         else:
-            work.force[:, share.first : share.last] = 0
+            clear(work.force, share.first, share.last)
         begin_parts(method, parts, c, work, share, t, end, h)
         meet(share.gate, share.threads)
 
@@ -285,7 +287,7 @@ def _recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> Impl:
     return impl
 
 
-@inlined
+@outlined
 def finish(
     method: Any, parts: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any
 ) -> None:

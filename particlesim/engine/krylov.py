@@ -16,49 +16,58 @@ import numpy as np
 
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inlined, outline, stub
-from particlesim.engine.stiffness import multiply
+from particlesim.engine.compile import inlined, outline, outlined, stub
+from particlesim.engine.stiffness import LANES, multiply
 
 Impl = Callable[..., Any]
 
 SOLVED, UNSOLVED, WILD, INDEFINITE = 0, 1, 2, 3
 """How a solver ended: the residual is small; too many iterations; it is not finite; the matrix is not positive definite."""
-LANES = 64
-"""Sums that run beside each other, so that they are vectors; chunks of particles are multiples of it, but for the last."""
 
 
-def dot(a: Any, b: Any) -> Any:
-    """Σ aᵢ bᵢ over [3, n] in double precision and in a fixed order."""
-    return stub()
+@outlined
+def dot(a: Any, b: Any, lo: Any, hi: Any, lanes: Any) -> float:
+    """Σ aᵢ bᵢ over particles [lo, hi) of [3, n], in double precision and in a fixed order; `lanes` is scratch."""
+    for j in range(LANES):
+        lanes[j] = 0
+    for axis in range(3):
+        p, q = a[axis, lo:hi], b[axis, lo:hi]
+        whole = p.size // LANES * LANES
+        for k in range(0, whole, LANES):
+            u, v = p[k : k + LANES], q[k : k + LANES]
+            for j in range(LANES):
+                lanes[j] += float(u[j]) * float(v[j])
+        for k in range(whole, p.size):
+            lanes[k - whole] += float(p[k]) * float(q[k])
+    total = 0.0
+    for j in range(LANES):
+        total += lanes[j]
+    return total
 
 
-@outline(dot)
-def _dot(a: Any, b: Any) -> Impl:
-    def impl(a: Any, b: Any) -> Any:
-        lanes = np.zeros(LANES)
-        for axis in range(3):
-            p, q = a[axis], b[axis]
-            whole = p.size // LANES * LANES
-            for k in range(0, whole, LANES):
-                u, v = p[k : k + LANES], q[k : k + LANES]
-                for j in range(LANES):
-                    lanes[j] += float(u[j]) * float(v[j])
-            for k in range(whole, p.size):
-                lanes[k - whole] += float(p[k]) * float(q[k])
-        total = 0.0
-        for j in range(LANES):
-            total += lanes[j]
-        return total
-
-    return impl
-
-
-@inlined
+@outlined
 def dots(s: Any, row: Any, a: Any, b: Any, share: Any) -> None:
     """Dot product of a share's particles, chunk by chunk, into a row of the partial sums."""
     for lo in range(share.first, share.last, share.chunk):
-        hi = min(lo + share.chunk, share.last)
-        s.partial[row, lo // share.chunk] = dot(a[:, lo:hi], b[:, lo:hi])
+        s.partial[row, lo // share.chunk] = dot(a, b, lo, min(lo + share.chunk, share.last), s.lanes)
+
+
+@outlined
+def copy(a: Any, b: Any, lo: Any, hi: Any) -> None:
+    """b = a for particles [lo, hi)."""
+    for axis in range(3):
+        u, v = a[axis, lo:hi], b[axis, lo:hi]
+        for i in range(u.size):
+            v[i] = u[i]
+
+
+@outlined
+def clear(a: Any, lo: Any, hi: Any) -> None:
+    """a = 0 for particles [lo, hi)."""
+    for axis in range(3):
+        u = a[axis, lo:hi]
+        for i in range(u.size):
+            u[i] = 0
 
 
 @inlined
@@ -70,7 +79,7 @@ def summed(s: Any, row: Any) -> float:
     return total
 
 
-@inlined
+@outlined
 def precondition(s: Any, r: Any, z: Any, lo: Any, hi: Any) -> None:
     """z = M⁻¹ r for particles [lo, hi)."""
     xx, yy, zz = s.block[0, lo:hi], s.block[1, lo:hi], s.block[2, lo:hi]
@@ -83,7 +92,7 @@ def precondition(s: Any, r: Any, z: Any, lo: Any, hi: Any) -> None:
         zw[i] = xz[i] * rx[i] + yz[i] * ry[i] + zz[i] * rz[i]
 
 
-@inlined
+@outlined
 def add_scaled(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
     """y += factor · x for particles [lo, hi)."""
     for axis in range(3):
@@ -93,7 +102,7 @@ def add_scaled(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
             u[i] += k * v[i]
 
 
-@inlined
+@outlined
 def scale_and_add(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
     """y = factor · y + x for particles [lo, hi)."""
     for axis in range(3):
@@ -133,8 +142,8 @@ def _conjugate_gradients(
 ) -> Impl:
     def impl(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
         lo, hi = share.first, share.last
-        s.solution[:, lo:hi] = 0
-        s.direction[:, lo:hi] = s.near[:, lo:hi]
+        clear(s.solution, lo, hi)
+        copy(s.near, s.direction, lo, hi)
         size = begin
         meet(share.gate, share.threads)
         for iteration in range(limit):
@@ -173,9 +182,9 @@ def _stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: An
     # `other` A M⁻¹ of the intermediate residual.
     def impl(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
         lo, hi = share.first, share.last
-        s.solution[:, lo:hi] = 0
-        s.direction[:, lo:hi] = s.residual[:, lo:hi]
-        s.shadow[:, lo:hi] = s.residual[:, lo:hi]
+        clear(s.solution, lo, hi)
+        copy(s.residual, s.direction, lo, hi)
+        copy(s.residual, s.shadow, lo, hi)
         size = begin
         dots(s, 1, s.shadow, s.residual, share)
         meet(share.gate, share.threads)
@@ -216,7 +225,7 @@ def _stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: An
     return impl
 
 
-@inlined
+@outlined
 def _free_product(bonds: Any, s: Any, y: Any, plain: Any, share: Any) -> None:
     """y = A · near; 0 for particles that do not move."""
     multiply(bonds, s.springs, s, s.near, y, plain, share)

@@ -23,7 +23,7 @@ from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
-from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
 from particlesim.engine.runs import FIRST, HOLES, HOLES_END, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND, chunk_size
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, velocity, velocity_dx
@@ -32,6 +32,8 @@ Impl = Callable[..., Any]
 
 GENERAL, COUPLED_AXES = 0, 1
 """Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
+LANES = 64
+"""Sums that run beside each other, so that they are vectors; chunks of particles are multiples of it, but for the last."""
 FLAGS = 8
 """Flags per thread: those of two threads are on different cache lines."""
 
@@ -42,7 +44,7 @@ class System(NamedTuple):
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk]; `partial`: sums of
+    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
     chunks [4, chunks]; `flags`; `report`: relative residual and iterations where a solution was not found, and its particle.
     """
 
@@ -61,6 +63,7 @@ class System(NamedTuple):
     other: Any
     springs: tuple[Any, ...]
     pull: Any
+    lanes: Any
     partial: Any
     flags: Any
     report: Any
@@ -89,19 +92,10 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         other=rows(3),
         springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
         pull=np.zeros((7, chunk), dtype),
+        lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
         flags=np.zeros(FLAGS * 64, np.int64),
         report=np.zeros(3),
-    )
-
-
-@inlined
-def times(a: Any, x: Any, y: Any, z: Any) -> Any:
-    """Matrix times vector."""
-    return (
-        a[0] * x + a[1] * y + a[2] * z,
-        a[3] * x + a[4] * y + a[5] * z,
-        a[6] * x + a[7] * y + a[8] * z,
     )
 
 
@@ -281,11 +275,13 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
         xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
         ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
         ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
-        la, lb = s.lead[:, a : a + n], s.lead[:, b : b + n]
+        lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
+        lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
         ks = of_bonds(bond.k, first, last)
         cs = of_bonds(bond.c, first, last)
         rests = of_bonds(bond.rest, first, last)
-        found = s.pull[:, :n]
+        w0, w1, w2, w3 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
+        g0, g1, g2 = s.pull[4, :n], s.pull[5, :n], s.pull[6, :n]
         for k in range(n):
             pair = Pair(
                 xa[k] - xb[k],
@@ -299,40 +295,43 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
                 of_bond(rests, k),
             )
             wx, wy, wz, q, along, (ex, ey, ez) = stiff_of(bond, pair, reach)
-            ux, uy, uz = la[0, k] - lb[0, k], la[1, k] - lb[1, k], la[2, k] - lb[2, k]
+            ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
             gain = (along - q) * (ux * ex + uy * ey + uz * ez)
-            found[0, k] = wx
-            found[1, k] = wy
-            found[2, k] = wz
-            found[3, k] = q
-            found[4, k] = q * ux + gain * ex
-            found[5, k] = q * uy + gain * ey
-            found[6, k] = q * uz + gain * ez
+            w0[k], w1[k], w2[k], w3[k] = wx, wy, wz, q
+            g0[k], g1[k], g2[k] = q * ux + gain * ex, q * uy + gain * ey, q * uz + gain * ez
         for hole in bond.holes[piece[HOLES] : piece[HOLES_END]]:
-            found[:, hole - first] = 0
+            for row in range(7):
+                s.pull[row, hole - first] = 0
         if piece[OWNS_FIRST]:
-            spring[:, first:last] = found[:4]
-            _add_blocks(s, found, a, n, type_of(reach, -1))
+            for row in range(4):
+                out, found = spring[row, first:last], s.pull[row, :n]
+                for k in range(n):
+                    out[k] = found[k]
+            _add_blocks(s, a, n, type_of(reach, -1))
         if piece[OWNS_SECOND]:
-            _add_blocks(s, found, b, n, type_of(reach, 1))
+            _add_blocks(s, b, n, type_of(reach, 1))
 
     return impl
 
 
-@inlined
-def _add_blocks(s: Any, found: Any, at: Any, n: Any, sign: Any) -> None:
-    """Add q 1 + w wᵀ to the blocks of particles at … at + n − 1, and the gain to their residuals."""
-    block, residual, free = s.block[:, at : at + n], s.residual[:, at : at + n], s.free[at : at + n]
+@outlined
+def _add_blocks(s: Any, at: Any, n: Any, sign: Any) -> None:
+    """Add the springs in `pull` to particles at … at + n − 1: q 1 + w wᵀ to the blocks, the gains to the residuals."""
+    wx, wy, wz, q = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
+    xx, yy, zz = s.block[0, at : at + n], s.block[1, at : at + n], s.block[2, at : at + n]
+    xy, xz, yz = s.block[3, at : at + n], s.block[4, at : at + n], s.block[5, at : at + n]
     for k in range(n):
-        wx, wy, wz, q = found[0, k], found[1, k], found[2, k], found[3, k]
-        block[0, k] += q + wx * wx
-        block[1, k] += q + wy * wy
-        block[2, k] += q + wz * wz
-        block[3, k] += wx * wy
-        block[4, k] += wx * wz
-        block[5, k] += wy * wz
-        for axis in range(3):
-            residual[axis, k] += free[k] * (sign * found[4 + axis, k])
+        xx[k] += q[k] + wx[k] * wx[k]
+        yy[k] += q[k] + wy[k] * wy[k]
+        zz[k] += q[k] + wz[k] * wz[k]
+        xy[k] += wx[k] * wy[k]
+        xz[k] += wx[k] * wz[k]
+        yz[k] += wy[k] * wz[k]
+    free = s.free[at : at + n]
+    for axis in range(3):
+        residual, gain = s.residual[axis, at : at + n], s.pull[4 + axis, :n]
+        for k in range(n):
+            residual[k] += free[k] * (sign * gain[k])
 
 
 def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Any:
@@ -344,7 +343,7 @@ def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share
 def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Impl:
     def impl(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> None:
         lo, hi = share.first, share.last
-        d, g = s.inertia[lo:hi], s.own[:, lo:hi]
+        d = s.inertia[lo:hi]
         ax, ay, az = x[0, lo:hi], x[1, lo:hi], x[2, lo:hi]
         bx, by, bz = y[0, lo:hi], y[1, lo:hi], y[2, lo:hi]
         if plain:
@@ -353,10 +352,11 @@ def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, shar
                 by[i] = d[i] * ay[i]
                 bz[i] = d[i] * az[i]
         else:
-            for i in range(d.size):
-                bx[i] = (d[i] + g[0, i]) * ax[i] + g[1, i] * ay[i] + g[2, i] * az[i]
-                by[i] = g[3, i] * ax[i] + (d[i] + g[4, i]) * ay[i] + g[5, i] * az[i]
-                bz[i] = g[6, i] * ax[i] + g[7, i] * ay[i] + (d[i] + g[8, i]) * az[i]
+            for row, out in enumerate((bx, by, bz)):
+                gx, gy, gz = s.own[3 * row, lo:hi], s.own[3 * row + 1, lo:hi], s.own[3 * row + 2, lo:hi]
+                own = x[row, lo:hi]
+                for i in range(d.size):
+                    out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
         for chunk in range(bonds[0].begin.size - 1):
             _times_chunk(bonds, springs, s.pull, x, y, chunk)
 
@@ -420,7 +420,7 @@ def _times_run(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> Impl:
     return impl
 
 
-@inlined
+@outlined
 def invert(s: Any, lo: Any, hi: Any) -> None:
     """Turn the blocks of particles [lo, hi) into their inverses; 0 where a particle does not move.
 
@@ -447,7 +447,7 @@ def invert(s: Any, lo: Any, hi: Any) -> None:
         s.block[5, i] = scale * (xy * xz - xx * yz) if good else scale - scale
 
 
-@inlined
+@outlined
 def of_rounding(s: Any, c: Any, lo: Any, hi: Any, reach: Any) -> float:
     """Σ tr(M) (V² + X²/γ²) over free particles [lo, hi)."""
     total = 0.0
