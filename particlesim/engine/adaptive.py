@@ -21,7 +21,6 @@ from particlesim.engine.columns import (
     block_of,
     fetch,
     keep,
-    load,
     note,
     put_back,
     span,
@@ -30,10 +29,10 @@ from particlesim.engine.columns import (
     type_of,
 )
 from particlesim.engine.compile import inline, inlined, outline, stub
-from particlesim.engine.contact import overlapped, respond, trace
+from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.independent import refresh
 from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
-from particlesim.laws import PASS, Particle, moved_to
+from particlesim.laws import PASS, Particle
 
 Impl = Callable[..., Any]
 
@@ -49,30 +48,25 @@ SMALLEST = 1e-4
 """Errors below this do not count as history (Hairer and Wanner)."""
 
 
-class Desk(NamedTuple):
-    """Particles under way, packed: [n] each. Times are double precision.
+DESK = 256
+"""Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
 
-    `row` in the block; `now`, `stop` [s]; `step` that is proposed, `taken` in this try; `error` of this try, `previous` of
-    the last accepted step (0: unknown); `tries` so far, `again` after a rejection. `state` and `slope` are those at `now`,
-    `ahead` and `beyond` those at the end of the try.
-    """
+# Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
+# (x, y, z, vx, vy, vz each), mass, its inverse, radius.
+STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
+# Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
+# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was rejected;
+# temperature at birth, and birth.
+NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+
+
+class Desk(NamedTuple):
+    """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
+    `thermal`, None when no law reads the temperature."""
 
     row: Any
-    now: Any
-    stop: Any
-    step: Any
-    taken: Any
-    error: Any
-    previous: Any
-    tries: Any
-    again: Any
-    state: tuple[Any, ...]
-    slope: tuple[Any, ...]
-    ahead: tuple[Any, ...]
-    beyond: tuple[Any, ...]
-    m: Any
-    w: Any
-    r: Any
+    body: Any
+    clock: Any
     thermal: Any
 
 
@@ -104,7 +98,7 @@ def response(dynamics: Any, d: Any, k: Any) -> Any:
 
 @inline(response)
 def _response(dynamics: Any, d: Any, k: Any) -> Impl:
-    if isinstance(d.types[d.fields.index("thermal")], types.NoneType):
+    if isinstance(d.types[3], types.NoneType):
         return lambda dynamics, d, k: dynamics
     return lambda dynamics, d, k: Heated(dynamics, d.thermal, k)
 
@@ -112,107 +106,90 @@ def _response(dynamics: Any, d: Any, k: Any) -> Impl:
 # The desk
 
 
-def new_desk(c: Any, size: Any) -> Any:
-    """A desk for `size` particles."""
+def new_desk(c: Any) -> Any:
+    """An empty desk for particles of some columns."""
     return stub()
 
 
 @inline(new_desk)
-def _new_desk(c: Any, size: Any) -> Impl:
-    def impl(c: Any, size: Any) -> Any:
-        like = c.x
+def _new_desk(c: Any) -> Impl:
+    def impl(c: Any) -> Any:
+        clock = np.empty((CLOCK, DESK))
         return Desk(
-            np.empty(size, np.int64),
-            np.empty(size),
-            np.empty(size),
-            np.empty(size),
-            np.empty(size),
-            np.empty(size),
-            np.empty(size),
-            np.empty(size, np.int64),
-            np.empty(size, np.bool_),
-            _six(like, size),
-            _six(like, size),
-            _six(like, size),
-            _six(like, size),
-            np.empty(size, like.dtype),
-            np.empty(size, like.dtype),
-            _like(c.r, size),
-            _like(c.thermal, size),
+            np.empty(DESK, np.int64), np.empty((BODY, DESK), c.x.dtype), clock, warmth_of(c.thermal, clock)
         )
 
     return impl
 
 
-@inlined
-def _six(like: Any, size: Any) -> Any:
-    return (
-        np.empty(size, like.dtype),
-        np.empty(size, like.dtype),
-        np.empty(size, like.dtype),
-        np.empty(size, like.dtype),
-        np.empty(size, like.dtype),
-        np.empty(size, like.dtype),
-    )
-
-
-def _like(column: Any, size: Any) -> Any:
+def warmth_of(thermal: Any, clock: Any) -> Any:
+    """The rows of a desk that hold temperatures at birth, with the law of cooling; None without."""
     return stub()
 
 
-@inline(_like)
-def _like_column(column: Any, size: Any) -> Impl:
-    if isinstance(column, types.NoneType):
-        return lambda column, size: None
-    if isinstance(column, types.Array):
-        return lambda column, size: np.empty(size, column.dtype)
-    return lambda column, size: Thermal(np.empty(size), np.empty(size), column.rate, column.ambient)
+@inline(warmth_of)
+def _warmth_of(thermal: Any, clock: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, clock: None
+    return lambda thermal, clock: Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
 
 
-def move(target: Any, k: Any, source: Any, i: Any) -> Any:
-    """Copy element i of every array of `source` to element k of its counterpart in `target`."""
+def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Any:
+    """Temperature at birth and birth of particle i of a block to column k of a desk."""
     return stub()
 
 
-@inline(move)
-def _move(target: Any, k: Any, source: Any, i: Any) -> Impl:
-    if isinstance(target, types.Array):
+@inline(bring_heat)
+def _bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, i, clock, k: None
 
-        def element(target: Any, k: Any, source: Any, i: Any) -> None:
-            target[k] = source[i]
+    def impl(thermal: Any, i: Any, clock: Any, k: Any) -> None:
+        clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
 
-        return element
-    if getattr(target, "instance_class", None) is Thermal:
-
-        def warmth(target: Any, k: Any, source: Any, i: Any) -> None:
-            target.start[k] = source.start[i]
-            target.birth[k] = source.birth[i]
-
-        return warmth
-    if not isinstance(target, types.BaseTuple) or len(target) == 0:  # nothing to keep
-        return lambda target, k, source, i: None
-
-    def rows(target: Any, k: Any, source: Any, i: Any) -> None:
-        move(target[0], k, source[0], i)
-        move(target[1:], k, source[1:], i)
-
-    return rows
+    return impl
 
 
 @inlined
 def at(d: Any, k: Any, s: Any, t: Any) -> Any:
     """Particle k of a desk with one of its states, as the laws see it at time t."""
-    x = s[0][k]
-    warmth = temperature(d.thermal, k, t, x)
+    b = d.body
+    x = b[s, k]
     return Particle(
-        x, s[1][k], s[2][k], s[3][k], s[4][k], s[5][k], d.m[k], load(d.r, k, x), warmth, t, d.w[k]
+        x,
+        b[s + 1, k],
+        b[s + 2, k],
+        b[s + 3, k],
+        b[s + 4, k],
+        b[s + 5, k],
+        b[MASS, k],
+        b[RADIUS, k],
+        temperature(d.thermal, k, t, x),
+        t,
+        b[INVERSE, k],
     )
 
 
 @inlined
-def put(s: Any, k: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any) -> None:
-    """Six numbers to element k of six arrays."""
-    s[0][k], s[1][k], s[2][k], s[3][k], s[4][k], s[5][k] = x, y, z, vx, vy, vz
+def rate_at(d: Any, k: Any, s: Any) -> Any:
+    """A slope of particle k of a desk."""
+    b = d.body
+    return Rate(b[s, k], b[s + 1, k], b[s + 2, k], b[s + 3, k], b[s + 4, k], b[s + 5, k])
+
+
+@inlined
+def put(d: Any, k: Any, s: Any, r: Any) -> None:
+    """A state or slope of particle k of a desk."""
+    b = d.body
+    b[s, k], b[s + 1, k], b[s + 2, k] = r.x, r.y, r.z
+    b[s + 3, k], b[s + 4, k], b[s + 5, k] = r.vx, r.vy, r.vz
+
+
+@inlined
+def slope_here(program: Any, d: Any, k: Any) -> None:
+    """Set the slope of particle k of a desk at its present state."""
+    p = at(d, k, STATE, d.clock[NOW, k])
+    put(d, k, SLOPE, derivative(response(program.dynamics, d, k), program.forces, p))
 
 
 # One try
@@ -283,18 +260,16 @@ def attempt(program: Any, d: Any, n: Any) -> Any:
 def _attempt(program: Any, d: Any, n: Any) -> Impl:
     def impl(program: Any, d: Any, n: Any) -> None:
         method, forces = program.method, program.forces
-        k1 = d.slope
         for k in range(n):
-            p = at(d, k, d.state, d.now[k])
-            h = type_of(p.x, d.taken[k])
+            p = at(d, k, STATE, d.clock[NOW, k])
+            h = type_of(p.x, d.clock[TAKEN, k])
             dynamics = response(program.dynamics, d, k)
-            first = Rate(k1[0][k], k1[1][k], k1[2][k], k1[3][k], k1[4][k], k1[5][k])
-            slopes = stages(method.a[1:], method.c[1:], dynamics, forces, p, h, (first,))
-            q = moved(p, h, weigh(method.b, slopes), d.now[k] + d.taken[k])
+            slopes = stages(method.a[1:], method.c[1:], dynamics, forces, p, h, (rate_at(d, k, SLOPE),))
+            q = moved(p, h, weigh(method.b, slopes), d.clock[NOW, k] + d.clock[TAKEN, k])
             last = derivative(dynamics, forces, q)
-            d.error[k] = error_of(method, (*slopes, last), h, p, q)
-            put(d.ahead, k, q.x, q.y, q.z, q.vx, q.vy, q.vz)
-            put(d.beyond, k, last.x, last.y, last.z, last.vx, last.vy, last.vz)
+            d.clock[ERROR, k] = error_of(method, (*slopes, last), h, p, q)
+            put(d, k, AHEAD, q)
+            put(d, k, BEYOND, last)
 
     return impl
 
@@ -314,12 +289,6 @@ def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
     return float(min(max(wish, method.shrink), most))
 
 
-@inlined
-def length2(x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, sx: Any, sv: Any) -> float:
-    """Squared length of a state or rate in units of the allowed errors."""
-    return float(sx * (x * x + y * y + z * z) + sv * (vx * vx + vy * vy + vz * vz))
-
-
 def first_step(program: Any, d: Any, k: Any, most: Any) -> Any:
     """A first step for particle k of a desk [s], at most `most`: from the sizes of state, slope, and change of the slope
     (Hairer, Nørsett, Wanner I, section II.4)."""
@@ -329,22 +298,15 @@ def first_step(program: Any, d: Any, k: Any, most: Any) -> Any:
 @outline(first_step)
 def _first_step(program: Any, d: Any, k: Any, most: Any) -> Impl:
     def impl(program: Any, d: Any, k: Any, most: Any) -> float:
-        p = at(d, k, d.state, d.now[k])
+        p, a = at(d, k, STATE, d.clock[NOW, k]), rate_at(d, k, SLOPE)
         sx, sv = scales(program.method, p, p)
-        a = d.slope
-        there = length2(p.x, p.y, p.z, p.vx, p.vy, p.vz, sx, sv)
-        fast = length2(a[0][k], a[1][k], a[2][k], a[3][k], a[4][k], a[5][k], sx, sv)
-        h = 0.01 * np.sqrt(there / fast) if there > 0 and fast > 0 else 1e-3 * most
-        h = min(h, most)
-        rate = Rate(a[0][k], a[1][k], a[2][k], a[3][k], a[4][k], a[5][k])
-        q = moved(p, type_of(p.x, h), rate, d.now[k] + h)
+        size, speed = float(np.sqrt(size2(p, sx, sv))), float(np.sqrt(size2(a, sx, sv)))
+        h = min(0.01 * size / speed, most) if size > 0 and speed > 0 else 1e-3 * most
+        q = moved(p, type_of(p.x, h), a, d.clock[NOW, k] + h)
         b = derivative(response(program.dynamics, d, k), program.forces, q)
-        bend = length2(
-            b.x - rate.x, b.y - rate.y, b.z - rate.z, b.vx - rate.vx, b.vy - rate.vy, b.vz - rate.vz, sx, sv
-        )
-        curve = max(np.sqrt(bend) / h, np.sqrt(fast))
-        wish = (0.01 / curve) ** program.method.alpha if curve > 0 else most
-        wish = min(100 * h, wish)
+        bend = Rate(b.x - a.x, b.y - a.y, b.z - a.z, b.vx - a.vx, b.vy - a.vy, b.vz - a.vz)
+        curve = max(float(np.sqrt(size2(bend, sx, sv))) / h, speed)
+        wish = min(100 * h, (0.01 / curve) ** program.method.alpha) if curve > 0 else most
         return min(wish, most) if wish > 0 else most  # a slope that is not finite is found by the first try
 
     return impl
@@ -367,23 +329,21 @@ def _sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Impl:
             begin, length = span(c.clock, i, t, end, whole)
             if length > 0:
                 d.row[n] = i
-                d.now[n] = begin
-                d.stop[n] = end if length >= whole else begin + length
-                d.step[n] = c.memory[0][i]
-                d.previous[n] = c.memory[1][i]
-                d.tries[n] = 0
-                d.again[n] = False
-                move((d.m, *d.state), n, (c.m, c.x, c.y, c.z, c.vx, c.vy, c.vz), i)
-                move((d.r, d.thermal), n, (c.r, c.thermal), i)
+                d.clock[NOW, n] = begin
+                d.clock[STOP, n] = end if length >= whole else begin + length
+                d.clock[STEP, n] = c.memory[0][i]
+                d.clock[PREVIOUS, n] = c.memory[1][i]
+                d.clock[TRIES, n] = d.clock[AGAIN, n] = 0
+                bring_heat(c.thermal, i, d.clock, n)
+                p = fetch(c, i, begin)
+                put(d, n, STATE, p)
+                d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
                 n += 1
         for k in range(n):
-            d.w[k] = type_of(d.m[k], 1) / d.m[k]
-            p = at(d, k, d.state, d.now[k])
-            s = derivative(response(program.dynamics, d, k), program.forces, p)
-            put(d.slope, k, s.x, s.y, s.z, s.vx, s.vy, s.vz)
+            slope_here(program, d, k)
         for k in range(n):
-            if not d.step[k] > 0:
-                d.step[k] = first_step(program, d, k, whole)
+            if not d.clock[STEP, k] > 0:
+                d.clock[STEP, k] = first_step(program, d, k, whole)
             aim(d, k, whole)
         return n
 
@@ -393,9 +353,9 @@ def _sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Impl:
 @inlined
 def aim(d: Any, k: Any, most: Any) -> None:
     """Settle the length of the next try: what is proposed, or all that is left if that is hardly more."""
-    left = d.stop[k] - d.now[k]
-    d.step[k] = min(d.step[k], most)
-    d.taken[k] = left if left <= 1.01 * d.step[k] else d.step[k]
+    left = d.clock[STOP, k] - d.clock[NOW, k]
+    d.clock[STEP, k] = min(d.clock[STEP, k], most)
+    d.clock[TAKEN, k] = left if left <= 1.01 * d.clock[STEP, k] else d.clock[STEP, k]
 
 
 def land(program: Any, c: Any, d: Any, k: Any) -> Any:
@@ -406,38 +366,75 @@ def land(program: Any, c: Any, d: Any, k: Any) -> Any:
 @inline(land)
 def _land(program: Any, c: Any, d: Any, k: Any) -> Impl:
     def impl(program: Any, c: Any, d: Any, k: Any) -> bool:
-        arrived = d.taken[k] >= d.stop[k] - d.now[k]
-        then = d.stop[k] if arrived else d.now[k] + d.taken[k]
-        q = at(d, k, d.ahead, then)
-        if overlapped(program.contacts, q):
-            p = at(d, k, d.state, d.now[k])
-            h = type_of(p.x, d.taken[k])
-            r, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
-            touched = True
-        else:
-            r, outcome = respond(program.contacts, q)
-            touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz) | (r.x != q.x) | (r.y != q.y) | (r.z != q.z)
-        put(d.state, k, r.x, r.y, r.z, r.vx, r.vy, r.vz)
-        move(d.slope, k, d.beyond, k)
+        now, taken = d.clock[NOW, k], d.clock[TAKEN, k]
+        arrived = taken >= d.clock[STOP, k] - now
+        then = d.clock[STOP, k] if arrived else now + taken
+        q = at(d, k, AHEAD, then)
+        touched, r, outcome = touch(program, d, k, q)
+        d.clock[NOW, k] = then
+        put(d, k, STATE, r)
         if touched:
-            p = at(d, k, d.state, then)
-            s = derivative(response(program.dynamics, d, k), program.forces, p)
-            put(d.slope, k, s.x, s.y, s.z, s.vx, s.vy, s.vz)
-            d.previous[k] = 0
-        d.now[k] = then
+            d.clock[PREVIOUS, k] = 0
+            slope_here(program, d, k)
+        else:
+            for s in range(6):
+                d.body[SLOPE + s, k] = d.body[BEYOND + s, k]
         note(c.clock, d.row[k], outcome, r.t)
         return arrived or outcome != PASS
 
     return impl
 
 
+def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
+    """Contacts of particle k of a desk, whose step ends as q: whether there was one, the particle, the outcome."""
+    return stub()
+
+
+@inline(touch)
+def _touch(program: Any, d: Any, k: Any, q: Any) -> Impl:
+    contacts = program.types[3]
+    if contacts.instance_class is Simple:
+        if len(contacts.types[0]) == 0:
+            return lambda program, d, k, q: (False, q, PASS)
+
+        def simple(program: Any, d: Any, k: Any, q: Any) -> Any:
+            r, outcome = meet(program.contacts.colliders, q)
+            still = (r.x == q.x) & (r.y == q.y) & (r.z == q.z)
+            still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
+            return not still, r, outcome
+
+        return simple
+
+    def careful(program: Any, d: Any, k: Any, q: Any) -> Any:
+        outcome = PASS
+        inside = overlapped(program.contacts, q)
+        if inside:
+            p = at(d, k, STATE, d.clock[NOW, k])
+            h = type_of(p.x, d.clock[TAKEN, k])
+            q, _, outcome = trace(
+                program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
+            )
+        return inside, q, outcome
+
+    return careful
+
+
 @inlined
 def leave(c: Any, d: Any, k: Any) -> None:
     """Write particle k of a desk back to the block."""
-    i, s = d.row[k], d.state
-    c.x[i], c.y[i], c.z[i] = s[0][k], s[1][k], s[2][k]
-    c.vx[i], c.vy[i], c.vz[i] = s[3][k], s[4][k], s[5][k]
-    c.memory[0][i], c.memory[1][i] = d.step[k], d.previous[k]
+    i = d.row[k]
+    store(c, i, rate_at(d, k, STATE))
+    c.memory[0][i], c.memory[1][i] = d.clock[STEP, k], d.clock[PREVIOUS, k]
+
+
+@inlined
+def move(d: Any, k: Any, n: Any) -> None:
+    """Column n of a desk to column k."""
+    d.row[k] = d.row[n]
+    for s in range(BODY):
+        d.body[s, k] = d.body[s, n]
+    for s in range(CLOCK):
+        d.clock[s, k] = d.clock[s, n]
 
 
 def judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Any:
@@ -448,27 +445,29 @@ def judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Any:
 @inline(judge)
 def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
     def impl(program: Any, c: Any, d: Any, k: Any, most: Any) -> int:
-        method, error = program.method, d.error[k]
-        scale = factor(method, error, d.previous[k], d.again[k])
-        d.tries[k] += 1
+        w, method = d.clock, program.method
+        error, taken = w[ERROR, k], w[TAKEN, k]
+        wish = taken * factor(method, error, w[PREVIOUS, k], w[AGAIN, k] > 0)
+        w[TRIES, k] += 1
         if error <= 1:
-            whole = d.taken[k] >= d.step[k]
-            # A try that was cut short by the end of the grid step says nothing against the step that was meant.
-            d.step[k] = scale * d.taken[k] if whole else max(d.step[k], scale * d.taken[k])
-            d.previous[k] = max(error, SMALLEST) if whole else d.previous[k]
-            d.again[k] = False
+            w[AGAIN, k] = 0
+            if taken >= w[STEP, k]:
+                w[STEP, k] = wish
+                w[PREVIOUS, k] = max(error, SMALLEST)
+            else:  # a try that was cut short by the end of the grid step says nothing against the step that was meant
+                w[STEP, k] = max(w[STEP, k], wish)
             if land(program, c, d, k):
                 return -1
         else:
-            d.step[k] = scale * d.taken[k]
-            d.again[k] = True
-            if d.step[k] < max(method.least, RESOLVED * abs(d.stop[k])):
-                s = d.slope
-                still = (s[0][k] - s[0][k]) + (s[1][k] - s[1][k]) + (s[2][k] - s[2][k])
-                still += (s[3][k] - s[3][k]) + (s[4][k] - s[4][k]) + (s[5][k] - s[5][k])
+            w[AGAIN, k], w[STEP, k] = 1, wish
+            if wish < max(method.least, RESOLVED * w[STOP, k]):
+                r = rate_at(d, k, SLOPE)
+                still = (
+                    (r.x - r.x) + (r.y - r.y) + (r.z - r.z) + (r.vx - r.vx) + (r.vy - r.vy) + (r.vz - r.vz)
+                )
                 return TOO_SHORT if still == 0 else NOT_FINITE
         aim(d, k, most)
-        return TOO_MANY if d.tries[k] >= MOST_STEPS else 0
+        return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
 
     return impl
 
@@ -488,13 +487,13 @@ def _step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> 
             while k < n:
                 verdict = judge(program, c, d, k, end - t)
                 if verdict > 0:
-                    moment[0] = d.now[k]
+                    moment[0] = d.clock[NOW, k]
                     leave(c, d, k)
                     return verdict
                 if verdict < 0:
                     leave(c, d, k)
                     n -= 1
-                    move(d, k, d, n)
+                    move(d, k, n)
                 else:
                     k += 1
         return 0
@@ -521,10 +520,11 @@ def step_range_adaptive(
     When a particle cannot go on, faults[k] says why for the first particle k of its block, and moment[0] when. With
     `restore` the block is put back to its state at the beginning; without, the particle stays where it could not go on.
     """
-    kept = np.empty((KEPT, block))
-    desk = new_desk(columns, block)
-    for lo in range(first, last, block):
-        c = block_of(columns, lo, min(last, lo + block))
+    some = min(block, DESK)
+    kept = np.empty((KEPT, some))
+    desk = new_desk(columns)
+    for lo in range(first, last, some):
+        c = block_of(columns, lo, min(last, lo + some))
         for i in range(c.x.size):
             keep(c, kept, i)
         verdict = 0

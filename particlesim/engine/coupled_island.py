@@ -74,6 +74,11 @@ class CoupledIsland:
             )
             for k, group in enumerate(island.groups)
         )
+        self._driven = tuple(
+            each._replace(rows=each.rows + first)
+            for first, state in zip(bounds, self.states, strict=False)
+            for each in state.driven
+        )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
@@ -161,7 +166,7 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads):
+            for share in share_out(count, threads, self._driven):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds

@@ -124,9 +124,10 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
             return None, None, None
-        faults = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+        faults = self._no_faults()
         if self.state.count:
             columns = self.columns()[0]
 
@@ -140,6 +141,10 @@ class IndependentIsland:
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
+
+    def _no_faults(self) -> NDArray[Any]:
+        """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
+        return np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
 
     def _step(
         self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
@@ -159,7 +164,7 @@ class IndependentIsland:
         for block in blocks[:64]:
             end = min(int(block) + self._block, self.state.count)
             for step in range(first, min(earliest.step, last)):
-                fault = np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+                fault = self._no_faults()
                 self._step(columns, step, 1, int(block), end, 1, fault)
                 if fault.any():
                     row = int((fault != 0).argmax())
@@ -178,9 +183,7 @@ class IndependentIsland:
     def _stop(self, row: int, step: int) -> Stop:
         """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""
         columns, fault, moment = copied(self.columns()[0]), np.zeros(self.state.count, np.int8), np.zeros(1)
-        step_range_adaptive(
-            self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment
-        )
+        step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
         return Stop(int(fault[row]), float(moment[0]), p._replace(**place))

@@ -87,7 +87,9 @@ class Method:
         """Raise ValueError when a condition of the method's order or below is missed."""
         for c in conditions:
             if c.order <= self.order and not _equal(c.value, c.target):
-                raise ValueError(f"{self.name}: a condition of order {c.order} gives {c.value}, not {c.target}")
+                raise ValueError(
+                    f"{self.name}: a condition of order {c.order} gives {c.value}, not {c.target}"
+                )
 
 
 @dataclass(frozen=True)
