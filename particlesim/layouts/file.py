@@ -12,6 +12,7 @@ from particlesim.errors import UsageError
 from particlesim.layouts.base import Floats, Layout, Placed
 from particlesim.model import Name
 from particlesim.streams import Streams
+from particlesim.trajectory.places import kind_of
 
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "mass", "radius", "temperature")
 """Columns that a CSV file or a structured NPY file may have, in SI units; x, y and z are needed."""
@@ -49,8 +50,10 @@ class File(Layout):
                 f"{path} is a directory, not a file of particles", "name a .csv, .npy or .vtkhdf file"
             )
         if not path.is_file():
+            kind = kind_of(path)
             raise UsageError(
-                f"{path} does not exist", "the path of a layout is relative to the scenario's folder"
+                f"{path} is a {kind}, not a file" if kind else f"{path} does not exist",
+                "the path of a layout is relative to the scenario's folder",
             )
         suffix = path.suffix.lower()
         if suffix == ".csv":
