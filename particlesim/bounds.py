@@ -96,6 +96,7 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     size += 4 * number * isinstance(method, Verlet)
     if isinstance(group, Emitter):
         return 1.5 * (size + CLOCK_BYTES)  # room to grow
+    assert isinstance(group, Particles)
     if group.pinned:
         size += CLOCK_BYTES
     if any(group.name in bonds.groups for bonds in scenario.bonds):

@@ -176,10 +176,9 @@ def _read_bytes(path: Path, largest: int) -> bytes:
     try:
         if path.is_dir():
             raise UsageError(f"{path} is a directory, not a scenario file", _files_in(path))
-        kind = kind_of(path)
-        if kind in ("device", "socket"):  # a pipe is welcome: `psim run <(make_scenario)`
-            raise UsageError(f"{path} is a {kind}, not a scenario file", "name a .toml file")
         with path.open("rb") as file:
+            if kind_of(path) == "device":  # a pipe is welcome: `psim run <(make_scenario)`
+                raise UsageError(f"{path} is a device, not a scenario file", "name a .toml file")
             size = path.stat().st_size
             data = file.read(largest + 1) if size <= largest else b""
     except FileNotFoundError:
