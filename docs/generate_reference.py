@@ -28,8 +28,11 @@ from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
 from particlesim.forces.operations import FUNCTIONS, VARIABLES
 from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.impulses import Impulse
+from particlesim.integrators import METHODS
 from particlesim.layouts import LAYOUTS
 from particlesim.model import field_docs
+from particlesim.motions import Waypoint
+from particlesim.regions import HalfSpace
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.simulation import Output, Simulation
@@ -59,6 +62,7 @@ def parts() -> Iterator[str]:
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
+    yield from options_of_methods()
     yield "## `[output]`"
     yield prose("output")
     yield table(Output)
@@ -105,12 +109,19 @@ def parts() -> Iterator[str]:
     yield from variants(FLOWS)
     yield "## `[[springs]]`"
     yield from section(Scenario, "springs")
+    yield "## `[[motions]]`"
+    yield from section(Scenario, "motions")
+    yield "### Waypoint"
+    yield summary(Waypoint) + "\n\n" + table(Waypoint)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
     yield from section(Scenario, "checks")
+    yield "### Regions"
+    yield prose("regions")
+    yield from variants((HalfSpace,))
     yield "## `[render]`"
     yield prose("render")
     yield table(RenderSettings)
@@ -128,6 +139,14 @@ def section(model: type[BaseModel], field: str) -> Iterator[str]:
     entries = model.model_fields[field].annotation
     yield prose(field)
     yield table(entries.__args__[0])  # type: ignore[union-attr]
+
+
+def options_of_methods() -> Iterator[str]:
+    """For every family of methods that has options: which they are."""
+    for model in dict.fromkeys(method.options for method in METHODS.values()):
+        if rows := table(model, without=("method",)):
+            names = [f"`{name}`" for name, method in METHODS.items() if method.options is model]
+            yield f"#### Options of {', '.join(names)}\n\n{summary(model)}\n\n{rows}"
 
 
 def variants(models: tuple[type[BaseModel], ...]) -> Iterator[str]:

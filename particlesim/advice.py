@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from particlesim.forces.field import Field
 from particlesim.graph import method_of
-from particlesim.integrators import METHODS, Composition
+from particlesim.integrators import Composition
 from particlesim.scenario.scenario import Scenario, acts_on
 
 LIVELY = 0.9
@@ -20,8 +20,7 @@ def _order(scenario: Scenario) -> list[str]:
     """Kicks and drifts are first order when the force depends on the velocity that a kick changes."""
     found = []
     for group in scenario.groups:
-        name = method_of(group, scenario.simulation.integrator)
-        method = METHODS[name]
+        method = method_of(group, scenario.simulation.integrator)
         if not isinstance(method, Composition) or method.order < 2:
             continue
         depends = [
@@ -33,8 +32,8 @@ def _order(scenario: Scenario) -> list[str]:
         depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
         if depends:
             found.append(
-                f"{name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the velocity; "
-                "rk4, heun and stormer_verlet keep their order"
+                f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
+                "velocity; rk4, heun and stormer_verlet keep their order"
             )
     return found
 

@@ -14,8 +14,9 @@ from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
 from particlesim.groups import Group, Particles
-from particlesim.integrators import METHODS, RungeKutta, Verlet
+from particlesim.integrators import RungeKutta, method_for
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
 from particlesim.trajectory.fields import FIELDS, select_fields
 from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
@@ -38,22 +39,27 @@ GZIP = {"float": 0.93, "integer": 0.2}
 """Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
 SPRING_BYTES = 32
 """Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
+SPRING_STORED = 10
+"""A spring in a trajectory [bytes]: both ends and rest length, compressed, and its share of a surface."""
 CLOCK_BYTES = 26
 """Birth, start and stop of a particle that may be born or pinned, and what became of it."""
 LEDGER_COLUMNS = 8
 """Motion and a potential."""
 POOL = 1.125
 """Memory of a frame's buffers over their content: they are a little larger than asked."""
+BIRTH_MEMORY = 250
+"""What a particle takes while it is born: the random numbers of its attributes, and what is made of them."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """Most particles alive at once, steps, frames, particle-steps at most, and bytes of memory and disk.
+    """Most particles alive at once, births, steps, frames, particle-steps at most, and bytes of memory and disk.
 
     `disk` is an upper bound if the trajectory is `compressed`, as the size then depends on what the numbers will be.
     """
 
     particles: int
+    births: int
     steps: int
     frames: int
     particle_steps: float
@@ -66,34 +72,39 @@ def needs(scenario: Scenario) -> Needs:
     """What a run needs. Raises UsageError when a file of particles cannot be read."""
     grid = scenario.grid
     times = np.linspace(0, grid.duration, min(grid.frames, 500))
-    alive, events = np.zeros(len(times)), 0
+    alive, stepped = np.zeros(len(times)), np.zeros(len(times))
+    births = deaths = 0
     memory = float(BASE_MEMORY)
     for group in scenario.groups:
         if isinstance(group, Particles):
-            here = np.full(len(times), float(group.layout.open(scenario.folder).number() or 0))
+            here = held = np.full(len(times), float(scenario.opened(group).number() or 0))
         else:
             assert isinstance(group, Emitter)
             schedule = Schedule(group, scenario.streams(group))
             here = _alive(group, schedule, times)
-            born = schedule.total(grid.duration)
-            events += born + max(born - int(here[-1]), 0)
-        memory += here.max() * _particle_bytes(scenario, group)
+            born = _born_between_frames(group, schedule, times, grid)
+            held = here + born
+            memory += born.max() * BIRTH_MEMORY
+            total = schedule.total(grid.duration)
+            births, deaths = births + total, deaths + max(total - int(here[-1]), 0)
+        memory += held.max() * _particle_bytes(scenario, group)
         alive += here
+        stepped += held
     most = int(alive.max())
     memory += _spring_bytes(scenario) + 2 * POOL * most * sum(_stored(scenario).values())
-    disk = _file_size(scenario, alive, events)
-    work = float(alive.mean() * grid.steps)
+    disk = _file_size(scenario, alive, births + deaths)
+    work = float(stepped.mean() * grid.steps)
     compressed = scenario.output.compression == "gzip"
-    return Needs(most, grid.steps, grid.frames, work, int(memory), int(disk), compressed)
+    return Needs(most, births, grid.steps, grid.frames, work, int(memory), int(disk), compressed)
 
 
 def _particle_bytes(scenario: Scenario, group: Group) -> float:
     """Memory of a particle of a group while it is stepped."""
     number = 8 if scenario.simulation.precision == "double" else 4
-    method = METHODS[group.integrator or scenario.simulation.integrator]
+    method = method_for(group.integrator or scenario.simulation.integrator)
     size = 7 * number + 8  # position, velocity, mass; id
     size += number * group.has_radius() + 8 * (group.temperature is not None)
-    size += 4 * number * isinstance(method, Verlet)
+    size += method.memory * number
     if isinstance(group, Emitter):
         return 1.5 * (size + CLOCK_BYTES)  # room to grow
     assert isinstance(group, Particles)
@@ -134,7 +145,8 @@ def _file_size(scenario: Scenario, alive: Floats, events: int) -> float:
     ledger = 8 * LEDGER_COLUMNS * scenario.output.ledger
     tables = padded(frames, TABLE_ROWS) * (ROW_BYTES + ledger)
     topology = 2 * 8 * padded(2 * most, TOPOLOGY_ROWS) * TOPOLOGY_RATIO
-    return float(FILE_BYTES + frames * (data + index) + tables + topology + events * EVENT_BYTES)
+    springs = sum((b.count or 0) * (SPRING_STORED + 8 * b.law.breaks) for b in scenario.bonds)
+    return float(FILE_BYTES + frames * (data + index) + tables + topology + springs + events * EVENT_BYTES)
 
 
 def _alive(emitter: Emitter, schedule: Schedule, times: Floats) -> Floats:
@@ -144,6 +156,20 @@ def _alive(emitter: Emitter, schedule: Schedule, times: Floats) -> Floats:
     if np.isfinite(longest):
         born -= np.array([schedule.before(float(t - longest)) for t in times], dtype=float)
     return born if emitter.limit is None else np.minimum(born, emitter.limit)
+
+
+def _born_between_frames(emitter: Emitter, schedule: Schedule, times: Floats, grid: TimeGrid) -> Floats:
+    """Births in the interval that begins at each of some times: the dead of an interval leave at its end, so that all of
+    them are in memory together. A burst counts at the sampled time before it."""
+    if emitter.when_full == "wait":
+        return np.zeros(len(times))
+    interval = grid.every * grid.dt
+    born = np.array([schedule.before(float(t + interval)) - schedule.before(float(t)) for t in times])
+    for burst in emitter.bursts():
+        k = int(np.searchsorted(times, burst.at, side="right")) - 1
+        if burst.at >= times[k] + interval:
+            born[k] += burst.count
+    return born.astype(float)
 
 
 def available_memory() -> int | None:
@@ -174,10 +200,14 @@ def check_fits(required: Needs, output: Path | None) -> None:
     """Refuse a run that cannot fit. Raises UsageError with what is needed and what there is."""
     memory = available_memory()
     if memory is not None and required.memory > memory:
+        hint = 'fewer particles, a limit on emitters, or precision = "single" need less'
+        if required.births > 2 * required.particles:
+            hint = "a lower rate needs less, and so do more frames: all births between two frames are in memory together"
         raise UsageError(
-            f"the run needs about {size(required.memory)} of memory for {required.particles:,} particles, "
-            f"and {size(memory)} are free",
-            'fewer particles, a limit on emitters, or precision = "single" need less',
+            f"the run needs about {size(required.memory)} of memory for {required.particles:,} particles"
+            + (f" at once and {required.births:,} births" if required.births else "")
+            + f", and {size(memory)} are free",
+            hint,
         )
     if output is not None:
         folder = output.resolve().parent

@@ -12,9 +12,10 @@ from particlesim.bonds import BondSet
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
-from particlesim.groups import Group, MethodName, Particles
+from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
-from particlesim.integrators import METHODS
+from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.motions import Motion
 from particlesim.scenario.scenario import Scenario, acts_on
 
 
@@ -49,7 +50,8 @@ class Island:
     forces: tuple[tuple[Force, ...], ...]
     planes: tuple[tuple[Plane, ...], ...]
     bonds: tuple[BondSet, ...]
-    method: str
+    method: Method
+    motions: tuple[tuple[Motion, ...], ...]
 
     @property
     def coupled(self) -> bool:
@@ -70,7 +72,7 @@ class Graph:
         lines = []
         for number, island in enumerate(self.islands):
             kind = "coupled: steps together" if island.coupled else "independent particles: steps in blocks"
-            lines.append(f"island {number + 1} ({kind}, {island.method})")
+            lines.append(f"island {number + 1} ({kind}, {island.method.label})")
             for group in island.groups:
                 node = next(
                     n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name
@@ -117,10 +119,13 @@ def build_graph(scenario: Scenario) -> Graph:
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
+    for k, motion in enumerate(scenario.motions):
+        what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
+        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
     islands = _islands(scenario)
     recorder = Node("recorder", "trajectory", f"{scenario.grid.frames} frames")
     integrators = {
-        name: Node("integrator", name, METHODS[name].summary) for name in {i.method for i in islands}
+        method: Node("integrator", method.label, method.summary) for method in {i.method for i in islands}
     }
     nodes += [*sorted(integrators.values(), key=lambda n: n.name), recorder]
     for island in islands:
@@ -131,12 +136,14 @@ def build_graph(scenario: Scenario) -> Graph:
     return Graph(tuple(nodes), tuple(edges), islands)
 
 
-def method_of(group: Group, default: MethodName) -> str:
+def method_of(group: Group, default: AnyIntegrator) -> Method:
     """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
-    name = group.integrator or default
-    if group.dynamics.type != "second_order":
-        return METHODS[name].first_order or name
-    return name
+    method = method_for(group.integrator or default)
+    return method if group.dynamics.type == "second_order" else _without_inertia(method)
+
+
+def _without_inertia(method: Method) -> Method:
+    return method if method.first_order is None else METHODS[method.first_order]
 
 
 def _targets(entry: Plane | Impulse, scenario: Scenario) -> list[str]:
@@ -164,7 +171,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
         methods = [method_of(group, scenario.simulation.integrator) for group in groups]
         if any(group.dynamics.type != "second_order" for group in groups):
             # One method steps the whole island, and it must not need a velocity of its own.
-            methods = [METHODS[m].first_order or m for m in methods]
+            methods = [_without_inertia(method) for method in methods]
         islands.append(
             Island(
                 tuple(groups),
@@ -172,6 +179,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
                 bonds_here,
                 methods[0],
+                tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
             )
         )
     return tuple(islands)

@@ -7,13 +7,20 @@ import functools
 import inspect
 import textwrap
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, StringConstraints
 from pydantic_core import CoreSchema
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$", max_length=64)]
 """A name in a scenario: letters, digits, _ and -, not beginning with a digit."""
+
+_CONTROL = r"\u0000-\u0008\u000b-\u001f\u007f-\u009f\u2028-\u202e\u2066-\u2069"
+# What moves the cursor, changes colours or turns the direction of writing; ECMAScript and Rust read it alike.
+Line = Annotated[str, StringConstraints(pattern=rf"^[^\t\n{_CONTROL}]*$", max_length=200)]
+"""A line of text, without control characters."""
+Prose = Annotated[str, StringConstraints(pattern=rf"^[^{_CONTROL}]*$", max_length=10_000)]
+"""Lines of text, without control characters except tabs and line ends."""
 
 
 class Model(BaseModel):
@@ -22,6 +29,9 @@ class Model(BaseModel):
     The text under a field is its documentation. It is read from the source when someone asks for it (`field_docs`, the
     JSON Schema): pydantic would read it whenever the module is imported, which takes longer than all the rest.
     """
+
+    tag: ClassVar[str] = "type"
+    """The key that tells the models of a union apart, where they have it."""
 
     model_config = ConfigDict(
         frozen=True,

@@ -19,13 +19,16 @@ from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, Interrupted, UsageError
+from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
+from particlesim.references import bless as give_blessing
+from particlesim.references import check_references
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import Watch
+from particlesim.validity import Watch, check_ledger, infinite
 
 
 @dataclass(frozen=True)
@@ -89,12 +92,14 @@ def run(
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    bless: bool = False,
 ) -> Result:
     """Run a scenario from its start to its end.
 
     With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
-    results do not depend on it. `progress` is called at every frame, and between frames that take long.
+    results do not depend on it. `progress` is called at every frame, and between frames that take long. With `bless`, checks
+    against references are left out, and when all others hold, the trajectory becomes their reference.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
@@ -105,17 +110,38 @@ def run(
     path = None if output is None else Path(output)
     if path is not None:
         check_target(path, overwrite=overwrite)
+    check_references(scenario, path, bless=bless)
     required = needs(scenario)
     check_fits(required, path)
+    checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
-    writer = _writer(scenario, simulation, path, overwrite, required.particles) if path is not None else None
-    watch, checks = Watch(scenario), Checks(scenario)
+    check_ledger(simulation)
+    with held_signals() as signals:
+        result = _recorded(simulation, checks, path, overwrite, required.particles, progress, signals)
+    if bless and path is not None and result.passed:
+        give_blessing(scenario, path)
+    return result
+
+
+def _recorded(
+    simulation: Simulation,
+    checks: Checks,
+    path: Path | None,
+    overwrite: bool,
+    particles: int,
+    progress: Callable[[Progress], None] | None,
+    signals: Held,
+) -> Result:
+    """Run to the end, and write what there is however it ends; `particles` is the largest number of them expected."""
+    scenario = simulation.scenario
+    writer = _writer(scenario, simulation, path, overwrite, particles) if path is not None else None
+    watch = Watch(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
     summary: dict[str, int | str] = {}
     try:
-        _steps(simulation, writer, watch, checks, log, progress, began)
+        _steps(simulation, writer, watch, checks, log, progress, signals, began)
         status = "complete"
         summary = _summary(simulation, log, checks)
     except DivergenceError:
@@ -128,6 +154,7 @@ def run(
         ) from None
     finally:
         simulation.close()
+        checks.close()
         if writer is not None:
             writer.close(status, summary)
     seconds = time.perf_counter() - began
@@ -176,6 +203,7 @@ def _writer(
         overwrite=overwrite,
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
+        topology=simulation.topology(),
     )
 
 
@@ -186,6 +214,7 @@ def _steps(
     checks: Checks,
     log: _Log,
     progress: Callable[[Progress], None] | None,
+    signals: Held,
     began: float,
 ) -> None:
     """Frame after frame, from the one at the start to the last."""
@@ -193,6 +222,7 @@ def _steps(
     fields = simulation.scenario.recorded_fields()
 
     def tell() -> None:
+        signals.check()
         if progress is not None:
             elapsed = time.perf_counter() - began
             done = simulation.particle_steps
@@ -231,9 +261,14 @@ def _record(
             log.died[name] = log.died.get(name, 0) + int(number)
         if writer is not None:
             writer.events("death", deaths.ids, deaths.times, deaths.causes)
+    if writer is not None:
+        for name, broke in simulation.broke().items():
+            writer.breaks(name, broke)
     row: dict[str, float] = {}
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
+        if (column := infinite(row)) is not None:
+            raise simulation.overflow(column)
         log.rows.append(row)
     log.times.append(simulation.time)
     if writer is not None:

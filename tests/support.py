@@ -12,7 +12,7 @@ from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.contact import Careful, Simple
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.steppers import Newtonian
-from particlesim.integrators import METHODS, Verlet
+from particlesim.integrators import METHODS
 
 NO_CONTACTS = Simple(())
 
@@ -39,7 +39,7 @@ def columns(
     def filled(value: ArrayLike) -> NDArray[Any]:
         return np.array(np.broadcast_to(np.asarray(value, dtype), n))
 
-    memory = tuple(np.zeros(n, dtype) for _ in range(4)) if isinstance(METHODS[method], Verlet) else ()
+    memory = tuple(np.zeros(n, dtype) for _ in range(METHODS[method].memory))
     return Columns(
         *(np.ascontiguousarray(x[:, k]) for k in range(3)),
         *(np.ascontiguousarray(v[:, k]) for k in range(3)),

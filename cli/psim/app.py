@@ -6,22 +6,25 @@ Only Typer is imported here; every subcommand imports what it needs when it is c
 from __future__ import annotations
 
 import gc
-import os
 import sys
 from typing import Annotated, Any
 
 import typer
 
+from psim import standard
 from psim.check import check
 from psim.describe import describe
+from psim.diff import diff
 from psim.examples import examples
 from psim.export import export
+from psim.fit import fit
 from psim.graph import graph
 from psim.inspect import inspect
 from psim.new import new
 from psim.plot import plot
 from psim.render import render
-from psim.report import guarded
+from psim.report import guarded, report
+from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
 from psim.stop import listen
@@ -34,7 +37,7 @@ app = typer.Typer(
     "psim examples fountain --copy .\n\n"
     "psim run fountain.toml --video\n\n"
     "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 the simulation diverged, "
-    "4 input or output failed, 130 interrupted.",
+    "4 input or output failed, 70 a mistake in psim itself, 130 interrupted.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -66,6 +69,15 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         ),
     ),
     (
+        "fit",
+        fit,
+        _SIMULATE,
+        (
+            "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
+            "psim fit ball.toml --aim ball --target 40,0,0",
+        ),
+    ),
+    (
         "check",
         check,
         _SIMULATE,
@@ -86,6 +98,21 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         inspect,
         _LOOK,
         ("psim inspect outputs/fountain.vtkhdf", "psim inspect outputs/fountain.vtkhdf --json"),
+    ),
+    (
+        "diff",
+        diff,
+        _LOOK,
+        (
+            "psim diff outputs/a.vtkhdf outputs/b.vtkhdf",
+            "psim diff fine.vtkhdf coarse.vtkhdf --tolerance 1e-6",
+        ),
+    ),
+    (
+        "rerun",
+        rerun,
+        _LOOK,
+        ("psim rerun outputs/fountain.vtkhdf", "psim rerun theirs.vtkhdf --tolerance 1e-9 -o mine.vtkhdf"),
     ),
     (
         "plot",
@@ -153,16 +180,33 @@ def main() -> None:
     # Imports make some hundred thousand objects that live to the end: looking through them again and again, and once more
     # at the end, takes a fifth of the time of a short run.
     gc.set_threshold(100_000)
+    standard.prepare()
     listen()
+    code = 0
+    try:
+        code = _call()
+        sys.stdout.flush()
+    except OSError as error:
+        code = report(error) or code
+    gc.freeze()
+    sys.exit(code)
+
+
+def _call() -> int:
+    """Run the command line; returns its exit code. Raises OSError when help or a version cannot be printed."""
     try:
         app(prog_name="psim")
     except SystemExit as end:
+        cause = end.__context__
+        if isinstance(cause, BrokenPipeError):  # Typer found the reader of the help gone
+            standard.discard_output()
+            return 0
+        if isinstance(cause, typer.Abort):  # Ctrl-C before the subcommand began
+            return 130
         if end.code == 2 and "--json" in sys.argv[1:]:
-            _usage_as_json(end.__context__)
-        raise
-    finally:
-        gc.freeze()
-        _flush()
+            _usage_as_json(cause)
+        return int(end.code or 0)
+    return 0
 
 
 def _usage_as_json(error: BaseException | None) -> None:
@@ -171,11 +215,3 @@ def _usage_as_json(error: BaseException | None) -> None:
         import json
 
         print(json.dumps({"error": error.format_message(), "exit_code": 2}, ensure_ascii=False))
-
-
-def _flush() -> None:
-    """Write out stdout. A reader that has gone away (`psim schema | head`) is no mistake."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

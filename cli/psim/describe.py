@@ -109,6 +109,8 @@ def _show_method(method: Method) -> None:
         ("without inertia", method.first_order or "the same"),
     ]
     facts(rows, sys.stdout)
+    if len(method.options.model_fields) > 1:
+        _show_parameters(method.options)
 
 
 def _show_parameters(model: type[BaseModel]) -> None:
@@ -119,7 +121,7 @@ def _show_parameters(model: type[BaseModel]) -> None:
     print(paint("parameters", "bold", sys.stdout))
     rows = []
     for name, entry in schema["properties"].items():
-        if name == "type":
+        if name == getattr(model, "tag", "type"):
             continue
         text = entry.get("description", "")
         unit = _unit(entry)

@@ -72,6 +72,7 @@ def _copy(files: list[Path], target: Path, force: bool) -> None:
     import shutil
 
     from particlesim.trajectory.target import check_target, replacing
+    from psim.talk import print_path
 
     for file in files:
         check_target(target / file.name, overwrite=force or file.suffix == ".json")
@@ -79,4 +80,4 @@ def _copy(files: list[Path], target: Path, force: bool) -> None:
         with replacing(target / file.name) as temporary:
             shutil.copyfile(file, temporary)
         if file.suffix == ".toml":
-            print(target / file.name)
+            print_path(target / file.name)

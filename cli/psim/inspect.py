@@ -30,14 +30,15 @@ def inspect(
     """
     from particlesim.trajectory.describe import describe
     from particlesim.trajectory.recovery import recover
-    from psim.talk import print_json, say
+    from psim.talk import plain, print_json, say
 
     if repair:
         repaired = recover(trajectory)
         say("repaired" if repaired else "nothing to repair")
     found = describe(trajectory)
     if scenario:
-        print(found["provenance"].get("scenario", ""), end="")
+        text = found["provenance"].get("scenario", "")
+        print(plain(text) if sys.stdout.isatty() else text, end="")
     elif as_json:
         print_json(found)
     else:
@@ -94,12 +95,16 @@ def _show(found: dict[str, Any]) -> None:
 
 def _advise(path: Path) -> None:
     """Tell of a mark that a killed writer left, which other programs stumble over."""
+    import shlex
+
     from particlesim.trajectory.files import check_readable
     from particlesim.trajectory.lock import is_being_written
-    from psim.talk import say
+    from psim.talk import plain, say
 
     if check_readable(path).marked and not is_being_written(path):
-        say(f"the run was killed; to open the file in ParaView too: psim inspect --repair {path}")
+        say(
+            f"the run was killed; to open the file in ParaView too: psim inspect --repair {shlex.quote(plain(path))}"
+        )
 
 
 def _table(name: str, what: str, rows: list[tuple[str, str, str]]) -> None:

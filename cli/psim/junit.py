@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
+from psim.talk import plain
+
 if TYPE_CHECKING:
     from particlesim.checking import CheckResult
     from particlesim.errors import PsimError
@@ -29,6 +31,7 @@ def write_report(
 
     `error` is what ended the run early. Raises OSError when the file cannot be written.
     """
+    suite = plain(suite)  # XML has no control characters
     failures = sum(not check.passed for check in checks)
     root = ElementTree.Element(
         "testsuite",
@@ -41,8 +44,8 @@ def write_report(
     )
     case = ElementTree.SubElement(root, "testcase", classname=suite, name="run", time=f"{seconds:.3f}")
     if error is not None:
-        node = ElementTree.SubElement(case, "error", type=type(error).__name__, message=error.message)
-        node.text = str(error)
+        node = ElementTree.SubElement(case, "error", type=type(error).__name__, message=plain(error.message))
+        node.text = plain(error)
     for check in checks:
         case = ElementTree.SubElement(root, "testcase", classname=suite, name=check.name, time="0")
         if not check.passed:

@@ -30,10 +30,12 @@ def new(
     force: Force = False,
 ) -> None:
     """Start a scenario from a commented template."""
+    import shlex
+
     from particlesim.errors import UsageError
     from particlesim.names import did_you_mean
     from particlesim.trajectory.target import check_target, replacing
-    from psim.talk import say
+    from psim.talk import plain, print_path, say
 
     if template not in _templates():
         raise UsageError(
@@ -46,5 +48,5 @@ def new(
     text = (_FOLDER / f"{template}.toml").read_text(encoding="utf-8").replace("TITLE", title)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    say(f"next: psim run {path} --video")
-    print(path)
+    say(f"next: psim run {shlex.quote(plain(path))} --video")
+    print_path(path)

@@ -24,6 +24,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
     """
     from particlesim.advice import advice
     from particlesim.bounds import check_fits, needs
+    from particlesim.integrators import method_for
 
     required = needs(scenario)
     check_fits(required, output)
@@ -33,11 +34,12 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "groups": [group.name for group in scenario.groups],
         "forces": list(scenario.force_labels()),
         "particles": required.particles,
+        "births": required.births,
         "duration": grid.duration,
         "steps": grid.steps,
         "dt": grid.dt,
         "dt_asked": grid.asked,
-        "integrator": scenario.simulation.integrator,
+        "integrator": method_for(scenario.simulation.integrator).label,
         "precision": scenario.simulation.precision,
         "frames": required.frames,
         "fields": ["position", "id", *scenario.recorded_fields()],
@@ -65,6 +67,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
             ("groups", ", ".join(planned["groups"])),
             ("forces", ", ".join(planned["forces"]) or "none"),
             ("particles", f"at most {planned['particles']:,} at once"),
+            ("births", f"{planned['births']:,}" if planned["births"] else ""),
             ("time", f"{planned['duration']:.6g} s"),
             ("steps", steps),
             ("method", f"{planned['integrator']}, {planned['precision']} precision"),

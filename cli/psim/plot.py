@@ -44,13 +44,14 @@ def plot(
     """
     import particlesim as ps
     from particlesim.analysis.plot import plot as draw
+    from psim.talk import print_path
 
     chosen = None if ids is None else _ids(ids)
     out = output or trajectory.with_name(f"{trajectory.stem}-{quantity}.png")
     with ps.open(trajectory) as opened:
         draw(opened, quantity, out, ids=chosen, group=group, overwrite=force)
     if not quiet:
-        print(out)
+        print_path(out)
 
 
 def _ids(text: str) -> list[int]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import animated, duration, rate, say
+from psim.talk import animated, duration, plain, rate, say
 
 if TYPE_CHECKING:
     from particlesim.runner import Progress
@@ -26,7 +26,7 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
         yield _plain_run(name)
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
 
             speed = _Speed()
 
@@ -35,6 +35,17 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
                 bar.update(task, total=p.steps, completed=p.step, note=note)
 
             yield show
+
+
+@contextmanager
+def fit_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, float], None] | None]:
+    """A function that shows how many runs a fit has made, and the sum of squares of the last; None for nothing."""
+    if quiet or not animated():
+        yield None
+    else:
+        with _bar(name) as bar:
+            task = bar.add_task(plain(name), total=None, note="preparing")
+            yield lambda runs, chi2: bar.update(task, note=f"{runs:,} runs  sum of squares {chi2:.4g}")
 
 
 @contextmanager
@@ -48,12 +59,12 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
         def line(done: int, total: int) -> None:
             if due.now():
                 left = duration(due.elapsed * (total - done) / done)
-                say(f"{name}: {done} of {total} pictures, {left} left")
+                say(f"{plain(name)}: {done} of {total} pictures, {left} left")
 
         yield line
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
             began = time.perf_counter()
 
             def show(done: int, total: int) -> None:
@@ -76,12 +87,12 @@ def sweep_progress(name: str, *, quiet: bool) -> Iterator[Callable[[SweepProgres
         def line(p: SweepProgress) -> None:
             if p.rate and due.now():
                 left = duration((p.total - p.ended) / p.rate)
-                say(f"{name}: {_sweep_note(p)}, {left} left")
+                say(f"{plain(name)}: {_sweep_note(p)}, {left} left")
 
         yield line
     else:
         with _bar(name) as bar:
-            task = bar.add_task(name, total=None, note="preparing")
+            task = bar.add_task(plain(name), total=None, note="preparing")
 
             def show(p: SweepProgress) -> None:
                 bar.update(task, total=p.total, completed=p.ended, note=_sweep_note(p))
@@ -136,7 +147,7 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
         if fast and due.now():
             left = duration(p.elapsed * (p.steps - p.step) / p.step)
             done = f"{100 * p.step / p.steps:.0f} %"
-            say(f"{name}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
+            say(f"{plain(name)}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
 
     return line
 
@@ -155,7 +166,7 @@ def _bar(name: str) -> Any:
 
     return Progress(
         SpinnerColumn(),
-        TextColumn("[bold]{task.description}", markup=True),
+        TextColumn("{task.description}", style="bold", markup=False),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
         TextColumn("{task.fields[note]}", markup=False),

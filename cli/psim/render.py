@@ -49,8 +49,7 @@ def render(
 
     import particlesim as ps
     from psim.progress import render_progress
-    from psim.stop import stoppable
-    from psim.talk import duration, say, warn
+    from psim.talk import duration, print_path, say, warn
 
     given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
     settings = [f"render.{name}={json.dumps(value)}" for name, value in given.items() if value is not None]
@@ -71,7 +70,7 @@ def render(
             frames=parse_frames(frames),
             overwrite=force,
             threads=threads,
-            progress=stoppable(progress),
+            progress=progress,
         )
     if quiet:
         return
@@ -79,7 +78,7 @@ def render(
         warn(text)
     pictures = "1 picture" if made.frames == 1 else f"{made.frames:,} pictures"
     say(f"{pictures} in {duration(made.seconds)}, {made.frames / made.seconds:.1f} per second")
-    print(made.path)
+    print_path(made.path)
 
 
 def _numbers(text: str, separator: str, count: int, option: str, example: str) -> str:

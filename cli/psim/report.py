@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from psim.talk import paint
+from psim.standard import OUTPUT, discard_output
+from psim.stop import requested
+from psim.talk import paint, plain
 
 if TYPE_CHECKING:
-    from particlesim.errors import Diagnostic
+    from particlesim.errors import Diagnostic, PsimError
 
 BUG = 70
 """Exit code of a mistake in psim itself (EX_SOFTWARE of sysexits.h): never taken for a failed check."""
@@ -46,19 +48,29 @@ def report(error: BaseException, *, as_json: bool = False) -> int:
     if _is_usage(error):  # Typer shows its own
         raise error
     if isinstance(error, BrokenPipeError):
-        # The reader has gone (`psim schema | head`). Python would complain again when it closes stdout.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_output()  # the reader has gone (`psim schema | head`), which is no mistake
         return 0
     if os.environ.get("PSIM_DEBUG", "") not in ("", "0"):
         _print_traceback(error)
     told: PsimError = error if isinstance(error, PsimError) else _as_psim_error(error)
-    if as_json:
-        import json
-
-        print(json.dumps(as_data(told), ensure_ascii=False))
-    else:
-        _print(told)
+    if as_json and _print_json(told):
+        return told.exit_code
+    if getattr(error, "filename", None) == OUTPUT:
+        discard_output()
+    _print(told)
     return told.exit_code
+
+
+def _print_json(error: PsimError) -> bool:
+    """The error as JSON on stdout; returns whether that worked."""
+    import json
+
+    try:
+        print(json.dumps(as_data(error), ensure_ascii=False), flush=True)
+    except OSError:
+        discard_output()
+        return False
+    return True
 
 
 def _print_traceback(error: BaseException) -> None:
@@ -78,7 +90,7 @@ def _as_psim_error(error: BaseException) -> Any:
 
     from particlesim.errors import InputOutputError, Interrupted, PsimError
 
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, KeyboardInterrupt) or (not isinstance(error, OSError) and requested()):
         return Interrupted("stopped")
     if isinstance(error, MemoryError):
         detail = f": {error}" if str(error) else ""
@@ -104,9 +116,9 @@ def _print(error: Any) -> None:
         print(render_all(error.diagnostics, color=color), file=sys.stderr)
         return
     word, style = ("interrupted", "yellow") if isinstance(error, Interrupted) else ("error", "red")
-    print(f"{paint(word, style)}: {error.message}", file=sys.stderr)
+    print(f"{paint(word, style)}: {plain(error.message)}", file=sys.stderr)
     if error.hint:
-        print(f"  {paint('help', 'cyan')}: {error.hint}", file=sys.stderr)
+        print(f"  {paint('help', 'cyan')}: {plain(error.hint)}", file=sys.stderr)
 
 
 def as_data(error: Any) -> dict[str, Any]:

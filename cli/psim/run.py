@@ -11,7 +11,6 @@ import typer
 
 from psim.options import Force, Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import render_progress, run_progress
-from psim.stop import stoppable
 
 if TYPE_CHECKING:
     from particlesim.runner import Result
@@ -43,6 +42,13 @@ def run(
         Path | None,
         typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
     ] = None,
+    bless: Annotated[
+        bool,
+        typer.Option(
+            "--bless",
+            help="Make the trajectory the reference of the checks that name one, if all others hold.",
+        ),
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
@@ -60,26 +66,37 @@ def run(
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
     quiet = quiet or as_json
-    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet))
+    result = _reported(
+        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless)
+    )
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
     from psim.summary import show_failures, show_summary, summary
+    from psim.talk import print_json, print_path
 
     told = summary(result, scenario, film, warnings)
     if as_json:
-        from psim.talk import print_json
-
         print_json(told)
     elif not quiet:
         show_summary(told)
-        print(path)
+        print_path(path)
         if film is not None:
-            print(film)
+            print_path(film)
+    if bless and result.passed and not quiet:
+        _show_blessed(loaded)
     if not result.passed:
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)
+
+
+def _show_blessed(loaded: Scenario) -> None:
+    from particlesim.references import reference_paths
+    from psim.talk import say
+
+    for reference in reference_paths(loaded):
+        say(f"written: {reference}, the reference of later runs")
 
 
 def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]) -> Result:
@@ -137,14 +154,20 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool)
 
 
 def _simulate(
-    loaded: Scenario, scenario: Path, path: Path, force: bool, threads: int | None, quiet: bool
+    loaded: Scenario,
+    scenario: Path,
+    path: Path,
+    force: bool,
+    threads: int | None,
+    quiet: bool,
+    bless: bool,
 ) -> Result:
     """Run; an error in the middle says where the frames before it are."""
     import particlesim as ps
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, overwrite=force, threads=threads, progress=stoppable(progress))
+            return ps.run(loaded, path, overwrite=force, threads=threads, progress=progress, bless=bless)
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept
@@ -156,5 +179,5 @@ def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: boo
     import particlesim as ps
 
     with render_progress(film.name, quiet=quiet) as progress:
-        report = ps.film(path, film, overwrite=force, threads=threads, progress=stoppable(progress))
+        report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
     return list(report.warnings)

@@ -32,8 +32,9 @@ def schema(
         print(text)
         return
     from particlesim.trajectory.target import check_target, replacing
+    from psim.talk import print_path
 
     check_target(output, overwrite=force)
     with replacing(output) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
-    print(output)
+    print_path(output)

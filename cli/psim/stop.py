@@ -1,49 +1,31 @@
-"""Ctrl-C and SIGTERM: both end a run in order, and what was computed is kept.
-
-The handler raises KeyboardInterrupt as Python's own does. Where that falls into a callback that swallows exceptions, such
-as the end of an object's life, the request is not lost: long work asks `check` between its pieces.
-"""
+"""Ctrl-C, SIGTERM and SIGHUP: all end a command in order, and what was computed is kept."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Callable
 from types import FrameType
-from typing import ParamSpec
-
-P = ParamSpec("P")
 
 _requested = False
 
 
 def listen() -> None:
-    """Install the handlers; without effect outside of the main thread."""
+    """Install the handlers; without effect outside of the main thread. A signal that is ignored (`nohup`) stays so."""
+    global _requested
+    _requested = False
     with contextlib.suppress(ValueError):
-        signal.signal(signal.SIGINT, _stop)
-        signal.signal(signal.SIGTERM, _stop)
+        for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _stop)
+
+
+def requested() -> bool:
+    """Whether a signal came. The making of a class and compiled code turn its exception into errors of their own."""
+    return _requested
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
     global _requested
     _requested = True
     raise KeyboardInterrupt
-
-
-def check() -> None:
-    """Raise KeyboardInterrupt if it was asked for and went unheard."""
-    global _requested
-    if _requested:
-        _requested = False
-        raise KeyboardInterrupt
-
-
-def stoppable(show: Callable[P, None] | None) -> Callable[P, None]:
-    """A progress function that also listens; `show` None shows nothing."""
-
-    def step(*args: P.args, **kwargs: P.kwargs) -> None:
-        check()
-        if show is not None:
-            show(*args, **kwargs)
-
-    return step

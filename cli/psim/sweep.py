@@ -11,8 +11,7 @@ import typer
 from psim.complete import override_keys
 from psim.options import Overrides, Quiet, ScenarioFile
 from psim.progress import sweep_progress
-from psim.stop import stoppable
-from psim.talk import duration, facts, paint, print_json, say
+from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
 if TYPE_CHECKING:
     from particlesim.sweep import SweepResult
@@ -100,16 +99,14 @@ def sweep(
     folder = Path("outputs") / f"{scenario.stem}-sweep" if output is None else output
     quiet = quiet or as_json
     with sweep_progress(scenario.stem, quiet=quiet) as progress:
-        result = planned.run(
-            folder, workers=workers, fail_fast=fail_fast, force=force, progress=stoppable(progress)
-        )
+        result = planned.run(folder, workers=workers, fail_fast=fail_fast, force=force, progress=progress)
     if as_json:
         print_json(_as_data(result))
     else:
         if not quiet or result.exit_code:
             _show(result, scenario.stem)
         if not quiet:
-            print(folder / result.table.name)
+            print_path(folder / result.table.name)
     if result.exit_code:
         raise typer.Exit(result.exit_code)
 
@@ -146,7 +143,7 @@ def _show(result: SweepResult, name: str) -> None:
     for failure in result.failures:
         values = ", ".join(f"{key}={value}" for key, value in failure.parameters.items())
         say(
-            f"{paint(failure.status.replace('_', ' '), 'red')}: run {failure.run} ({values}): {failure.cause}"
+            f"{paint(failure.status.replace('_', ' '), 'red')}: run {failure.run} ({plain(values)}): {plain(failure.cause)}"
         )
     more = result.ended - result.counts["done"] - len(result.failures)
     if more:

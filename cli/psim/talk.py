@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, TextIO
 
 _CODES = {"red": "1;31", "yellow": "1;33", "cyan": "36", "bold": "1", "dim": "2"}
@@ -17,7 +18,20 @@ def colorful(stream: TextIO) -> bool:
 
 def paint(text: str, style: str, stream: TextIO | None = None) -> str:
     """`text` in a style (red, yellow, cyan, bold, dim) if `stream`, by default stderr, shows colours."""
+    text = plain(text)
     return f"\x1b[{_CODES[style]}m{text}\x1b[0m" if colorful(stream or sys.stderr) else text
+
+
+def plain(text: object) -> str:
+    """`text` without control characters: names and titles from files could move the cursor or change the colours."""
+    from particlesim.scenario.report import printable
+
+    return printable(str(text))
+
+
+def print_path(path: Path) -> None:
+    """A path on stdout: with every byte for programs, without control characters for a terminal."""
+    print(plain(path) if sys.stdout.isatty() else path)
 
 
 def animated() -> bool:
@@ -32,7 +46,7 @@ def say(text: str) -> None:
 
 def warn(text: str) -> None:
     """A warning to the user."""
-    say(f"{paint('warning', 'yellow')}: {text}")
+    say(f"{paint('warning', 'yellow')}: {plain(text)}")
 
 
 def facts(rows: Iterable[tuple[str, str]], stream: TextIO) -> None:
@@ -40,7 +54,7 @@ def facts(rows: Iterable[tuple[str, str]], stream: TextIO) -> None:
     import shutil
     import textwrap
 
-    rows = [(name, value) for name, value in rows if value]
+    rows = [(name, plain(value)) for name, value in rows if value]
     indent = max((len(name) for name, _ in rows), default=0) + 4
     width = max(shutil.get_terminal_size().columns - indent, 24) if stream.isatty() else 10_000
     for name, value in rows:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -110,6 +110,14 @@ class Emitter(Group):
             )
         return self
 
+    @model_validator(mode="before")
+    @classmethod
+    def _not_pinned(cls, table: Any) -> Any:
+        if isinstance(table, dict) and "pinned" in table:
+            hint = '[[particles]] pins those that are there from the start; a plane with contact = "stick" holds what lands'
+            raise invalid("emitted particles cannot be pinned", at=("pinned",), hint=hint)
+        return table
+
     @model_validator(mode="after")
     def _dies(self) -> Emitter:
         if self.when_full != "recycle" and self.limit is None:
@@ -129,6 +137,12 @@ class Emitter(Group):
     def bursts(self) -> tuple[Burst, ...]:
         """All bursts, as a tuple."""
         return self.burst if isinstance(self.burst, tuple) else (self.burst,)
+
+    def expected(self, duration: float) -> float:
+        """Births until a time [s], not rounded; infinite where that is beyond all numbers."""
+        end = duration if self.stop is None else min(duration, self.stop)
+        steady = max(end - self.start, 0.0) * (self.rate or 0.0)
+        return steady + sum(burst.count for burst in self.bursts() if burst.at < duration)
 
     def births(self, streams: Streams, first: int, birth: Floats) -> Born:
         """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""

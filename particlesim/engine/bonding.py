@@ -21,11 +21,11 @@ SHORT = 12
 
 
 class Breaking(NamedTuple):
-    """When bonds break: strain, pull [N] (infinite: never), and which are broken."""
+    """When bonds break: strain, pull [N] (infinite: never), and when each broke [s], infinity while it holds."""
 
     strain: float
     pull: float
-    broken: Any
+    when: Any
 
 
 class Bonds(NamedTuple):
@@ -211,8 +211,8 @@ def _add_long(bond: Any, c: Any, total: Any, pull: Any, piece: Any) -> Impl:
     return impl
 
 
-def break_bonds(bonds: Any, c: Any, share: Any) -> Any:
-    """Take out bonds that are stretched or pulled too far: they lose their stiffness and damping.
+def break_bonds(bonds: Any, c: Any, share: Any, t: Any) -> Any:
+    """Take out bonds that are stretched or pulled too far at time t: they lose their stiffness and damping.
 
     The owner of the first end does; all threads go on when all are done.
     """
@@ -220,39 +220,39 @@ def break_bonds(bonds: Any, c: Any, share: Any) -> Any:
 
 
 @inline(break_bonds)
-def _break_bonds(bonds: Any, c: Any, share: Any) -> Impl:
+def _break_bonds(bonds: Any, c: Any, share: Any, t: Any) -> Impl:
     if len(bonds) == 0:
-        return lambda bonds, c, share: None
+        return lambda bonds, c, share, t: None
     if isinstance(bonds[0].types[-1], types.NoneType):
-        return lambda bonds, c, share: break_bonds(bonds[1:], c, share)
+        return lambda bonds, c, share, t: break_bonds(bonds[1:], c, share, t)
 
-    def impl(bonds: Any, c: Any, share: Any) -> None:
+    def impl(bonds: Any, c: Any, share: Any, t: Any) -> None:
         bond = bonds[0]
         for piece in range(len(bond.table)):
             if bond.table[piece, OWNS_FIRST]:
-                _break_piece(bond, c, bond.table[piece])
+                _break_piece(bond, c, bond.table[piece], t)
         meet(share.gate, share.threads)
-        break_bonds(bonds[1:], c, share)
+        break_bonds(bonds[1:], c, share, t)
 
     return impl
 
 
-def _break_piece(bond: Any, c: Any, piece: Any) -> Any:
+def _break_piece(bond: Any, c: Any, piece: Any, t: Any) -> Any:
     return stub()
 
 
 @outline(_break_piece)
-def _break_springs(bond: Any, c: Any, piece: Any) -> Impl:
-    def impl(bond: Any, c: Any, piece: Any) -> None:
+def _break_springs(bond: Any, c: Any, piece: Any, t: Any) -> Impl:
+    def impl(bond: Any, c: Any, piece: Any, t: Any) -> None:
         limits = bond.breaking
         for k in range(piece[OFFSET], piece[OFFSET] + piece[LENGTH]):
-            if bond.i[k] >= 0 and not limits.broken[k]:
+            if bond.i[k] >= 0 and limits.when[k] == np.inf:
                 p = pair_of(bond, c, k)
                 length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
                 fx, fy, fz = bond_force(bond.law, p)
                 pull = -(fx * p.x + fy * p.y + fz * p.z)
                 if length - p.rest > limits.strain * p.rest or pull > limits.pull * length:
-                    limits.broken[k] = True
+                    limits.when[k] = t
                     bond.k[k] = 0
                     bond.c[k] = 0
 

@@ -22,15 +22,15 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, group_uses_radius
+from particlesim.engine.islands import Fault, copied, group_uses_radius
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
-from particlesim.integrators import METHODS
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
 
 WORTH_SPRINGS = 5_000
 """Springs below which threads would spend their time waiting for each other."""
@@ -43,7 +43,7 @@ class CoupledIsland:
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
-        self._method = METHODS[island.method]
+        self._method = island.method
         self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype
@@ -65,6 +65,11 @@ class CoupledIsland:
                 dtype,
             )
             for k, group in enumerate(island.groups)
+        )
+        self._driven = tuple(
+            each._replace(rows=each.rows + first)
+            for first, state in zip(bounds, self.states, strict=False)
+            for each in state.driven
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
@@ -132,7 +137,7 @@ class CoupledIsland:
             strain, pull = (
                 dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force)
             )
-            breaking = Breaking(strain, pull, np.zeros(len(slots.i), np.bool_))
+            breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
         return Bonds(
             StringRecord() if law.tension_only else SpringRecord(),
             slots.i,
@@ -151,7 +156,7 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads):
+            for share in share_out(count, threads, self._driven):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -162,6 +167,18 @@ class CoupledIsland:
                 found.append((mine, self._work._replace(pull=np.zeros_like(self._work.pull)), share))
             self._shares[threads] = found
         return self._shares[threads]
+
+    def topology(self, names: Sequence[str]) -> list[Topology]:
+        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
+        ids = self._all.id
+        found = []
+        for name, bonds in zip(names, self.bonds, strict=True):
+            there = bonds.i >= 0
+            pairs = np.stack([ids[bonds.i[there]], ids[bonds.j[there]]], axis=1)
+            broke = np.full(len(pairs), np.inf) if bonds.breaking is None else bonds.breaking.when[there]
+            rest = bonds.rest[there].astype(float)
+            found.append(Topology(name, pairs, rest, broke, breakable=bonds.breaking is not None))
+        return found
 
     def _reduced_mass(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
         """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
@@ -232,12 +249,4 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
         thermal=heat,
         clock=clock,
         memory=tuple(column[a:b] for column in c.memory),
-    )
-
-
-def copied(c: Columns) -> Columns:
-    """Columns with position, velocity and memory copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
     )

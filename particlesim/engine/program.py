@@ -15,7 +15,6 @@ from particlesim.engine.steppers import Newtonian, Overdamped, Tracer
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group, Particles, TracerMotion
-from particlesim.integrators import METHODS, Verlet
 from particlesim.vectors import dot, unit
 
 CONTACT_TOLERANCE = 16
@@ -71,7 +70,7 @@ def group_program(
 ) -> Program:
     """What is compiled for a group of independent particles."""
     program = Program(
-        METHODS[island.method].record(),
+        island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
         contacts_record(planes, group, dtype),
@@ -79,12 +78,7 @@ def group_program(
     return as_precision(program, dtype)
 
 
-def memory_size(method: str) -> int:
-    """Numbers per particle that a method remembers from step to step."""
-    return 4 if isinstance(METHODS[method], Verlet) else 0
-
-
-def needs_clock(group: Group, planes: Sequence[Plane]) -> bool:
-    """Whether particles of a group may be born, die, stick or be pinned."""
-    pinned = isinstance(group, Particles) and (group.pinned is True or bool(group.pins()))
+def needs_clock(group: Group, planes: Sequence[Plane], led: bool) -> bool:
+    """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
+    pinned = isinstance(group, Particles) and (led or group.has_pins())
     return isinstance(group, Emitter) or pinned or any(plane.contact != "bounce" for plane in planes)

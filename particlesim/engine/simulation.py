@@ -11,20 +11,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Births, Fault, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import Particle, force, has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
 from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
+
+WHY = {
+    NOT_FINITE: (
+        "feels a force that is not finite at t = {t:.9g} s",
+        "keep it away from where a force has no value",
+    ),
+    TOO_SHORT: (
+        "needs steps below the least at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+    ),
+    TOO_MANY: (
+        f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
+        "allow more error (tolerance), use a method of higher order, or a smaller dt",
+    ),
+}
+"""What is told of a particle whose own steps could not go on, and what to do about it."""
 
 
 @dataclass
@@ -202,7 +221,24 @@ class Simulation:
             if isinstance(island, CoupledIsland):
                 for bonds, made in zip(structure.bonds, island.bonds, strict=True):
                     if made.breaking is not None:
-                        found[bonds.name] = (int(made.breaking.broken.sum()), made.i.size - made.holes.size)
+                        found[bonds.name] = (
+                            int(np.isfinite(made.breaking.when).sum()),
+                            made.i.size - made.holes.size,
+                        )
+        return found
+
+    def topology(self) -> list[Topology]:
+        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
+        return topology(self.scenario, self.graph, self._islands, self.states)
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        found = {}
+        for island, structure in zip(self._islands, self.graph.islands, strict=True):
+            if isinstance(island, CoupledIsland):
+                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
+                    if made.breaking is not None:
+                        found[bonds.name] = made.breaking.when[made.i >= 0]
         return found
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
@@ -218,16 +254,38 @@ class Simulation:
         state = island.states[fault.member]
         time = fault.step * self.scenario.grid.dt
         row = fault.row
-        p = state.particle(row, time)
-        name, size = self._strongest(state.name, p)
-        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-        message = (
-            f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
-            f"it was at {where}"
+        p = state.particle(row, time) if fault.stop is None else fault.stop.particle
+        what = f"is no longer finite after the step from t = {time:.9g} s"
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
+        if fault.stop is not None:
+            what, hint = WHY[fault.stop.why]
+            what = what.format(t=fault.stop.time)
+        return DivergenceError(
+            f"particle {state.id[row]} of {state.name!r} {what}; it was {self._situation(state.name, p)}",
+            hint,
         )
-        if name is not None:
-            message += f", and the strongest force on it was {name} with {size:.6g} N"
-        return DivergenceError(message, f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s")
+
+    def overflow(self, quantity: str) -> DivergenceError:
+        """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
+        fastest = [(np.abs(s.v[:, : s.count]).max(axis=0), s) for s in self.states if s.count]
+        speeds, state = max(fastest, key=lambda pair: pair[0].max())
+        row = int(speeds.argmax())
+        message = (
+            f"the ledger's {quantity} is no longer finite at t = {self.time:.9g} s; particle {state.id[row]} of "
+            f"{state.name!r} was {self._situation(state.name, state.particle(row, self.time))}"
+        )
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
+        return DivergenceError(message, hint)
+
+    def _situation(self, group_name: str, p: Particle) -> str:
+        """Where a particle is, how fast, and under which force."""
+        where = (
+            f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        )
+        name, size = self._strongest(group_name, p)
+        return (
+            where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
+        )
 
     def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
         group = next(g for g in self.scenario.groups if g.name == group_name)

@@ -1,14 +1,23 @@
 """Time integrators: one method per file, each a table of coefficients that checks itself at import.
 
-To add a method, write its file and add one line to `METHODS`.
+To add a method, write its file, add one line to `METHODS` and its name to the options of its family.
 """
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from particlesim.integrators.adaptive import Adaptive, AdaptiveName, EmbeddedRungeKutta
+from particlesim.integrators.adaptive_euler import ADAPTIVE_EULER
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.dop853 import DOP853
 from particlesim.integrators.explicit_euler import EXPLICIT_EULER
 from particlesim.integrators.heun import HEUN
 from particlesim.integrators.midpoint import MIDPOINT
+from particlesim.integrators.options import FixedStep, FixedStepName, Options
 from particlesim.integrators.rk3 import RK3
 from particlesim.integrators.rk4 import RK4
+from particlesim.integrators.rk45 import RK45
 from particlesim.integrators.stormer_verlet import STORMER_VERLET
 from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
 from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
@@ -26,7 +35,42 @@ METHODS: dict[str, Method] = {
         STORMER_VERLET,
         VELOCITY_VERLET,
         YOSHIDA4,
+        ADAPTIVE_EULER,
+        RK45,
+        DOP853,
     )
 }
 
-__all__ = ["METHODS", "Composition", "Method", "RungeKutta", "Verlet"]
+MethodName = Literal[FixedStepName, AdaptiveName]
+"""The names of all methods."""
+
+AnyOptions = Annotated[FixedStep | Adaptive, Field(discriminator="method")]
+"""A method by its name, with its options."""
+
+AnyIntegrator = MethodName | AnyOptions
+"""What a scenario writes as `integrator`: the name of a method, or a table with its options."""
+
+
+def method_for(integrator: AnyIntegrator) -> Method:
+    """The method that a scenario asks for, with its options."""
+    if isinstance(integrator, Options):
+        return METHODS[integrator.method].configured(integrator)
+    method = METHODS[integrator]
+    return method.configured(method.options(method=integrator))
+
+
+__all__ = [
+    "METHODS",
+    "Adaptive",
+    "AnyIntegrator",
+    "AnyOptions",
+    "Composition",
+    "EmbeddedRungeKutta",
+    "FixedStep",
+    "Method",
+    "MethodName",
+    "Options",
+    "RungeKutta",
+    "Verlet",
+    "method_for",
+]

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from particlesim.crossfield import invalid
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Number, Vector
 from particlesim.vectors import dot, unit
@@ -64,10 +64,14 @@ class Cloth(Mesh):
         position = np.array(self.origin)[:, None] + np.outer(right, across) + np.outer(up, along)
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
 
-    def pins(self) -> Ints:
+    def triangles(self) -> Ints:
+        nx, ny = self.resolution
+        return grid_triangles(np.arange(nx * ny, dtype=np.int64).reshape(ny, nx))
+
+    def places(self) -> dict[str, Ints]:
         nx, ny = self.resolution
         index = np.arange(nx * ny, dtype=np.int64).reshape(ny, nx)
-        places = {
+        return {
             "left": index[:, 0],
             "right": index[:, -1],
             "bottom": index[0],
@@ -78,5 +82,3 @@ class Cloth(Mesh):
             "top_right": index[-1, -1:],
             "corners": index[:: ny - 1, :: nx - 1].ravel(),
         }
-        names = (self.pinned,) if isinstance(self.pinned, str) else self.pinned or ()
-        return np.unique(np.concatenate([index[:0, 0], *(places[name] for name in names)]))

@@ -9,7 +9,7 @@ from annotated_types import Gt
 from pydantic import Field
 
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Vector
 
@@ -48,7 +48,21 @@ class Jelly(Mesh):
         position = np.array(self.origin)[:, None] + cell * np.array(self.size)[:, None]
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
 
-    def pins(self) -> Ints:
+    def triangles(self) -> Ints:
+        nx, ny, nz = self.resolution
+        index = np.arange(nx * ny * nz, dtype=np.int64).reshape(nz, ny, nx)
+        # Each side with the axes that make its normal columns × rows point outwards.
+        sides = [
+            index[-1],
+            index[0].T,
+            index[:, 0],
+            index[:, -1].T,
+            index[:, :, 0].T,
+            index[:, :, -1],
+        ]
+        return np.concatenate([grid_triangles(side) for side in sides])
+
+    def places(self) -> dict[str, Ints]:
         nx, ny, nz = self.resolution
         index = np.arange(nx * ny * nz, dtype=np.int64).reshape(nz, ny, nx)
         places = {
@@ -60,5 +74,4 @@ class Jelly(Mesh):
             "front": index[-1],
             "corners": index[:: nz - 1, :: ny - 1, :: nx - 1],
         }
-        names = (self.pinned,) if isinstance(self.pinned, str) else self.pinned or ()
-        return np.unique(np.concatenate([index[:0, 0, 0], *(places[name].ravel() for name in names)]))
+        return {name: part.ravel() for name, part in places.items()}

@@ -30,9 +30,27 @@ class Mesh(Layout):
     def number(self) -> int:
         return int(np.prod(self.shape()))
 
+    def pins(self) -> Ints:
+        places, pinned = self.places(), getattr(self, "pinned", None)
+        names = (pinned,) if isinstance(pinned, str) else pinned or ()
+        return np.unique(np.concatenate([np.empty(0, np.int64), *(places[name] for name in names)]))
+
     def edges(self, kind: str) -> Ints:
         """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
         return grid_edges(self.shape(), steps(len(self.shape()), kind))
+
+
+def grid_triangles(index: Ints) -> Ints:
+    """Two triangles for every cell of a grid of particles [rows, columns], with the normal columns × rows, shape [n, 3].
+
+    The diagonals alternate like those of a union jack, so that no direction is preferred.
+    """
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    row, column = np.indices(a.shape)
+    rising = ((row + column) % 2 == 0)[..., None]
+    first = np.where(rising, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
+    second = np.where(rising, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
+    return np.stack([first, second], axis=2).reshape(-1, 3)
 
 
 def steps(axes: int, kind: str) -> list[tuple[int, ...]]:

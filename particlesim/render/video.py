@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from particlesim.errors import UsageError
+from particlesim.interruption import Held, held_signals
 from particlesim.render.renderer import Picture, Renderer
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
 from particlesim.render.timeline import timeline
@@ -85,14 +86,14 @@ def render_video(
         )
     chosen = chosen if chosen.step > 0 else chosen[::-1]
     shown = timeline(source.times[list(chosen)], settings)
-    with Team(threads) as team:
+    with held_signals() as signals, Team(threads) as team:
         renderer = Renderer(
             source, settings, planes=tuple(planes), title=title, first=chosen[0], last=chosen[-1], team=team
         )
         writer = open_writer(Path(out), settings, len(shown), overwrite)
         try:
             pictures = _pictures(renderer, source, [chosen[k] for k in shown], settings, team)
-            _encode(writer, pictures, len(shown), progress)
+            _encode(writer, pictures, len(shown), progress, signals)
             path = writer.finish()
         except BaseException:  # also Ctrl-C: nothing half written stays
             writer.discard()
@@ -140,7 +141,11 @@ def _pictures(
 
 
 def _encode(
-    writer: Writer, pictures: Iterator[Picture], total: int, progress: Callable[[int, int], None] | None
+    writer: Writer,
+    pictures: Iterator[Picture],
+    total: int,
+    progress: Callable[[int, int], None] | None,
+    signals: Held,
 ) -> None:
     """Hand the pictures to the writer from a thread of its own, so that encoding overlaps rendering."""
     waiting: queue.Queue[Picture | None] = queue.Queue(QUEUE)
@@ -161,6 +166,7 @@ def _encode(
             waiting.put(picture)
             if failure:
                 break
+            signals.check()
             if progress is not None:
                 progress(done, total)
     finally:

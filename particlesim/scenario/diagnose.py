@@ -122,7 +122,11 @@ def _diagnostic(address: _Address, entry: ErrorDetails, source: Source) -> Diagn
         words = messages.unknown_key(str(key), address.parent, address.parent_raw)
         return _placed(source, address.path, words, at_key=True)
     if entry["type"] == "union_tag_invalid" and address.kind is not None:
-        return _placed(source, (*address.path, "type"), messages.unknown_tag(address.kind, address.raw))
+        return _placed(
+            source,
+            (*address.path, typewalk.tag_key(address.kind)),
+            messages.unknown_tag(address.kind, address.raw),
+        )
     if entry["type"] == "union_tag_not_found" and address.kind is not None:
         return _placed(source, address.path, messages.missing_tag(address.kind, address.raw))
     return _placed(source, address.path, messages.plain(entry, address.kind, address.raw))

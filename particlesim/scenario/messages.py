@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from pydantic_core import ErrorDetails
 
-from particlesim.model import Name
+from particlesim.model import Line, Name, Prose
 from particlesim.names import did_you_mean
 from particlesim.scenario import typewalk
 from particlesim.scenario.typewalk import Node
@@ -25,7 +25,11 @@ _LIMITS = {
 
 
 # Patterns in words.
-_PATTERNS = {get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit"}
+_PATTERNS = {
+    get_args(Name)[1].pattern: "letters, digits, _ and -, not beginning with a digit",
+    get_args(Line)[1].pattern: "a line of text without control characters",
+    get_args(Prose)[1].pattern: "text without control characters",
+}
 
 
 @dataclass(frozen=True)
@@ -51,25 +55,25 @@ def unknown_key(key: str, table: Node | None, raw: Any) -> Words:
 
 
 def unknown_tag(union: Node, raw: Any) -> Words:
-    tag = raw.get("type") if isinstance(raw, dict) else None
+    key = typewalk.tag_key(union)
+    tag = raw.get(key) if isinstance(raw, dict) else None
     known = typewalk.tags(union)
     hint = did_you_mean(tag, known) if isinstance(tag, str) else None
-    return Words(f"unknown type {shown(tag)}", _quoted(known), hint)
+    return Words(f"unknown {key} {shown(tag)}", _quoted(known), hint)
 
 
 def missing_tag(union: Node, raw: Any) -> Words:
+    key, known = typewalk.tag_key(union), _quoted(typewalk.tags(union))
     if not isinstance(raw, dict):
-        return Words(
-            f"expected a table, got {shown(raw)}", f"a table with type = {_quoted(typewalk.tags(union))}"
-        )
-    return Words("missing key 'type'", _quoted(typewalk.tags(union)))
+        return Words(f"expected a table, got {shown(raw)}", f"a table with {key} = {known}")
+    return Words(f"missing key {key!r}", known)
 
 
 def for_union(union: Node, raw: Any) -> Words | None:
     """What to say when no branch of `union` fits; None where nothing is better than naming the branches."""
     known = typewalk.tags(union)
     if isinstance(raw, dict) and known:
-        return unknown_tag(union, raw) if "type" in raw else missing_tag(union, raw)
+        return unknown_tag(union, raw) if typewalk.tag_key(union) in raw else missing_tag(union, raw)
     words = [str(value) for value in _literals(union)]
     if isinstance(raw, str) and words:
         return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, did_you_mean(raw, words))

@@ -40,7 +40,7 @@ def render_text(diagnostic: Diagnostic, *, color: bool = False) -> str:
     ]
     gutter = max((len(number) for number in numbers), default=0) or 1
     bar = paint(_BLUE, f"{'':{gutter}} |")
-    lines = [paint(_RED, "error") + paint(_BOLD, f": {_printable(diagnostic.message)}")]
+    lines = [paint(_RED, "error") + paint(_BOLD, f": {printable(diagnostic.message)}")]
     if place := _place(diagnostic):
         lines.append(f"{'':{gutter}}{paint(_BLUE, '-->')} {place}")
     source = diagnostic.source.split("\n")
@@ -60,7 +60,7 @@ def render_text(diagnostic: Diagnostic, *, color: bool = False) -> str:
         previous = mark.line
     for word, text in (("allowed", diagnostic.allowed), ("help", diagnostic.hint)):
         if text:
-            wrapped = textwrap.wrap(_printable(text), _WIDEST, break_long_words=False, break_on_hyphens=False)
+            wrapped = textwrap.wrap(printable(text), _WIDEST, break_long_words=False, break_on_hyphens=False)
             folded = f"\n{'':{gutter + 5 + len(word)}}".join(wrapped)
             lines.append(f"{'':{gutter}} {paint(_BLUE, '=')} {paint(_CYAN, word)}: {folded}")
     return "\n".join(lines)
@@ -92,7 +92,7 @@ def _marks(diagnostic: Diagnostic) -> list[_Mark]:
     spans: list[tuple[Span, str, bool]] = [(label.span, label.text, False) for label in diagnostic.labels]
     if diagnostic.span is not None:
         spans.append((diagnostic.span, "", True))
-    marks = [_Mark(s.line, s.column, s.length, _printable(text), primary) for s, text, primary in spans]
+    marks = [_Mark(s.line, s.column, s.length, printable(text), primary) for s, text, primary in spans]
     return sorted(marks, key=lambda mark: (mark.line, not mark.primary, mark.column))
 
 
@@ -103,7 +103,7 @@ def _place(diagnostic: Diagnostic) -> str:
     elif diagnostic.span is not None and "\n" in diagnostic.source:
         place = f"line {diagnostic.span.line}, column {diagnostic.span.column}"
     path = f"({diagnostic.path})" if diagnostic.path else ""
-    return "  ".join(_printable(part) for part in (place, path) if part)
+    return "  ".join(printable(part) for part in (place, path) if part)
 
 
 def _excerpt(line: str, mark: _Mark) -> tuple[str, int, int]:
@@ -136,7 +136,7 @@ def _expand(text: str) -> str:
     return "".join(_TAB if character == "\t" else _visible(character) for character in text)
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """`text` without control characters, which could move the terminal's cursor or change its colours."""
     return "".join(_visible(character) for character in text)
 

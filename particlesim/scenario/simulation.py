@@ -8,7 +8,7 @@ from annotated_types import Gt
 from pydantic import Field, model_validator
 
 from particlesim.crossfield import invalid
-from particlesim.groups import MethodName
+from particlesim.integrators import AnyIntegrator
 from particlesim.model import Model
 from particlesim.units import Hertz, Seconds
 
@@ -24,8 +24,8 @@ class Simulation(Model):
     """Longest step. It is shortened where frames would fall between steps."""
     substeps: Annotated[int, Field(ge=1, le=10**9, strict=True)] | None = None
     """Steps per frame, instead of dt."""
-    integrator: MethodName = "symplectic_euler"
-    """Method of integration, for groups that name none of their own."""
+    integrator: AnyIntegrator = "symplectic_euler"
+    """Method of integration, or a table with its options; for groups that name none of their own."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] = 0
     """Seed of all random numbers."""
     precision: Literal["double", "single"] = "double"

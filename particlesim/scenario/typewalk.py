@@ -76,13 +76,21 @@ def branches(union: Node) -> list[Node]:
     return [node(branch) for branch in get_args(union.annotation) if branch is not type(None)]
 
 
+def tag_key(kind: Node) -> str:
+    """The key that tells the models under `kind` apart: "type", unless the first of them says otherwise."""
+    if kind.is_union:
+        return next((tag_key(branch) for branch in branches(kind) if tags(branch)), "type")
+    return str(getattr(kind.model, "tag", "type"))
+
+
 def tags(kind: Node) -> list[str]:
-    """The values of `type` that the models under `kind` stand for."""
+    """The values of their tag that the models under `kind` stand for."""
     if kind.is_union:
         return [tag for branch in branches(kind) for tag in tags(branch)]
-    if kind.model is None or "type" not in kind.model.model_fields:
+    key = tag_key(kind)
+    if kind.model is None or key not in kind.model.model_fields:
         return []
-    allowed = node(kind.model.model_fields["type"].annotation).annotation
+    allowed = node(kind.model.model_fields[key].annotation).annotation
     return [str(value) for value in get_args(allowed)] if get_origin(allowed) is Literal else []
 
 
@@ -143,7 +151,7 @@ def _fit_table(kind: Node, raw: dict[Any, Any]) -> float:
         return 1.0 * (kind.origin is dict)
     known = fields(kind.model)
     shared = sum(key in known for key in raw)
-    named = raw.get("type") in tags(kind)
+    named = raw.get(tag_key(kind)) in tags(kind)
     return 2.0 + 2.0 * named + (shared / len(raw) if raw else 0.0)
 
 
@@ -155,7 +163,9 @@ def describe(kind: Node | None) -> str:
         plain = [branch for branch in branches(kind) if not tags(branch)]
         words = list(dict.fromkeys(describe(branch) for branch in plain))
         if known := tags(kind):
-            words.append("a table with type = " + " or ".join(f'"{tag}"' for tag in known))
+            named = {value for branch in plain for value in get_args(branch.annotation)} >= set(known)
+            values = "" if named else " = " + " or ".join(f'"{tag}"' for tag in known)
+            words.append(f"a table with {tag_key(kind)}{values}")
         return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
     if kind.unit is not None:
         return kind.unit.kind

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from particlesim.errors import InputOutputError, Interrupted, ScenarioError, UsageError
+from particlesim.interruption import held_signals
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import check_labels, quantities
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
@@ -191,12 +192,13 @@ class _Sitting:
         """Do the runs."""
         self._tell()
         try:
-            with closing(executor.each(self._task, todo)) as ends:
+            with held_signals() as signals, closing(executor.each(self._task, todo)) as ends:
                 for number, outcome in ends:
                     if outcome is None:
                         outcome = self._task.ended(number, "failed", "the worker process died")
                     self._take(outcome)
                     self._tell()
+                    signals.check()
                     if fail_fast and outcome.status != "done":
                         break
                     if time.perf_counter() > self._table_due:

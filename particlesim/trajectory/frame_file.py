@@ -24,7 +24,7 @@ import numpy.typing as npt
 from h5py import h5a
 
 from particlesim.trajectory.chunks import Column, compress, cut, padded
-from particlesim.trajectory.layout import EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
+from particlesim.trajectory.layout import CELLS, EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
 from particlesim.trajectory.tables import GrowingTable
 
 # Free space that must remain: the tables of HDF5 itself, status and summary still have to go in.
@@ -63,6 +63,22 @@ class EventData:
         return self.rows.nbytes
 
 
+@dataclass(frozen=True)
+class BreakData:
+    """Springs of a set that broke, on their way to the disk: the first of them, and the times of all from there on [s]."""
+
+    name: str
+    first: int
+    times: npt.NDArray[np.float64]
+
+    @property
+    def nbytes(self) -> int:
+        return self.times.nbytes
+
+
+Item = FrameData | EventData | BreakData
+
+
 class FrameFile:
     """Appends to a file made by `layout.create_file`."""
 
@@ -97,17 +113,17 @@ class FrameFile:
         self._tables = {
             name: table(name) for name in ("NumberOfPoints", "Steps/PointOffsets", "Steps/PartOffsets")
         }
-        self._filled_in = [
-            table(name) for name in ("Steps/NumberOfParts", "Steps/CellOffsets", "Lines/NumberOfCells")
-        ]
+        cells = [f"{kind}/{name}" for kind in CELLS for name in ("NumberOfCells", "NumberOfConnectivityIds")]
+        self._filled_in = [table(name) for name in ("Steps/NumberOfParts", "Steps/CellOffsets", *cells)]
         self._topology = [table(name) for name in ("Vertices/Connectivity", "Vertices/Offsets")]
         self._frames = GrowingTable(psim["frames"])
         self._ledger = GrowingTable(psim["ledger"]) if "ledger" in psim else None
         self._events = {kind: GrowingTable(psim[f"events/{kind}s"]) for kind in ("birth", "death")}
+        self._broke = {name: entry["broke"] for name, entry in psim["topology"].items() if "broke" in entry}
         self._next_row = 0
         self._values = table("Steps/Values")
 
-    def append(self, batch: Sequence[FrameData | EventData]) -> None:
+    def append(self, batch: Sequence[Item]) -> None:
         """Write frames and events, in the order given; when this returns, other processes can read them.
 
         Raises OSError (or what HDF5 makes of it, RuntimeError) when the system refuses; frames of earlier
@@ -117,11 +133,13 @@ class FrameFile:
         with self._watched():
             self._write(batch)
 
-    def _write(self, batch: Sequence[FrameData | EventData]) -> None:
+    def _write(self, batch: Sequence[Item]) -> None:
         rows: list[tuple[int | float, ...]] = []
         for item in batch:
             if isinstance(item, EventData):
                 self._events[item.kind].extend(item.rows)
+            elif isinstance(item, BreakData):
+                self._broke[item.name][item.first : item.first + len(item.times)] = item.times
             else:
                 rows.append(self._write_columns(item, len(self._frames) + len(rows)))
         frames = [item for item in batch if isinstance(item, FrameData)]

@@ -4,7 +4,8 @@
       Points [rows, 3]              positions; PointData/NAME the other fields, row by row
       NumberOfPoints [frames]       particles of each frame
       Vertices/Connectivity, Offsets   0, 1, 2, ...: one vertex per particle, shared by all frames
-      Lines, Strips, Polygons       empty; three names of one group
+      Lines, Polygons               springs and surfaces, the same for all frames, in rows; empty where rows change
+      Strips                        empty
       Steps                         NSteps; Values (times); where each frame starts
     /psim
       format                        version of this layout (attribute)
@@ -12,6 +13,7 @@
       ledger [frames]               one named column per quantity
       events/births, deaths         id, time, cause
       groups                        names; the field `group` counts into them
+      topology/NAME                 springs and triangles, by ids of particles (see `topology`)
       provenance/NAME               scenario as TOML text, versions, seed, host ...
       status, summary               how the run ended
 
@@ -32,6 +34,7 @@ import numpy as np
 
 from particlesim.trajectory.chunks import chunk_rows
 from particlesim.trajectory.fields import FieldSpec, Precision, ledger_unit
+from particlesim.trajectory.topology import Topology, write_topology
 
 FORMAT = 1
 # "latest" writes structures that no released VTK reads; before v110 there is no SWMR.
@@ -39,6 +42,7 @@ LIBVER = ("v110", "v110")
 TABLE_ROWS = 256
 EVENT_ROWS = 1024
 TOPOLOGY_ROWS = 1 << 16
+CELLS = ("Lines", "Polygons", "Strips")
 
 FRAME = np.dtype(
     {
@@ -72,12 +76,18 @@ def create_file(
     precision: Precision,
     compressed: bool,
     particles: int,
+    topology: Sequence[Topology] = (),
 ) -> None:
-    """Write a complete trajectory file without frames; `particles` is the count expected in a large one."""
+    """Write a complete trajectory file without frames; `particles` is the count expected in a large one.
+
+    Of the topology, VTK sees the sets that are `drawn`: their ids must be rows of every frame.
+    """
     with h5py.File(path, "w", libver=LIBVER) as file:
         _create_points(file, fields, precision, compressed, chunk_rows(particles))
         _create_steps(file, fields)
+        _create_cells(file, topology)
         _create_psim(file, groups, ledger, causes)
+        write_topology(file["psim"], topology)
         for key, value in provenance.items():
             file["psim/provenance"][key] = value
 
@@ -124,12 +134,25 @@ def _create_steps(file: h5py.File, fields: Sequence[FieldSpec]) -> None:
     for name in ("Connectivity", "Offsets"):
         _table(vertices, name, rows=TOPOLOGY_ROWS, compression="gzip", compression_opts=1, shuffle=True)
 
-    empty = vtk.create_group("Lines")
-    _table(empty, "NumberOfCells")
-    empty["NumberOfConnectivityIds"] = empty["NumberOfCells"]
-    empty.create_dataset("Offsets", data=np.zeros(1, np.int64))
-    _table(empty, "Connectivity")
-    vtk["Strips"] = vtk["Polygons"] = empty
+
+def _create_cells(file: h5py.File, topology: Sequence[Topology]) -> None:
+    """Lines and polygons, which every frame shares: the offsets of its cells are 0."""
+    drawn = [each for each in topology if each.drawn]
+    vtk = file["VTKHDF"]
+    for name, cells in {
+        "Lines": [each.pairs for each in drawn if not len(each.triangles)],
+        "Polygons": [each.triangles for each in drawn],
+        "Strips": [],
+    }.items():
+        number = sum(len(part) for part in cells)
+        corners = np.concatenate([np.empty(0, np.int64), *(part.ravel() for part in cells)])
+        group = vtk.create_group(name)
+        _table(group, "NumberOfCells", fill=number)
+        _table(group, "NumberOfConnectivityIds", fill=len(corners))
+        size = 2 if name == "Lines" else 3
+        filters = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if number else {}
+        group.create_dataset("Offsets", data=size * np.arange(number + 1), **filters)
+        group.create_dataset("Connectivity", data=corners, **filters)
 
 
 def _create_psim(

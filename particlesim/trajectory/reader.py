@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +20,7 @@ from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.layout import column_path
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.superblock import read_superblock
+from particlesim.trajectory.topology import Topology, read_topology
 
 Array = npt.NDArray[Any]
 
@@ -53,6 +54,7 @@ class Trajectory(Sequence[Frame]):
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = open_file(path)
+        self._topology: Mapping[str, Topology] | None = None
         try:
             self._read_header()
             self._read_frames()
@@ -133,6 +135,7 @@ class Trajectory(Sequence[Frame]):
     def refresh(self) -> None:
         """Take notice of the frames that a running simulation has added meanwhile."""
         self._open_file()
+        self._topology = None
         try:
             self._read_frames()
         except UsageError:
@@ -149,6 +152,20 @@ class Trajectory(Sequence[Frame]):
     def precision(self) -> str:
         """How floats are stored: "single" or "double"."""
         return "single" if self._columns["position"].dtype.itemsize == 4 else "double"
+
+    @property
+    def topology(self) -> Mapping[str, Topology]:
+        """Springs and surfaces by name: sets of springs as in the ledger (flag.structural), surfaces as groups (flag).
+
+        Read when first asked for, and again after `refresh`.
+        """
+        if self._topology is None:
+            file = self._open_file()
+            try:
+                self._topology = read_topology(file)
+            except Exception as error:
+                raise damaged(self.path, "its springs and surfaces cannot be read") from error
+        return self._topology
 
     def __len__(self) -> int:
         return len(self._rows)

@@ -17,6 +17,11 @@ from particlesim.trajectory.superblock import clear_mark
 _PER_FRAME = (
     "VTKHDF/NumberOfPoints",
     "VTKHDF/Lines/NumberOfCells",
+    "VTKHDF/Lines/NumberOfConnectivityIds",
+    "VTKHDF/Polygons/NumberOfCells",
+    "VTKHDF/Polygons/NumberOfConnectivityIds",
+    "VTKHDF/Strips/NumberOfCells",
+    "VTKHDF/Strips/NumberOfConnectivityIds",
     "VTKHDF/Steps/Values",
     "VTKHDF/Steps/PointOffsets",
     "VTKHDF/Steps/PartOffsets",

@@ -13,16 +13,26 @@ from threading import Condition, Thread
 from types import TracebackType
 from typing import Any, Literal, Self
 
+import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
-from particlesim.trajectory.frame_file import EventData, EventKind, FrameData, FrameFile, event_rows
+from particlesim.trajectory.frame_file import (
+    BreakData,
+    EventData,
+    EventKind,
+    FrameData,
+    FrameFile,
+    Item,
+    event_rows,
+)
 from particlesim.trajectory.layout import STATES, create_file
 from particlesim.trajectory.lock import WriterLock, is_being_written
 from particlesim.trajectory.superblock import clear_mark, read_superblock
 from particlesim.trajectory.target import check_target, put_new, replacing, write_error
+from particlesim.trajectory.topology import Topology
 
 
 class TrajectoryWriter:
@@ -31,7 +41,8 @@ class TrajectoryWriter:
     fields: what to record beside position and id (names of `FIELDS`). groups: names that the field `group`
     counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
     key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
-    largest count expected in a frame; it only chooses how the file is cut (`chunks`).
+    largest count expected in a frame; it only chooses how the file is cut (`chunks`). topology: springs and
+    surfaces, of names of their own.
 
     The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
     path that exists (unless `overwrite`) or cannot be written.
@@ -50,6 +61,7 @@ class TrajectoryWriter:
         overwrite: bool = False,
         causes: Sequence[str] = (),
         particles_hint: int = 8192,
+        topology: Sequence[Topology] = (),
     ) -> None:
         self.path = Path(path)
         self._fields = {spec.name: spec for spec in select_fields(fields)}
@@ -68,10 +80,12 @@ class TrajectoryWriter:
             precision=precision,
             compressed=compression == "gzip",
             particles=particles_hint,
+            topology=topology,
         )
+        self._broke = {each.name: np.array(each.broke, float) for each in topology if each.breakable}
 
-        self._pending: list[FrameData | EventData] = []  # events that belong to the next frame
-        self._waiting: list[FrameData | EventData] = []  # a frame with its events, for the thread to take
+        self._pending: list[Item] = []  # events that belong to the next frame
+        self._waiting: list[Item] = []  # a frame with its events, for the thread to take
         self._writing = False
         self._changed = Condition()
         self._ending = False
@@ -159,6 +173,21 @@ class TrajectoryWriter:
         if len(rows):
             self._pending.append(EventData(kind, rows))
 
+    def breaks(self, name: str, broke: npt.NDArray[np.float64]) -> None:
+        """Note when the springs of a set broke [s], infinity for those that hold, shape [springs].
+
+        What the writer knows already costs nothing. Raises as `append` does.
+        """
+        if name not in self._broke:
+            raise unknown_name("set of springs that can break", name, self._broke)
+        self._check_open()
+        known = self._broke[name]
+        changed = np.flatnonzero(broke != known)
+        if len(changed):
+            first, last = int(changed[0]), int(changed[-1]) + 1
+            known[first:last] = broke[first:last]
+            self._pending.append(BreakData(name, first, known[first:last].copy()))
+
     def close(self, status: str = "complete", summary: Mapping[str, float | int | str] | None = None) -> None:
         """Finish the last frame, write how the run ended, and close. Calling it again does nothing.
 
@@ -197,7 +226,7 @@ class TrajectoryWriter:
             self._changed.wait_for(lambda: self._error is not None or not (self._waiting or self._writing))
             self._raise_error()
 
-    def _hand_over(self, batch: list[FrameData | EventData]) -> None:
+    def _hand_over(self, batch: list[Item]) -> None:
         with self._changed:
             self.flush()
             self._waiting = batch
@@ -215,7 +244,7 @@ class TrajectoryWriter:
                 return
             self._release(batch)
 
-    def _next_batch(self) -> list[FrameData | EventData]:
+    def _next_batch(self) -> list[Item]:
         """The frame that waits, with its events; empty at the end."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._waiting) or self._ending)
@@ -223,7 +252,7 @@ class TrajectoryWriter:
             self._writing = bool(batch)
             return batch
 
-    def _release(self, batch: Sequence[FrameData | EventData]) -> None:
+    def _release(self, batch: Sequence[Item]) -> None:
         """Count a written frame and take its memory back."""
         frames = [item for item in batch if isinstance(item, FrameData)]
         for frame in frames:

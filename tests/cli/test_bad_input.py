@@ -17,8 +17,29 @@ def replaced(old: str, new: str) -> str:
     return TINY.replace(old, new)
 
 
+EMITTER = """
+[[emitters]]
+rate = 1e308
+limit = 10
+shape = { type = "point", position = [0, 1, 0] }
+"""
+
 MISTAKES = {
+    "rate beyond all numbers": (TINY + EMITTER, "1e+307 births in 0.1 s are more than a run can make"),
+    "rate that a limit does not bound": (
+        TINY + EMITTER.replace("1e308", "1e13"),
+        "births between two frames",
+    ),
+    "burst that a limit does not bound": (
+        TINY + EMITTER.replace("rate = 1e308", "burst = { count = 10_000_000_000, at = 0.07 }"),
+        "births between two frames",
+    ),
     "broken TOML": (replaced("[simulation]", "[simulation"), "bad.toml:4"),
+    "escape sequence in a title": (replaced('"Tiny"', r'"a\u001b[2Jb"'), "a line of text without control"),
+    "reversed writing in a description": (
+        replaced('title = "Tiny"', r'description = "two\nlines\u202e"'),
+        "text without control characters",
+    ),
     "wrong type": (replaced("dt = 0.01", "dt = [1]"), "expected a duration"),
     "unknown key": (replaced("restitution", "restituton"), 'did you mean "restitution"?'),
     "misspelt force": (replaced('"gravity"', '"gravty"'), 'did you mean "gravity"?'),

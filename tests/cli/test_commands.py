@@ -28,6 +28,8 @@ COMMANDS = (
     "check",
     "render",
     "inspect",
+    "diff",
+    "rerun",
     "plot",
     "export",
     "new",

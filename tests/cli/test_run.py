@@ -116,8 +116,12 @@ def test_warnings_are_shown(psim, monkeypatch):
 
 
 def test_divergence_keeps_what_was_computed(psim):
-    # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s.
-    wild = ("--set", "forces.gravity.acceleration=[0, 1e308, 0]", "--set", "simulation.duration=5")
+    # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s; energies pass it at once.
+    strong = ("--set", "forces.gravity.acceleration=[0, 1e308, 0]", "--set", "simulation.duration=5")
+    ended = psim("run", "tiny.toml", *strong, "-o", "energy.vtkhdf")
+    assert ended.code == 3
+    assert "the ledger's kinetic is no longer finite at t = 0.05 s; particle 0 of 'balls' was at" in ended.err
+    wild = (*strong, "--set", "output.ledger=false")
     ended = psim("run", "tiny.toml", *wild)
     assert ended.code == 3, ended
     assert "no longer finite" in ended.err
@@ -148,9 +152,9 @@ def stopped_after_some_frames(number: int, **options) -> Ended:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
-def test_interrupted_run_keeps_its_frames(number):
-    ended = stopped_after_some_frames(number)
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_interrupted_run_keeps_its_frames(name):
+    ended = stopped_after_some_frames(getattr(signal, name))
     assert ended.code == 130, ended
     assert re.search(r"interrupted: stopped at t = .* s of 1000000 s", ended.err)
     assert "outputs/long.vtkhdf" in ended.err

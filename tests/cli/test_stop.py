@@ -1,8 +1,7 @@
-"""A request to stop is not lost where its exception is swallowed."""
+"""Ctrl-C, SIGTERM and SIGHUP end a command; one that is ignored stays ignored."""
 
 from __future__ import annotations
 
-import os
 import signal
 
 import pytest
@@ -10,15 +9,39 @@ import pytest
 from psim import stop
 
 
-def test_a_swallowed_request_is_heard_later() -> None:
-    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+@pytest.fixture(autouse=True)
+def handlers():
+    """Put the handlers back."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_interrupts(name: str) -> None:
     stop.listen()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGTERM)
-        with pytest.raises(KeyboardInterrupt):
-            stop.stoppable(None)()
-        stop.check()  # heard once
-    finally:
-        signal.signal(signal.SIGTERM, before[0])
-        signal.signal(signal.SIGINT, before[1])
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(getattr(signal, name))
+
+
+def test_what_nohup_ignores_stays_ignored() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    stop.listen()
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+
+
+def test_ctrl_c_that_compiled_code_makes_another_error_of(psim, monkeypatch):
+    import particlesim as ps
+
+    def build(*_, **__):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt as error:
+            raise ValueError("building failed: KeyboardInterrupt") from error
+
+    monkeypatch.setattr(ps, "load", build)
+    ended = psim("run", "tiny.toml")
+    assert ended.code == 130
+    assert "Traceback" not in ended.err

@@ -13,6 +13,7 @@ from scipy import stats
 from simulate import EPS, record, simulate
 
 import particlesim as ps
+from particlesim.bounds import BIRTH_MEMORY, EVENT_BYTES, needs
 
 ORIGIN = {"type": "point", "position": [0, 0, 0]}
 SIGNIFICANT = 1e-3
@@ -238,3 +239,21 @@ def test_particles_die_outside_of_their_box(tmp_path: Path) -> None:
         assert deaths["cause"].tolist() == ["outside"] * 3
         assert np.all((deaths["time"] >= 0.52 - EPS) & (deaths["time"] <= 0.55 + EPS))
         assert all(frame.position[:, 0].max(initial=0.0) <= 0.42 for frame in trajectory)
+
+
+def test_what_is_born_between_frames_is_counted_as_memory_and_work() -> None:
+    # 1000 births/s for 1 s with a frame every 0.1 s: at most 10 alive, but 100 in memory, in each of 1000 steps.
+    emitter = {"shape": ORIGIN, "rate": 1000.0, "limit": 10}
+    table = {
+        "simulation": {"duration": 1.0, "dt": 1e-3},
+        "output": {"interval": 0.1, "compression": "none"},
+        "emitters": [emitter],
+    }
+    some, more = (
+        needs(ps.from_table(table)),
+        needs(ps.from_table(table | {"emitters": [emitter | {"rate": 1e6}]})),
+    )
+    assert (some.particles, some.births) == (10, 1000)
+    assert some.particle_steps == pytest.approx(1000 * 110, rel=0.1)
+    assert more.memory - some.memory > 1e5 * BIRTH_MEMORY
+    assert more.disk - some.disk == 2 * EVENT_BYTES * (more.births - some.births)

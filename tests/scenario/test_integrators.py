@@ -1,0 +1,71 @@
+"""The key `integrator`: a name, or a table with the options of the method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from simulate import points, table
+
+import particlesim as ps
+from particlesim.graph import build_graph
+from particlesim.integrators import METHODS, MethodName, method_for
+from particlesim.scenario.dump import to_table
+
+
+def scenario(method: Any, /, **group: Any) -> ps.Scenario:
+    return ps.from_table(table(1.0, 0.1, method, particles=[points((0, 0, 0), **group)]))
+
+
+def mistake(method: Any, /, **group: Any) -> tuple[str, str, str]:
+    with pytest.raises(ps.ScenarioError) as caught:
+        scenario(method, **group)
+    (found,) = caught.value.diagnostics
+    return found.message, found.path, found.allowed or ""
+
+
+def test_every_method_has_its_name_in_the_options_of_its_family() -> None:
+    assert set(MethodName.__args__) == set(METHODS)  # type: ignore[attr-defined]
+    for name, method in METHODS.items():
+        options = method.options(method=name)  # refuses a name that is not of the family
+        assert method.configured(options) == method, "the defaults of the options are those of the method"
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_table_without_options_is_the_name(name: str) -> None:
+    for given in (name, {"method": name}):
+        (island,) = build_graph(scenario(given)).islands
+        assert island.method == METHODS[name]
+
+
+def test_a_group_has_its_own_method() -> None:
+    (island,) = build_graph(scenario("rk4", integrator={"method": "heun"})).islands
+    assert island.method is not METHODS["rk4"]
+    assert island.method == METHODS["heun"]
+
+
+def test_the_table_survives_a_round_trip() -> None:
+    made = scenario({"method": "heun"})
+    assert to_table(made)["simulation"]["integrator"] == {"method": "heun"}
+    assert ps.from_table(to_table(made)) == made
+
+
+def test_a_method_without_options_takes_none() -> None:
+    assert mistake({"method": "rk4", "tolerance": 1e-6}) == (
+        "unknown key 'tolerance'",
+        "simulation.integrator.tolerance",
+        "method",
+    )
+
+
+def test_wrong_methods_are_named_with_the_right_ones() -> None:
+    words, path, allowed = mistake({"method": "rk5"})
+    assert ('"rk5"' in words, path) == (True, "simulation.integrator.method")
+    assert '"rk4"' in allowed
+    words, path, _ = mistake("rk4", integrator=3)
+    assert words.endswith(" or a table with method, got 3")
+    assert path == "particles.0.integrator"
+
+
+def test_method_for_reads_both_forms() -> None:
+    assert method_for("rk4") == method_for(METHODS["rk4"].options(method="rk4"))
