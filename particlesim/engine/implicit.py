@@ -28,8 +28,8 @@ from particlesim.engine.krylov import (
     size2,
     stabilised,
 )
-from particlesim.engine.stiffness import linearise
 from particlesim.engine.steppers import Newtonian
+from particlesim.engine.stiffness import linearise
 from particlesim.integrators import ImplicitMethod
 from particlesim.laws import velocity
 
@@ -232,9 +232,7 @@ def begin_parts(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, 
 
 
 @inline(begin_parts)
-def _begin_parts(
-    method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl:
+def _begin_parts(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
     if len(parts) == 0:
         return lambda method, parts, c, work, share, t, end, h: None
 

@@ -24,7 +24,17 @@ from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
 from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
-from particlesim.engine.runs import FIRST, HOLES, HOLES_END, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND, chunk_size
+from particlesim.engine.runs import (
+    FIRST,
+    HOLES,
+    HOLES_END,
+    LENGTH,
+    OFFSET,
+    OWNS_FIRST,
+    OWNS_SECOND,
+    SECOND,
+    chunk_size,
+)
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, velocity, velocity_dx
 
@@ -131,11 +141,15 @@ def _add_own(
     if len(parts) == 0:
         return lambda parts, c, s, total, t, reach, lo, hi, flags: None
 
-    def impl(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> None:
+    def impl(
+        parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
+    ) -> None:
         part = parts[0]
         for i in range(max(lo, part.first), min(hi, part.last)):
             p = fetch(c, i, t)
-            inertia, g, (rx, ry, rz) = equation(part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i])
+            inertia, g, (rx, ry, rz) = equation(
+                part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i]
+            )
             general, coupled = write_own(s, i, type_of(reach, inertia), g)
             free = s.free[i]
             flags[GENERAL] |= general & (free > 0)

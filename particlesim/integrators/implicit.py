@@ -117,7 +117,9 @@ class ImplicitMethod(Method):
             if order <= self.order and abs(value - target) > 1e-14:
                 raise ValueError(f"{self.name}: a condition of order {order} gives {value}, not {target}")
         if self.ahead and self.gamma != self.node:
-            raise ValueError(f"{self.name}: the middle is at {self.node} of the step, its slope acts over {self.gamma}")
+            raise ValueError(
+                f"{self.name}: the middle is at {self.node} of the step, its slope acts over {self.gamma}"
+            )
 
     @property
     def iterates(self) -> bool:
