@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import facts, number, paint, warn
+from psim.talk import facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
@@ -70,8 +70,8 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
     print(paint(f"{name}{title}", "bold", sys.stdout))
     facts(
         (
-            ("groups", ", ".join(planned["groups"])),
-            ("forces", ", ".join(planned["forces"]) or "none"),
+            ("groups", listed(planned["groups"])),
+            ("forces", listed(planned["forces"]) or "none"),
             ("particles", f"at most {planned['particles']:,} at once"),
             ("births", f"{planned['births']:,}" if planned["births"] else ""),
             ("time", f"{planned['duration']:.6g} s"),
