@@ -73,7 +73,7 @@ def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
         method.slope,
         method.ahead,
         newton is None,
-        method.tolerance,
+        method.residual,
         ROUNDING * float(np.finfo(dtype).eps),
         1 if newton is None else newton.limit,
         method.max_linear_iterations,
