@@ -47,6 +47,8 @@ class Layout(Model):
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring."""
 
+    type: str
+
     def open(self, folder: Path | None) -> Layout:
         """The layout ready to be sampled; one that names a file (relative to `folder`) reads it here."""
         return self
@@ -62,6 +64,15 @@ class Layout(Model):
     def triangles(self) -> NDArray[np.int64]:
         """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
         return np.empty((0, 3), np.int64)
+
+    @classmethod
+    def has_surface(cls) -> bool:
+        """Whether layouts of this type can have triangles."""
+        return cls.triangles is not Layout.triangles
+
+    def places(self) -> dict[str, NDArray[np.int64]]:
+        """Parts that have a name, such as "left": indices of their particles."""
+        return {}
 
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""
