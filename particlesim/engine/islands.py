@@ -21,8 +21,8 @@ from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
-from particlesim.laws import Particle
 from particlesim.integrators import ImplicitMethod
+from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
