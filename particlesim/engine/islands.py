@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,14 @@ from particlesim.engine.adaptive import step_range_adaptive
 from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
+from particlesim.engine.newton import unsolved
 from particlesim.engine.pace import RESOLVED
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
-from particlesim.integrators import EmbeddedRungeKutta, Method
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -38,13 +39,25 @@ OWN_STEPS = 20
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
     """
 
     member: int
     row: int
     step: int
     stop: Stop | None = None
+    unsolved: Unsolved | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
+
+    method: str
+    residual: float
+    iterations: int
+    linear: int = 0
 
 
 @dataclass(frozen=True)
@@ -167,7 +180,15 @@ class IndependentIsland:
                     row = int((fault != 0).argmax())
                     earliest = Fault(0, row, step, self._stop(row, step) if self._adaptive else None)
                     break
-        return earliest
+        return replace(earliest, unsolved=self._unsolved(earliest.row, earliest.step))
+
+    def _unsolved(self, row: int, step: int) -> Unsolved | None:
+        """What was left of the equations of an implicit step, where they were not solved."""
+        if not isinstance(self._method, ImplicitMethod):
+            return None
+        columns, time, end = self.columns()[0], step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row, time, end, self.dt)
+        return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
 
     def _stop(self, row: int, step: int) -> Stop:
         """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import Births, Fault, IndependentIsland
+from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
@@ -260,6 +260,8 @@ class Simulation:
         state = island.states[fault.member]
         time = fault.step * self.scenario.grid.dt
         row = fault.row
+        if fault.unsolved is not None:
+            return _unsolved(fault.unsolved, time, f"particle {state.id[row]} of {state.name!r}")
         p = state.particle(row, time) if fault.stop is None else fault.stop.particle
         pulls: tuple[tuple[str, float], ...] = ()
         what = f"is no longer finite after the step from t = {time:.9g} s"
@@ -316,6 +318,18 @@ class Simulation:
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
+
+
+def _unsolved(missed: Unsolved, time: float, particle: str) -> DivergenceError:
+    """The error of an implicit step without a solution."""
+    spent = f"{missed.iterations} Newton iterations"
+    if missed.linear:
+        spent += f" with {missed.linear} iterations of the linear solver"
+    return DivergenceError(
+        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
+        f"{missed.residual:.3g} of the first was left, most of it at {particle}",
+        "try a smaller dt, a larger tolerance, or more iterations",
+    )
 
 
 def rows(states: Sequence[GroupState]) -> list[slice]:
