@@ -21,8 +21,8 @@ from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
-from particlesim.laws import Particle
 from particlesim.integrators import ImplicitMethod
+from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -48,11 +48,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
 
     method: str
     residual: float
     iterations: int
+    linear: int = 0
 
 
 @dataclass(frozen=True)

@@ -264,9 +264,7 @@ def _solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any
             e = equation(dynamics, forces, moved_to(p, p.x, p.y, p.z, u, v, w, t), s)
             rx, ry, rz = e.residual
             gx, gy, gz = times(e.by_place, u, v, w)
-            dx, dy, dz = solution_of(
-                e.slope, s.reach * gx - rx, s.reach * gy - ry, s.reach * gz - rz
-            )
+            dx, dy, dz = solution_of(e.slope, s.reach * gx - rx, s.reach * gy - ry, s.reach * gz - rz)
             return Solution(placed(p, s, u + dx, v + dy, w + dz, t), True, 0.0, 1)
 
         return once

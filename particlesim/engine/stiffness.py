@@ -24,7 +24,17 @@ from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
 from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
-from particlesim.engine.runs import FIRST, HOLES, HOLES_END, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND, chunk_size
+from particlesim.engine.runs import (
+    FIRST,
+    HOLES,
+    HOLES_END,
+    LENGTH,
+    OFFSET,
+    OWNS_FIRST,
+    OWNS_SECOND,
+    SECOND,
+    chunk_size,
+)
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, velocity, velocity_dx
 
@@ -45,7 +55,8 @@ class System(NamedTuple):
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
     `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
-    chunks [4, chunks]; `flags`; `report`: relative residual and iterations where a solution was not found, and its particle.
+    chunks [4, chunks]; `flags`; `report`: how the
+    last step ended, its relative residual, and its Newton and linear iterations.
     """
 
     inertia: Any
@@ -95,7 +106,7 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
         flags=np.zeros(FLAGS * 64, np.int64),
-        report=np.zeros(3),
+        report=np.zeros(4),
     )
 
 
@@ -131,11 +142,15 @@ def _add_own(
     if len(parts) == 0:
         return lambda parts, c, s, total, t, reach, lo, hi, flags: None
 
-    def impl(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> None:
+    def impl(
+        parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
+    ) -> None:
         part = parts[0]
         for i in range(max(lo, part.first), min(hi, part.last)):
             p = fetch(c, i, t)
-            inertia, g, (rx, ry, rz) = equation(part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i])
+            inertia, g, (rx, ry, rz) = equation(
+                part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i]
+            )
             general, coupled = write_own(s, i, type_of(reach, inertia), g)
             free = s.free[i]
             flags[GENERAL] |= general & (free > 0)

@@ -50,7 +50,7 @@ METHODS: dict[str, Method] = {
     )
 }
 
-MethodName = Literal[FixedStepName, AdaptiveName, Literal["backward_euler"], ImplicitName]
+MethodName = Literal[FixedStepName, AdaptiveName, "backward_euler", ImplicitName]
 """The names of all methods."""
 
 AnyOptions = Annotated[FixedStep | Adaptive | BackwardEuler | Implicit, Field(discriminator="method")]
