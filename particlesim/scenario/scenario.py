@@ -65,6 +65,7 @@ class Scenario(Model):
 
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _written_format: int = PrivateAttr(default=1)
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -87,10 +88,18 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
-    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
-        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+    @property
+    def written_format(self) -> int:
+        """The version of the format that the file is written in, which may be older than `format`."""
+        return self._written_format
+
+    def loaded_from(
+        self, folder: Path | None, overrides: tuple[str, ...], written_format: int | None = None
+    ) -> Scenario:
+        """The scenario with relative paths starting from a folder, the overrides already in it, and its file's format."""
         copy = self.model_copy()
         copy._folder, copy._overrides = folder, overrides
+        copy._written_format = self.format if written_format is None else written_format
         return copy
 
     def streams(self, group: Group) -> Streams:
