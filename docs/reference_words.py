@@ -24,6 +24,7 @@ from particlesim.impulses import Impulse
 from particlesim.integrators import MethodName, Options
 from particlesim.layouts import Layout
 from particlesim.model import Name
+from particlesim.motions import Motion, Waypoint
 from particlesim.quantities import InUnitOfQuantity
 from particlesim.regions import HalfSpace
 from particlesim.scenario.rendering import Camera, RenderSettings
@@ -44,6 +45,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
+    (Motion, "[motions](#motions)"),
+    (Waypoint, "[waypoint](#waypoint)"),
     (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),

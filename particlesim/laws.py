@@ -160,6 +160,18 @@ def bond_potential(f: Any, b: Any) -> float:
     return evaluate(bond_potential, f, b)
 
 
+@generic(9)
+def bond_force_dx(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by l = x₁ − x₂ [N/m], row by row."""
+    return evaluate(bond_force_dx, f, b)
+
+
+@generic(9)
+def bond_force_dv(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by v₁ − v₂ [N s/m], row by row."""
+    return evaluate(bond_force_dv, f, b)
+
+
 @generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""
@@ -170,6 +182,12 @@ def velocity(f: Any, p: Particle) -> Vector:
 def velocity_dx(f: Any, p: Particle) -> Matrix:
     """Gradient of a fluid's velocity, ∂w_i/∂x_j [1/s], row by row."""
     return evaluate(velocity_dx, f, p)
+
+
+@generic(0)
+def path(m: Any, p: Particle) -> tuple[float, float, float, float, float, float]:
+    """Position [m] and velocity [m/s] at time p.t of a particle that is led along a path from its place at the start."""
+    return evaluate(path, m, p)
 
 
 @generic(0)

@@ -17,6 +17,7 @@ from psim.describe import describe
 from psim.diff import diff
 from psim.examples import examples
 from psim.export import export
+from psim.fit import fit
 from psim.graph import graph
 from psim.inspect import inspect
 from psim.migrate import migrate
@@ -27,6 +28,7 @@ from psim.report import guarded, report
 from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
+from psim.stability import stability
 from psim.stop import listen
 from psim.sweep import sweep
 from psim.verify import verify
@@ -72,6 +74,15 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         ),
     ),
     (
+        "fit",
+        fit,
+        _SIMULATE,
+        (
+            "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
+            "psim fit ball.toml --aim ball --target 40,0,0",
+        ),
+    ),
+    (
         "verify",
         verify,
         _SIMULATE,
@@ -82,6 +93,15 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         check,
         _SIMULATE,
         ("psim check scenarios/*.toml", "psim check fountain.toml --set emitters.drops.rate=1e6"),
+    ),
+    (
+        "stability",
+        stability,
+        _SIMULATE,
+        (
+            "psim stability orbit.toml",
+            "psim stability orbit.toml --set simulation.dt=86400 --plot region.png",
+        ),
     ),
     (
         "render",

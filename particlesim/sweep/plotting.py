@@ -7,12 +7,11 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from particlesim.analysis.plot import COLORS, ENDINGS, INK, legend, new_figure
+from particlesim.analysis.figure import COLORS, INK, blank_figure, check_image, new_figure, save
 from particlesim.errors import UsageError
 from particlesim.sweep.axes import Listed
 from particlesim.sweep.design import Design
 from particlesim.trajectory.fields import unknown_name
-from particlesim.trajectory.target import check_target, replacing
 
 MOST_LINES = 12
 
@@ -24,12 +23,8 @@ def check_plot(x: str, y: str, columns: Sequence[str], target: Path) -> None:
     for name in (x, y):
         if name not in columns:
             raise unknown_name("column", name, columns)
-    if target.suffix.lower() not in ENDINGS:
-        raise UsageError(
-            f"cannot draw {target.name!r}: unknown ending", f"Known endings: {', '.join(ENDINGS)}."
-        )
-    new_figure()
-    check_target(target, overwrite=True)
+    check_image(target, overwrite=True)
+    blank_figure()
 
 
 def plot_table(table: Path, design: Design, x: str, y: str, target: Path) -> None:
@@ -41,7 +36,7 @@ def plot_table(table: Path, design: Design, x: str, y: str, target: Path) -> Non
     curves = _curves(table, x, y, () if design.zipped else others)
     if not curves:
         raise UsageError(f"no run has a number for both {x} and {y}", f"See {table}.")
-    figure, axes = new_figure()
+    figure, (axes,) = new_figure()
     joined = len(curves) <= MOST_LINES and isinstance(
         next((axis for axis in design.axes if axis.key == x), None), Listed
     )
@@ -53,12 +48,11 @@ def plot_table(table: Path, design: Design, x: str, y: str, target: Path) -> Non
             *zip(*sorted(points), strict=True), style, color=COLORS[k % len(COLORS)], markersize=4, label=name
         )
     if len(curves) > 1:
-        legend(axes)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9, labelcolor=INK)
     axes.set_xlabel(x, color=INK)
     axes.set_ylabel(y, color=INK)
     axes.set_title(table.parent.name, loc="left", fontsize=12, fontweight="bold", color=INK)
-    with replacing(target) as temporary:
-        figure.savefig(temporary, dpi=160, format=target.suffix[1:].lower())
+    save(figure, target)
 
 
 def _curves(table: Path, x: str, y: str, others: Sequence[str]) -> dict[str, Points]:

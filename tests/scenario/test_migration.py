@@ -119,7 +119,7 @@ def test_what_is_no_version(version: str) -> None:
 def test_an_old_format_is_told_of() -> None:
     scenario = ps.loads(OLD.replace("length", "duration"))
     assert not advice(scenario)
-    old = scenario.loaded_from(None, (), 0)
+    old = scenario.loaded_from(None, (), None, 0)
     assert "psim migrate" in advice(old)[0]
 
 
