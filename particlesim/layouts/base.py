@@ -36,7 +36,9 @@ class Layout(Model):
     is_body: ClassVar[bool] = False
     """Whether its particles are one body, whose mass the group states."""
     kinds: ClassVar[tuple[str, ...]] = ()
-    """Kinds of springs that it can bring."""
+    """Kinds of springs that it can bring, angles and dihedrals among them."""
+    has_surface: ClassVar[bool] = False
+    """Whether it has triangles."""
 
     type: str
 
@@ -55,6 +57,10 @@ class Layout(Model):
     def triangles(self) -> NDArray[np.int64]:
         """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
         return np.empty((0, 3), np.int64)
+
+    def hinges(self, kind: str) -> NDArray[np.int64]:
+        """Particles of its angles, shape [n, 3], or dihedrals, shape [n, 4]."""
+        raise NotImplementedError(f"{self!r} has no hinges")
 
     def places(self) -> dict[str, NDArray[np.int64]]:
         """Parts that have a name, such as "left": indices of their particles."""
