@@ -32,6 +32,7 @@ from particlesim.integrators import METHODS
 from particlesim.layouts import LAYOUTS
 from particlesim.model import field_docs
 from particlesim.motions import Waypoint
+from particlesim.regions import HalfSpace
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.simulation import Output, Simulation
@@ -122,6 +123,9 @@ def parts() -> Iterator[str]:
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
     yield from section(Scenario, "checks")
+    yield "### Regions"
+    yield prose("regions")
+    yield from variants((HalfSpace,))
     yield "## `[render]`"
     yield prose("render")
     yield table(RenderSettings)

@@ -178,6 +178,18 @@ def triangle_force(f: Any, s: Any) -> Vector:
     return evaluate(triangle_force, f, s)
 
 
+@generic(9)
+def bond_force_dx(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by l = x₁ − x₂ [N/m], row by row."""
+    return evaluate(bond_force_dx, f, b)
+
+
+@generic(9)
+def bond_force_dv(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by v₁ − v₂ [N s/m], row by row."""
+    return evaluate(bond_force_dv, f, b)
+
+
 @generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""

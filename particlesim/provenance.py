@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import datetime
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from particlesim.digest import physics_digest
 from particlesim.scenario.dump import dump
 from particlesim.scenario.scenario import Scenario
 from particlesim.version import __version__
@@ -19,18 +21,19 @@ GIT_TIMEOUT = 2.0
 
 
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
-    """The resolved scenario as TOML, overrides, versions, seed, host, git revision and command."""
+    """The resolved scenario as TOML, the digest of its physics, overrides, versions, seed, host, git revision, command."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
         "overrides": "\n".join(scenario.overrides),
+        "physics": physics_digest(scenario),
         "psim": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "host": platform.node(),
         "seed": scenario.simulation.seed,
         "dt": scenario.grid.dt,
-        "command": " ".join(sys.argv),
+        "command": shlex.join(sys.argv),
         "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "folder": str(scenario.folder or ""),
         "git": git_revision(scenario.folder),

@@ -1,4 +1,4 @@
-"""Where laws stop being valid: watched while a run goes on, and told at its end."""
+"""Where laws and numbers stop being valid: watched while a run goes on, and told at its end."""
 
 from __future__ import annotations
 
@@ -7,12 +7,39 @@ import math
 import numpy as np
 
 from particlesim.engine.simulation import Simulation
+from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws import velocity
 from particlesim.scenario.scenario import Scenario, acts_on
 
 FASTEST = 4
 """Particles looked at per frame and group: the fastest ones."""
+
+
+TOO_LARGE = "sums of m v²/2, m g y and the like must stay below 1.8e308: smaller numbers, or ledger = false under [output]"
+"""What to do about energies that no number can hold."""
+
+
+def check_ledger(simulation: Simulation) -> None:
+    """Refuse a start whose energies or momenta are beyond all numbers. Raises UsageError."""
+    if not simulation.scenario.output.ledger:
+        return
+    if (name := infinite(simulation.ledger())) is not None:
+        raise UsageError(
+            f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
+        )
+
+
+def infinite(row: dict[str, float]) -> str | None:
+    """The first quantity of a row of the ledger that is not finite, None if all are."""
+    return next((name for name, value in row.items() if not math.isfinite(value)), None)
+
+
+def _extremes(simulation: Simulation) -> str:
+    """How far and how fast particles are, in words."""
+    far = [np.abs(state.x[:, : state.count]).max() for state in simulation.states if state.count]
+    fast = [np.abs(state.v[:, : state.count]).max() for state in simulation.states if state.count]
+    return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
 
 
 class Watch:

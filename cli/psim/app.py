@@ -14,18 +14,23 @@ import typer
 from psim import standard
 from psim.check import check
 from psim.describe import describe
+from psim.diff import diff
 from psim.examples import examples
 from psim.export import export
+from psim.fit import fit
 from psim.graph import graph
 from psim.inspect import inspect
 from psim.new import new
 from psim.plot import plot
 from psim.render import render
 from psim.report import guarded, report
+from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
+from psim.stability import stability
 from psim.stop import listen
 from psim.sweep import sweep
+from psim.verify import verify
 
 app = typer.Typer(
     name="psim",
@@ -66,10 +71,34 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         ),
     ),
     (
+        "fit",
+        fit,
+        _SIMULATE,
+        (
+            "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
+            "psim fit ball.toml --aim ball --target 40,0,0",
+        ),
+    ),
+    (
+        "verify",
+        verify,
+        _SIMULATE,
+        ("psim verify orbit.toml", "psim verify orbit.toml --set simulation.dt=1e-3 --json"),
+    ),
+    (
         "check",
         check,
         _SIMULATE,
         ("psim check scenarios/*.toml", "psim check fountain.toml --set emitters.drops.rate=1e6"),
+    ),
+    (
+        "stability",
+        stability,
+        _SIMULATE,
+        (
+            "psim stability orbit.toml",
+            "psim stability orbit.toml --set simulation.dt=86400 --plot region.png",
+        ),
     ),
     (
         "render",
@@ -86,6 +115,21 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         inspect,
         _LOOK,
         ("psim inspect outputs/fountain.vtkhdf", "psim inspect outputs/fountain.vtkhdf --json"),
+    ),
+    (
+        "diff",
+        diff,
+        _LOOK,
+        (
+            "psim diff outputs/a.vtkhdf outputs/b.vtkhdf",
+            "psim diff fine.vtkhdf coarse.vtkhdf --tolerance 1e-6",
+        ),
+    ),
+    (
+        "rerun",
+        rerun,
+        _LOOK,
+        ("psim rerun outputs/fountain.vtkhdf", "psim rerun theirs.vtkhdf --tolerance 1e-9 -o mine.vtkhdf"),
     ),
     (
         "plot",

@@ -37,6 +37,15 @@ Threads = Annotated[
         help="Threads at most; all cores by default. Results do not depend on it.",
     ),
 ]
+Tolerance = Annotated[
+    float,
+    typer.Option(
+        "--tolerance",
+        metavar="X",
+        help="Largest difference allowed, as a fraction of the largest value of the field in the frame. "
+        "0 by default: every bit counts.",
+    ),
+]
 Frames = Annotated[
     str | None,
     typer.Option(

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from particlesim.runner import Result
     from particlesim.scenario.scenario import Scenario
 
-ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
-
 
 def run(
     scenario: ScenarioFile,
@@ -42,6 +40,13 @@ def run(
         Path | None,
         typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
     ] = None,
+    bless: Annotated[
+        bool,
+        typer.Option(
+            "--bless",
+            help="Make the trajectory the reference of the checks that name one, if all others hold.",
+        ),
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
@@ -59,7 +64,10 @@ def run(
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
     quiet = quiet or as_json
-    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet))
+    said: list[str] = []
+    result = _reported(
+        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless, said)
+    )
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force, threads, quiet)
@@ -70,14 +78,24 @@ def run(
     if as_json:
         print_json(told)
     elif not quiet:
-        show_summary(told)
+        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
         print_path(path)
         if film is not None:
             print_path(film)
+    if bless and result.passed and not quiet:
+        _show_blessed(loaded)
     if not result.passed:
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)
+
+
+def _show_blessed(loaded: Scenario) -> None:
+    from particlesim.references import reference_paths
+    from psim.talk import say
+
+    for reference in reference_paths(loaded):
+        say(f"written: {reference}, the reference of later runs")
 
 
 def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]) -> Result:
@@ -101,14 +119,13 @@ def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]
 def _output(scenario: Path, output: Path | None) -> Path:
     """Where the trajectory goes. Raises UsageError for a name that no reader would take for one."""
     from particlesim.errors import UsageError
+    from particlesim.trajectory.target import check_trajectory_name
     from psim.plan import default_output
 
     path = default_output(scenario) if output is None else output
-    if not path.is_dir() and path.suffix.lower() not in ENDINGS:
-        hint = f"Name it {path.with_suffix('.vtkhdf')}, so that ParaView knows what it is."
-        if path.suffix.lower() == ".mp4":
-            hint = "For a video beside the trajectory: --video."
-        raise UsageError(f"{path} does not have the ending of a trajectory", hint)
+    if path.suffix.lower() == ".mp4":
+        raise UsageError(f"{path} is a name for a video", "For a video beside the trajectory: --video.")
+    check_trajectory_name(path)
     return path
 
 
@@ -135,14 +152,34 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool)
 
 
 def _simulate(
-    loaded: Scenario, scenario: Path, path: Path, force: bool, threads: int | None, quiet: bool
+    loaded: Scenario,
+    scenario: Path,
+    path: Path,
+    force: bool,
+    threads: int | None,
+    quiet: bool,
+    bless: bool,
+    said: list[str],
 ) -> Result:
-    """Run; an error in the middle says where the frames before it are."""
+    """Run; an error in the middle says where the frames before it are. What is warned of at the start goes to `said`."""
     import particlesim as ps
+    from psim.talk import warn
+
+    def tell(text: str) -> None:
+        warn(text)
+        said.append(text)
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, overwrite=force, threads=threads, progress=progress)
+            return ps.run(
+                loaded,
+                path,
+                overwrite=force,
+                threads=threads,
+                progress=progress,
+                warn=None if quiet else tell,
+                bless=bless,
+            )
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept

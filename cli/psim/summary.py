@@ -6,10 +6,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import duration, facts, paint, rate, say, warn
+from psim.talk import counted, duration, facts, paint, rate, say, warn
 
 if TYPE_CHECKING:
     from particlesim.runner import Result
+
+DIGITS = 16
+"""Digits of a digest that people are shown; two runs agree in them by chance once in 10¹⁹."""
 
 _CAUSES = {
     "age": "of age",
@@ -22,6 +25,8 @@ _CAUSES = {
 
 def summary(result: Result, scenario: Path, video: Path | None, warnings: list[str]) -> dict[str, Any]:
     """The facts of a run as plain data, in SI units."""
+    from particlesim.digest import physics_digest, state_digest
+
     grid = result.scenario.grid
     dead = sum(result.died.values())
     return {
@@ -48,6 +53,8 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "momentum": _momentum(result),
         "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
         "checks": [check.as_data() for check in result.checks],
+        "physics": physics_digest(result.scenario),
+        "state": state_digest(result.final),
         "warnings": warnings,
         "exit_code": 0 if result.passed else 1,
     }
@@ -68,7 +75,7 @@ def show_summary(told: dict[str, Any]) -> None:
     """The table on stderr."""
     from particlesim.bounds import size
 
-    steps = f"{told['time']:.6g} s in {told['steps']:,} steps of {told['dt']:.6g} s"
+    steps = f"{told['time']:.6g} s in {counted(told['steps'], 'step')} of {told['dt']:.6g} s"
     if told["dt_asked"] is not None:
         steps += f" (shortened from {told['dt_asked']:.6g} s, so that frames fall on steps)"
     speed = told["particle_steps_per_second"]
@@ -80,7 +87,8 @@ def show_summary(told: dict[str, Any]) -> None:
         ("momentum", _momentum_text(told["momentum"])),
         ("springs", _broken(told["broken_springs"])),
         ("checks", "\n".join(_check_text(check) for check in told["checks"])),
-        ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
+        ("digest", f"physics {told['physics'][:DIGITS]}, final state {told['state'][:DIGITS]}"),
+        ("recorded", f"{counted(told['frames'], 'frame')}, {size(told['bytes'])}"),
     ]
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
     facts(rows, sys.stderr)

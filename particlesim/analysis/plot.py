@@ -9,21 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particlesim.analysis import series
+from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, save
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import unknown_name
 from particlesim.trajectory.reader import Trajectory
-from particlesim.trajectory.target import check_target, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-ENDINGS = (".png", ".svg", ".pdf")
-
-# Okabe and Ito's palette, told apart with every common colour blindness (jfly.uni-koeln.de/color, 2008), less
-# its yellow, which is too pale for a line on white.
-_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_INK = "#222222"
-_GRID = "#E4E4E4"
 
 
 def plot(
@@ -53,34 +45,11 @@ def plot(
         )
     if not len(trajectory):
         raise UsageError(f"{trajectory.path} has no frames yet")
-    if out.suffix.lower() not in ENDINGS:
-        raise UsageError(f"cannot draw {out.name!r}: unknown ending", f"Known endings: {', '.join(ENDINGS)}.")
-    check_target(out, overwrite=overwrite)
-    figure, axes = _figure()
+    check_image(out, overwrite=overwrite)
+    figure, (axes,) = new_figure()
     title = _draw(axes, trajectory, quantity, ids, group)
     _label(axes, trajectory, quantity, title if group is None else f"{title} · {group}")
-    with replacing(out) as temporary:
-        figure.savefig(temporary, dpi=160, format=out.suffix[1:].lower())
-
-
-def _figure() -> tuple[Any, Axes]:
-    """An empty figure in the house style; without pyplot nothing global changes and no display is needed."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UsageError(
-            "plots need matplotlib, which is not installed", "pip install 'particlesim[plot]'"
-        ) from None
-    figure = Figure(figsize=(8.0, 4.5), facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(_GRID)
-    axes.grid(color=_GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=_INK, length=0, labelsize=9)
-    return figure, axes
+    save(figure, out)
 
 
 def _draw(
@@ -113,19 +82,19 @@ def _lines(axes: Axes, times: Any, curves: dict[str, Any], strong: str = "") -> 
     """One line per curve; `strong` is drawn black and thicker; colours repeat dashed after the sixth."""
     marker = "o" if len(times) == 1 else ""
     for k, (name, values) in enumerate(curves.items()):
-        style: dict[str, Any] = {"color": _COLORS[k % len(_COLORS)], "linewidth": 1.6}
-        style["linestyle"] = ("-", "--", ":")[k // len(_COLORS) % 3]
+        style: dict[str, Any] = {"color": COLORS[k % len(COLORS)], "linewidth": 1.6}
+        style["linestyle"] = ("-", "--", ":")[k // len(COLORS) % 3]
         if name == strong:
-            style = {"color": _INK, "linewidth": 2.2}
+            style = {"color": INK, "linewidth": 2.2}
         axes.plot(times, values, label=name, marker=marker, markersize=4, **style)
-    if 1 < len(curves) <= 2 * len(_COLORS):
+    if 1 < len(curves) <= 2 * len(COLORS):
         _legend(axes)
 
 
 def _bands(axes: Axes, times: Any, spread: series.Spread) -> None:
     """Median and two bands."""
     p5, p25, p50, p75, p95 = spread.values.T
-    color = _COLORS[0]
+    color = COLORS[0]
     axes.fill_between(times, p5, p95, color=color, alpha=0.14, linewidth=0, label="5 to 95 %")
     axes.fill_between(times, p25, p75, color=color, alpha=0.28, linewidth=0, label="25 to 75 %")
     axes.plot(times, p50, color=color, linewidth=2.0, label="median")
@@ -134,15 +103,15 @@ def _bands(axes: Axes, times: Any, spread: series.Spread) -> None:
 
 def _legend(axes: Axes) -> None:
     """Beside the axes, where it never hides a line."""
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9, labelcolor=_INK)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9, labelcolor=INK)
 
 
 def _label(axes: Axes, trajectory: Trajectory, quantity: str, title: str) -> None:
     unit = series.unit_of(quantity)
     name = title.split(" · ")[0]
-    axes.set_xlabel("time [s]", color=_INK)
-    axes.set_ylabel(f"{name} [{unit}]" if unit else name, color=_INK)
-    axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=_INK)
+    axes.set_xlabel("time [s]", color=INK)
+    axes.set_ylabel(f"{name} [{unit}]" if unit else name, color=INK)
+    axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=INK)
     axes.set_title(trajectory.path.name, loc="right", fontsize=9, color="#777777")
     axes.margins(x=0.01)
     # Differences of large numbers are read better as 9.81 than as 1e-3 + 9.8; tiny numbers keep their power.

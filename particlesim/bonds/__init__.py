@@ -4,6 +4,15 @@ from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.hinge import Angles, Dihedrals, HingeSet
 from particlesim.bonds.mesh import MeshSprings
 from particlesim.bonds.spring import SpringRecord, Springs, StringRecord
+from particlesim.bonds.strut import StrutRecord
+
+
+def record_of(law: SpringLaw) -> SpringRecord | StringRecord | StrutRecord:
+    """The record of the springs of a law, by which kernels know what they do."""
+    if law.compression_only:
+        return StrutRecord()
+    return StringRecord() if law.tension_only else SpringRecord()
+
 
 __all__ = [
     "Angles",
@@ -15,4 +24,6 @@ __all__ = [
     "SpringRecord",
     "Springs",
     "StringRecord",
+    "StrutRecord",
+    "record_of",
 ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import BondSet, HingeSet, SpringRecord, StringRecord
+from particlesim.bonds import BondSet, HingeSet, record_of
 from particlesim.bonds.hinge import angles_at
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.columns import Clock, Columns, Thermal
@@ -24,13 +24,17 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, group_uses_radius
+from particlesim.engine.implicit import staged_implicit
+from particlesim.engine.islands import Fault, Unsolved, copied, group_uses_radius
+from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
+from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
+from particlesim.integrators import ImplicitMethod
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -48,9 +52,13 @@ class CoupledIsland:
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
         self._method = island.method
-        self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype
+        self._staged: tuple[Any, ...]
+        if isinstance(self._method, ImplicitMethod):
+            self._staged = staged_implicit(self._method, dtype)
+        else:
+            self._staged = staged(self._method)
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -82,6 +90,8 @@ class CoupledIsland:
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self.springs += sum(each.rows.size for each in self._corners)
         self._work = scratch(self._method, self._all.count, dtype)
+        if isinstance(self._method, ImplicitMethod):
+            self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
 
     def _join(self, states: list[GroupState]) -> None:
@@ -146,7 +156,7 @@ class CoupledIsland:
             )
             breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
         return Bonds(
-            StringRecord() if law.tension_only else SpringRecord(),
+            record_of(law),
             slots.i,
             slots.j,
             k,
@@ -201,9 +211,18 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
-                found.append((mine, self._work._replace(pull=np.zeros_like(self._work.pull)), share))
+                found.append((mine, self._own_scratch(), share))
             self._shares[threads] = found
         return self._shares[threads]
+
+    def _own_scratch(self) -> Work:
+        """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+        work = self._work._replace(pull=np.zeros_like(self._work.pull))
+        if work.system is None:
+            return work
+        system = work.system
+        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
         """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
@@ -261,7 +280,17 @@ class CoupledIsland:
         team.each(work, len(shares))
         if done[0] == steps:
             return None, None, None
+        if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
+            return None, None, self._unsolved(first + done[0])
         return None, None, self._find(first + done[0])
+
+    def _unsolved(self, step: int) -> Fault:
+        """Where the equations of a step miss most."""
+        system = self._work.system
+        row = int(np.abs(system.residual).sum(axis=0).argmax())
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        unsolved = Unsolved(self._method.label, float(system.report[1]), int(system.report[2]))
+        return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""
@@ -286,12 +315,4 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
         thermal=heat,
         clock=clock,
         memory=tuple(column[a:b] for column in c.memory),
-    )
-
-
-def copied(c: Columns) -> Columns:
-    """Columns with position, velocity and memory copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.columns import Columns
+from particlesim.engine.adaptive import step_range_adaptive
+from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
+from particlesim.engine.newton import unsolved
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
+from particlesim.integrators import ImplicitMethod
+from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -31,12 +35,33 @@ WORTH_THREADS = 500_000
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
     """
 
     member: int
     row: int
     step: int
+    stop: Stop | None = None
+    unsolved: Unsolved | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+
+    method: str
+    residual: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+
+    why: int
+    time: float
+    particle: Particle
 
 
 @dataclass
@@ -68,6 +93,8 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._method = island.method
+        self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
 
@@ -100,12 +127,12 @@ class IndependentIsland:
         self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
             return None, None, None
-        faults = np.zeros(self.state.count, np.bool_)
+        faults = self._no_faults()
         if self.state.count:
             columns = self.columns()[0]
 
             def work(a: int, b: int) -> None:
-                step_range(self.program, columns, first, last - first, self.dt, a, b, self._block, faults)
+                self._step(columns, first, last - first, a, b, self._block, faults)
 
             team.over_range(
                 self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
@@ -115,6 +142,21 @@ class IndependentIsland:
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
 
+    def _no_faults(self) -> NDArray[Any]:
+        """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
+        return np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+
+    def _step(
+        self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
+    ) -> None:
+        """Steps from `first` on for particles [a, b)."""
+        if self._adaptive:
+            step_range_adaptive(
+                self.program, columns, first, steps, self.dt, a, b, block, True, faults, np.zeros(1)
+            )
+        else:
+            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults)
+
     def _find(self, blocks: NDArray[np.intp], first: int, last: int) -> Fault:
         """The first step and particle at which a number stopped being finite; blocks are back at step `first`."""
         columns = self.columns()[0]
@@ -122,12 +164,29 @@ class IndependentIsland:
         for block in blocks[:64]:
             end = min(int(block) + self._block, self.state.count)
             for step in range(first, min(earliest.step, last)):
-                fault = np.zeros(self.state.count, np.bool_)
-                step_range(self.program, columns, step, 1, self.dt, int(block), end, 1, fault)
+                fault = self._no_faults()
+                self._step(columns, step, 1, int(block), end, 1, fault)
                 if fault.any():
-                    earliest = Fault(0, int(fault.argmax()), step)
+                    row = int((fault != 0).argmax())
+                    earliest = Fault(0, row, step, self._stop(row, step) if self._adaptive else None)
                     break
-        return earliest
+        return replace(earliest, unsolved=self._unsolved(earliest.row, earliest.step))
+
+    def _unsolved(self, row: int, step: int) -> Unsolved | None:
+        """What was left of the equations of an implicit step, where they were not solved."""
+        if not isinstance(self._method, ImplicitMethod):
+            return None
+        columns, time, end = self.columns()[0], step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row, time, end, self.dt)
+        return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
+
+    def _stop(self, row: int, step: int) -> Stop:
+        """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""
+        columns, fault, moment = copied(self.columns()[0]), np.zeros(self.state.count, np.int8), np.zeros(1)
+        step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
+        p = self.state.particle(row, moment[0])
+        place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
+        return Stop(int(fault[row]), float(moment[0]), p._replace(**place))
 
 
 class Source:
@@ -203,6 +262,15 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def copied(c: Columns) -> Columns:
+    """Columns with all that a step changes copied."""
+    return c._replace(
+        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        memory=tuple(column.copy() for column in c.memory),
+        clock=None if c.clock is None else Clock(*(column.copy() for column in c.clock)),
+    )
 
 
 def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:

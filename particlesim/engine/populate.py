@@ -29,7 +29,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     planes, motions = island.planes[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
     if isinstance(group, Particles):
-        group = group.opened(scenario.folder)
+        group = group.model_copy(update={"layout": scenario.opened(group)})
     layout = group.layout if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     state = GroupState(

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import Births, Fault, IndependentIsland
+from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
@@ -28,6 +29,22 @@ from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
+
+WHY = {
+    NOT_FINITE: (
+        "feels a force that is not finite at t = {t:.9g} s",
+        "keep it away from where a force has no value",
+    ),
+    TOO_SHORT: (
+        "needs steps below the least at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+    ),
+    TOO_MANY: (
+        f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
+        "allow more error (tolerance), use a method of higher order, or a smaller dt",
+    ),
+}
+"""What is told of a particle whose own steps could not go on, and what to do about it."""
 
 
 @dataclass
@@ -92,6 +109,11 @@ class Simulation:
             extra = {} if block is None else {"block": block}
             islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
         return islands
+
+    @property
+    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
+        """What steps together, in the order of the graph's islands."""
+        return self._islands
 
     @property
     def time(self) -> float:
@@ -240,16 +262,40 @@ class Simulation:
         state = island.states[fault.member]
         time = fault.step * self.scenario.grid.dt
         row = fault.row
-        p = state.particle(row, time)
-        name, size = self._strongest(state.name, p)
-        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-        message = (
-            f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
-            f"it was at {where}"
+        if fault.unsolved is not None:
+            return _unsolved(fault.unsolved, time, f"particle {state.id[row]} of {state.name!r}")
+        p = state.particle(row, time) if fault.stop is None else fault.stop.particle
+        what = f"is no longer finite after the step from t = {time:.9g} s"
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
+        if fault.stop is not None:
+            what, hint = WHY[fault.stop.why]
+            what = what.format(t=fault.stop.time)
+        return DivergenceError(
+            f"particle {state.id[row]} of {state.name!r} {what}; it was {self._situation(state.name, p)}",
+            hint,
         )
-        if name is not None:
-            message += f", and the strongest force on it was {name} with {size:.6g} N"
-        return DivergenceError(message, f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s")
+
+    def overflow(self, quantity: str) -> DivergenceError:
+        """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
+        fastest = [(np.abs(s.v[:, : s.count]).max(axis=0), s) for s in self.states if s.count]
+        speeds, state = max(fastest, key=lambda pair: pair[0].max())
+        row = int(speeds.argmax())
+        message = (
+            f"the ledger's {quantity} is no longer finite at t = {self.time:.9g} s; particle {state.id[row]} of "
+            f"{state.name!r} was {self._situation(state.name, state.particle(row, self.time))}"
+        )
+        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
+        return DivergenceError(message, hint)
+
+    def _situation(self, group_name: str, p: Particle) -> str:
+        """Where a particle is, how fast, and under which force."""
+        where = (
+            f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+        )
+        name, size = self._strongest(group_name, p)
+        return (
+            where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
+        )
 
     def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
         group = next(g for g in self.scenario.groups if g.name == group_name)
@@ -270,6 +316,15 @@ class Simulation:
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
+
+
+def _unsolved(missed: Unsolved, time: float, particle: str) -> DivergenceError:
+    """The error of an implicit step without a solution."""
+    return DivergenceError(
+        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {missed.iterations} iterations "
+        f"{missed.residual:.3g} of the residual was left, most of it at {particle}",
+        "try a smaller dt, a larger tolerance, or more iterations",
+    )
 
 
 def rows(states: Sequence[GroupState]) -> list[slice]:

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.errors import UsageError
 from particlesim.model import Model
 from particlesim.streams import Streams
 
@@ -30,6 +31,14 @@ class Placed(NamedTuple):
     temperature: Floats | None = None
 
 
+class LayoutError(UsageError):
+    """A mistake in one key of a layout that only reading its file shows."""
+
+    def __init__(self, message: str, hint: str | None = None, *, key: str = "path") -> None:
+        super().__init__(message, hint)
+        self.key = key
+
+
 class Layout(Model):
     """Initial particles of a group."""
 
@@ -37,8 +46,6 @@ class Layout(Model):
     """Whether its particles are one body, whose mass the group states."""
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring, angles and dihedrals among them."""
-    has_surface: ClassVar[bool] = False
-    """Whether it has triangles."""
 
     type: str
 
@@ -61,6 +68,11 @@ class Layout(Model):
     def hinges(self, kind: str) -> NDArray[np.int64]:
         """Particles of its angles, shape [n, 3], or dihedrals, shape [n, 4]."""
         raise NotImplementedError(f"{self!r} has no hinges")
+
+    @classmethod
+    def has_surface(cls) -> bool:
+        """Whether layouts of this type can have triangles."""
+        return cls.triangles is not Layout.triangles
 
     def places(self) -> dict[str, NDArray[np.int64]]:
         """Parts that have a name, such as "left": indices of their particles."""

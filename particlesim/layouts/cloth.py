@@ -75,7 +75,6 @@ class Cloth(Sheet):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, SHEAR, BEND, DIHEDRAL)
-    has_surface: ClassVar[bool] = True
 
     type: Literal["cloth"] = "cloth"
     resolution: tuple[Resolution, Resolution]

@@ -25,7 +25,6 @@ class Jelly(Mesh):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, SHEAR, BEND)
-    has_surface: ClassVar[bool] = True
 
     type: Literal["jelly"] = "jelly"
     origin: Vector[Metres] = (0.0, 0.0, 0.0)

@@ -24,7 +24,6 @@ class SurfaceFile(Mesh):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND, DIHEDRAL)
-    has_surface: ClassVar[bool] = True
 
     type: Literal["mesh"] = "mesh"
     path: Annotated[str, StringConstraints(min_length=1, max_length=4096)]

@@ -2,21 +2,23 @@
 values.
 
 Frames and particles are sampled, so that this takes a moment for any trajectory. Positions that are not
-finite are left out, and a few particles that escape far from the others do not shrink the rest.
+finite, or hardly so, are left out, and a few particles that escape far from the others do not shrink the rest.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from particlesim.render.fields import Coloring, values_of
 from particlesim.render.scene import Frame, FrameSource, sample_indices
 from particlesim.render.stage import Array
 
 FRAMES = 25
 PARTICLES = 20_000
+FARTHEST = 1e100
+"""Positions [m] and values beyond it are left out like those that are not finite: their squares are."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,9 @@ class Survey:
         return max(half, floor) or 1.0
 
 
-def survey(source: FrameSource, coloring: Coloring, first: int, last: int) -> Survey:
-    """Sample the frames from `first` to `last`."""
+def survey(source: FrameSource, values_of: Callable[[Frame], Array | None], first: int, last: int) -> Survey:
+    """Sample the frames from `first` to `last`. `values_of` gives the coloured values of a frame, one for each particle
+    or for each of other things, or None."""
     points, values, radii = [np.empty((0, 3))], [np.empty(0)], [np.empty(0)]
     count = 0
     for step in sample_indices(last - first + 1, FRAMES):
@@ -54,12 +57,13 @@ def survey(source: FrameSource, coloring: Coloring, first: int, last: int) -> Su
         count = max(count, len(frame.position))
         some = slice(None, None, max(1, -(-len(frame.position) // PARTICLES)))
         position = np.asarray(frame.position[some], float)
-        good = np.isfinite(position).all(axis=1)
+        good = (np.abs(position) < FARTHEST).all(axis=1)
         points.append(position[good])
         radii.append(_radii(source, frame, some)[good])
-        value = values_of(frame, coloring)
+        value = values_of(frame)
         if value is not None:
-            values.append(value[some][good])
+            few = value[some]
+            values.append(few[good] if len(value) == len(frame.position) else few)
     every = np.concatenate(points)
     low, high = _robust_bounds(every)
     inside = ((every >= low) & (every <= high)).all(axis=1)
@@ -99,7 +103,7 @@ def _robust_bounds(points: Array) -> tuple[Array, Array]:
 def _value_range(values: Array) -> tuple[float, float]:
     """From the 1st to the 99th percentile, or all where these are close to the extremes; zero where it is
     near."""
-    values = values[np.isfinite(values)]
+    values = values[np.abs(values) < FARTHEST]
     if not len(values):
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())

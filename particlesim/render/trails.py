@@ -49,15 +49,15 @@ class Trails:
         alive = np.flatnonzero(np.isin(self.ids, ids))
         age = np.clip((time - self.times[first:last]) / self.span, 0, 1)
         alpha = np.broadcast_to((0.9 * (1 - 0.97 * age))[:, None], (last - first, len(alive)))
-        points = (self.points[first:last][:, alive] - center) / scale - np.array(view.eye)
-        seen = points @ np.array(view.axes).T
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(all="ignore"):  # what is not finite is left out below
+            points = (self.points[first:last][:, alive] - center) / scale - np.array(view.eye)
+            seen = points @ np.array(view.axes).T
             x = 0.5 * view.width + view.focal * seen[..., 0] / seen[..., 2]
             y = 0.5 * view.height - view.focal * seen[..., 1] / seen[..., 2]
         ends = np.stack([x, y, seen[..., 2], alpha], axis=2)
         rows = np.concatenate([ends[:-1], ends[1:], np.full((*ends[1:].shape[:2], 1), 0.5 * width)], axis=2)
         ok = np.isfinite(rows).all(axis=2) & (rows[..., 2] > NEAR) & (rows[..., 6] > NEAR)
-        ok &= (np.abs(rows[..., [0, 1, 4, 5]]) < 4e4).all(axis=2)
+        ok &= (np.abs(rows[..., [0, 1, 4, 5]]) < 4e4).all(axis=2) & (rows[..., [2, 6]] < 1e30).all(axis=2)
         color = self.colors[first + 1 : last][:, alive]
         return np.ascontiguousarray(rows[ok], np.float32), np.ascontiguousarray(color[ok])
 

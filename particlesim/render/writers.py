@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, OutputExistsError, UsageError
 from particlesim.scenario.rendering import RenderSettings
 
 Picture = npt.NDArray[np.uint8]
@@ -52,7 +53,7 @@ def check_place(out: Path, overwrite: bool) -> None:
     if out.is_dir():
         raise UsageError(f"'{out}' is a directory", f"Name a file, for example '{out / 'video.mp4'}'.")
     if out.exists() and not overwrite:
-        raise UsageError(f"'{out}' exists already", "Choose another name, or allow overwriting it.")
+        raise OutputExistsError(out)
     folder = out.parent
     if not folder.is_dir():
         raise UsageError(f"the folder '{folder}' does not exist", f"Create it first: mkdir -p '{folder}'.")
@@ -186,10 +187,15 @@ class Mp4Writer:
     def _failure(self) -> InputOutputError:
         self.process.wait()
         self.log.seek(0)
-        lines = self.log.read().decode(errors="replace").strip().splitlines()[-5:]
-        said = "\n".join(lines) or f"it ended with status {self.process.returncode}"
+        lines = self.log.read().decode(errors="replace").strip().splitlines()
+        if any("No space left on device" in line for line in lines):
+            return InputOutputError(
+                f"the disk is full: '{self.out}' could not be written", "Free some space."
+            )
+        # Its lines begin with the part of ffmpeg that speaks and its address: "[libx264 @ 0x55d0c8a7] ...".
+        said = re.sub(r"^(\[[^\]]*\] *)+", "", lines[-1]) if lines else f"status {self.process.returncode}"
         return InputOutputError(
-            f"ffmpeg could not write '{self.out}':\n{said}", "Check the free space of the disk."
+            f"'{self.out}' could not be encoded: ffmpeg says: {said}", "Check the free space of the disk."
         )
 
     def discard(self) -> None:
@@ -243,7 +249,7 @@ class PngWriter:
         check_place(names[0], overwrite)
         taken = [name for name in names if name.exists()]
         if taken and not overwrite:
-            raise UsageError(f"'{taken[0]}' exists already", "Choose another name, or allow overwriting it.")
+            raise OutputExistsError(taken[0])
         self.parts: list[Path] = []
 
     def add(self, picture: Picture) -> None:

@@ -14,18 +14,23 @@ from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
+from particlesim.errors import UsageError
 from particlesim.forces import AnyForce, Force
 from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import method_for
+from particlesim.layouts import Layout
+from particlesim.layouts.base import LayoutError
 from particlesim.layouts.file import File
 from particlesim.model import Line, Model, Prose
 from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
+from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
+from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
 from particlesim.selection import mistakes as selection_mistakes
 from particlesim.streams import Streams
@@ -74,7 +79,16 @@ class Scenario(Model):
 
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _source: Source | None = PrivateAttr(default=None)
     _grid: TimeGrid = PrivateAttr()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same, wherever each of them is from."""
+        if not isinstance(other, Scenario):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in Scenario.model_fields)
+
+    __hash__ = None  # type: ignore[assignment]  # as that of the dicts and arrays in it
 
     @property
     def folder(self) -> Path | None:
@@ -96,11 +110,28 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
-    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
-        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+    def loaded_from(
+        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+    ) -> Scenario:
+        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
         copy = self.model_copy()
-        copy._folder, copy._overrides = folder, overrides
+        copy._folder, copy._overrides, copy._source = folder, overrides, source
         return copy
+
+    def opened(self, group: Particles) -> Layout:
+        """The layout of a group; one that names a file has read it.
+
+        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
+        """
+        try:
+            return group.layout.open(self._folder)
+        except UsageError as error:
+            if self._source is None:
+                raise
+            key = error.key if isinstance(error, LayoutError) else "path"
+            k = next(k for k, other in enumerate(self.particles) if other is group)
+            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            raise scenario_error(self._source, [mistake]) from None
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""
@@ -165,6 +196,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            _styles,
             disagreements,
         ):
             mistakes += check(self)
@@ -197,7 +229,7 @@ def acts_on(force: Force, group: Group) -> bool:
 
 def _cannot_feel(force: Force, group: Group) -> str | None:
     velocity = force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
-    if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface):
+    if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
         return "this force acts on surfaces; cloth, jelly and mesh have one"
     if group.dynamics.type == "tracer":
         return "tracers move with their flow; no force acts on them"
@@ -382,7 +414,7 @@ def _motions(scenario: Scenario) -> Iterator[Invalid]:
 def _joined(scenario: Scenario) -> Iterator[Invalid]:
     """What groups joined by springs have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for here, names, _ in _bond_tables(scenario):
+    for here, names, _ in _coupling_tables(scenario):
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
@@ -417,7 +449,8 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
 def _colors(scenario: Scenario) -> Iterator[Invalid]:
     """Videos show what the trajectory holds."""
     name, fields = scenario.render.color_by, scenario.recorded_fields()
-    if name not in (*fields, "position", "id") and name not in (known := colorable(fields)):
+    springs = any(True for _ in _bond_tables(scenario))
+    if name not in (*fields, "position", "id") and name not in (known := colorable(fields, springs=springs)):
         hint = did_you_mean(name, known)
         if hint is None and name in get_args(FieldName):
             hint = f"to record it: fields = [..., {name!r}] under [output]"
@@ -437,15 +470,49 @@ def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Keys, Hinges]]:
         yield ("dihedrals", k), dihedrals
 
 
-def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
-    """Where springs, angles and dihedrals are stated, the groups that they join, and their law."""
+def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
+    """Where particles are coupled at all: by springs, by angles and dihedrals, by drag on a surface; the last two as springs
+    that are neither damped nor given by mass."""
+    yield from _bond_tables(scenario)
     for place, hinges in _hinge_tables(scenario):
         yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
     for j, force in enumerate(scenario.forces):
-        if force.on_surfaces:
-            for group in scenario.groups:
-                if acts_on(force, group):
-                    yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
+        for group in scenario.groups:
+            if force.on_surfaces and acts_on(force, group):
+                yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
+
+
+def _styles(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos draw what there is: groups and sets of springs that exist, surfaces and springs where there are some."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    joined = {name for _, names, _ in _bond_tables(scenario) for name in names}
+    for name, style in scenario.render.styles.items():
+        at = ("render", "styles", name)
+        if name not in tables and name not in sets:
+            known = [*tables, *sets]
+            hint = did_you_mean(name, known)
+            yield Invalid(
+                f"no group and no springs are called {name!r}", at, allowed=", ".join(known), hint=hint
+            )
+        elif name in tables:
+            path, group = tables[name]
+            skin = isinstance(group, Particles) and group.layout.has_surface()
+            if style == "surface" and not skin:
+                yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
+            if style == "lines" and name not in joined:
+                yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+        elif style in ("surface", "points"):
+            yield Invalid(
+                "springs are lines or hidden",
+                at,
+                ((sets[name], "these springs"),),
+                allowed='"lines", "hidden"',
+            )
+
+
+def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
+    """Where springs are stated, the groups that they join, and their law."""
     for k, springs in enumerate(scenario.springs):
         yield ("springs", k), springs.groups(), springs.spring_law()
     for k, group in enumerate(scenario.particles):
@@ -486,7 +553,7 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
 def _pulled(scenario: Scenario) -> Iterator[Invalid]:
     """Springs join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for here, names, law in _bond_tables(scenario):
+    for here, names, law in _coupling_tables(scenario):
         for name in dict.fromkeys(names):
             path, group = tables[name]
             if not isinstance(group, Particles):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from particlesim.checking import total
+from particlesim.digest import state_digest
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
 from particlesim.runner import Result, run
 from particlesim.scenario.agreement import quantities
@@ -21,7 +21,6 @@ from particlesim.scenario.source import Source
 from particlesim.sweep.design import Design
 from particlesim.sweep.files import RESULT, SCENARIO, TRAJECTORY, run_folder, write_atomically, write_json
 from particlesim.sweep.outcome import Outcome, Status
-from particlesim.trajectory.frame import Frame
 
 
 @dataclass(frozen=True)
@@ -102,14 +101,6 @@ def final_quantities(result: Result) -> dict[str, float | None]:
             if name not in found:
                 found[name] = _finite(total(name, last, start))
     return found
-
-
-def state_digest(final: Frame) -> str:
-    """SHA-256 of ids, positions and velocities: equal for equal bits."""
-    digest = hashlib.sha256()
-    for field in ("id", "position", "velocity"):
-        digest.update(final[field].tobytes())
-    return digest.hexdigest()
 
 
 def _status(error: BaseException) -> Status:

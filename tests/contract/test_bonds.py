@@ -15,7 +15,7 @@ import pytest
 from contract.test_forces import numbers_without_unit
 from numpy.typing import NDArray
 
-from particlesim.bonds import Angles, Dihedrals, MeshSprings, SpringRecord, Springs, StringRecord
+from particlesim.bonds import Angles, Dihedrals, MeshSprings, SpringRecord, Springs, StringRecord, StrutRecord
 from particlesim.bonds.hinge import Cosine, Harmonic, angle_gradient, angles_at, dihedral_gradient, wrapped
 from particlesim.bonds.spring import Pair
 from particlesim.flows.uniform import Uniform
@@ -24,6 +24,8 @@ from particlesim.laws import (
     GENERICS,
     Particle,
     bond_force,
+    bond_force_dv,
+    bond_force_dx,
     bond_potential,
     hinge_energy,
     hinge_moment,
@@ -81,6 +83,8 @@ CASES = {
     "spring_of_no_length": spring(SpringRecord(), 0.0),
     "string_taut": spring(StringRecord(), 0.05),
     "string_slack": spring(StringRecord(), 9.0),
+    "strut_slack": spring(StrutRecord(), 0.05),
+    "strut_pressed": spring(StrutRecord(), 9.0),
     "angle": angle(Harmonic(2.0), 1.0),
     "angle_straight": angle(Harmonic(2.0), np.pi),
     "angle_folded": angle(Harmonic(2.0), 0.0),
@@ -132,11 +136,37 @@ def test_forces_have_no_sum_and_no_moment(bond: Any) -> None:
         assert np.abs(np.cross(x, f).sum(axis=0)).max() <= 64 * EPS * scale
 
 
+@pytest.mark.parametrize("rest", [0.05, 0.4, 9.0])
+@pytest.mark.parametrize(
+    "record", [SpringRecord(), StringRecord(), StrutRecord()], ids=lambda r: type(r).__name__
+)
+def test_jacobians_of_springs(record: Any, rest: float) -> None:
+    rng = np.random.default_rng(8)
+
+    def force(state: Floats) -> Floats:
+        return np.array(bond_force(record, Pair(*state, 7.0, 0.3, rest)))
+
+    for x in shapes(2):
+        state = np.concatenate([x[0] - x[1], rng.normal(size=3)])
+        if abs(np.linalg.norm(state[:3]) - rest) < 4 * H:
+            continue  # strings and struts have a kink there
+        pair = Pair(*state, 7.0, 0.3, rest)
+        exact = np.hstack([np.reshape(law(record, pair), (3, 3)) for law in (bond_force_dx, bond_force_dv)])
+        steps = H * np.eye(6)
+        columns = [
+            (8 * (force(state + s) - force(state - s)) - (force(state + 2 * s) - force(state - 2 * s)))
+            / (12 * H)
+            for s in steps
+        ]
+        numeric = np.stack(columns, axis=1)
+        np.testing.assert_allclose(exact, numeric, atol=50 * TOLERANCE * (1 + np.abs(numeric).max()))
+
+
 def test_every_law_of_bonds_is_reached() -> None:
-    reached = {SpringRecord, StringRecord, Harmonic, Cosine}
+    reached = {SpringRecord, StringRecord, StrutRecord, Harmonic, Cosine}
     laws = {
         record
-        for generic in (bond_force, bond_potential, hinge_energy, hinge_moment)
+        for generic in (bond_force, bond_force_dx, bond_force_dv, bond_potential, hinge_energy, hinge_moment)
         for record in GENERICS[generic].laws
     }
     assert laws == reached

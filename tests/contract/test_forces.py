@@ -68,7 +68,7 @@ def test_every_registered_class_and_record_is_reached() -> None:
     assert {type(f) for f in FORCE_CASES.values()} == set(FORCES)
     assert {type(f) for f in FLOW_CASES.values()} == set(FLOWS)
     registered = {record for generic in GENERICS.values() for record in generic.laws}
-    # Not those of the engine, which no scenario names, nor of bonds and surfaces (test_bonds), nor paths, which are no forces.
+    # Not those of the engine, of bonds and surfaces (test_bonds), nor paths, which are no forces.
     beyond = (
         "particlesim.engine.",
         "particlesim.bonds.",

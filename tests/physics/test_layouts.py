@@ -303,4 +303,4 @@ def test_kinds_of_springs_that_a_layout_does_not_bring() -> None:
 def test_every_layout_says_what_it_is() -> None:
     for layout in LAYOUTS:
         assert layout.__doc__
-        assert layout.has_surface <= layout.is_body
+        assert layout.has_surface() <= layout.is_body

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from simulate import EPS, G, points, simulate
 
+import particlesim as ps
+
 COUNT = 10_000
 """More than two of the chunks that the sums are cut into."""
 
@@ -75,3 +77,21 @@ def test_forces_and_accelerations_are_recorded_as_they_act() -> None:
     assert result.final["force"][0] == pytest.approx([0, -2 * G, 0], rel=1e-15)
     assert result.final["acceleration"][0] == pytest.approx([0, -G, 0], rel=1e-15)
     assert result.final["speed"][0] == pytest.approx(np.hypot(3, G), rel=1e-12)
+
+
+def test_energies_beyond_all_numbers_end_a_run() -> None:
+    # ½ m v² of 1e200 m/s has no double, nor has y v of 1e200 m times 1e150 m/s.
+    table = {
+        "simulation": {"duration": 1.0, "dt": 0.1},
+        "particles": [points((0, 1, 0), velocity=[(1e200, 0, 0)])],
+    }
+    with pytest.raises(ps.UsageError, match=r"kinetic is not finite at the start.* velocities up to 1e\+200"):
+        ps.run(ps.from_table(table))
+    assert ps.run(ps.from_table(table | {"output": {"ledger": False}})).final.position[0, 0] > 9e199
+    kick = {"impulse": [1e200, 0, 0], "at": 0.5}
+    with pytest.raises(ps.DivergenceError, match=r"kinetic is no longer finite at t = 0\.6 s"):
+        ps.run(
+            ps.from_table(
+                table | {"particles": [points((0, 1, 0))], "impulses": [kick], "output": {"every": 1}}
+            )
+        )

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import particlesim as ps
+from particlesim.digest import state_digest
 from particlesim.errors import ScenarioError, UsageError
 from particlesim.sweep import Design, InProcess, LocalWorkers, Sweep, SweepProgress, SweepResult, parse_axis
-from particlesim.sweep.task import state_digest
 
 SCENARIO = """
 format = 1
