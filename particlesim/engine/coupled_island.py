@@ -289,7 +289,7 @@ class CoupledIsland:
         system = self._work.system
         row = int(np.abs(system.residual).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
-        unsolved = Unsolved(self._method.label, float(system.report[1]), int(system.report[2]))
+        unsolved = Unsolved(self._method.label, float(system.report[1]), *map(int, system.report[2:]))
         return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:

@@ -320,9 +320,12 @@ class Simulation:
 
 def _unsolved(missed: Unsolved, time: float, particle: str) -> DivergenceError:
     """The error of an implicit step without a solution."""
+    spent = f"{missed.iterations} Newton iterations"
+    if missed.linear:
+        spent += f" with {missed.linear} iterations of the linear solver"
     return DivergenceError(
-        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {missed.iterations} iterations "
-        f"{missed.residual:.3g} of the residual was left, most of it at {particle}",
+        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
+        f"{missed.residual:.3g} of the first was left, most of it at {particle}",
         "try a smaller dt, a larger tolerance, or more iterations",
     )
 
