@@ -48,11 +48,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
 
     method: str
     residual: float
     iterations: int
+    linear: int = 0
 
 
 @dataclass(frozen=True)
