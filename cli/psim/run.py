@@ -85,6 +85,9 @@ def run(
     if bless and result.passed and not quiet:
         _show_blessed(loaded)
     if not result.passed:
+        from psim.annotations import annotate_checks
+
+        annotate_checks(result, scenario)
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psim.annotations import annotate
 from psim.complete import override_keys, scenario_files
 from psim.options import Overrides, Quiet
 from psim.progress import sweep_progress
@@ -149,6 +150,9 @@ def sweep(
     if columns is not None and not result.interrupted:
         picture = folder / PLOT
         plot_table(result.table, design, *columns, picture)
+    for failure in result.failures:
+        values = ", ".join(f"{key}={value}" for key, value in failure.parameters.items())
+        annotate("error", f"{failure.status}: run {failure.run} ({values}): {failure.cause}", scenario)
     if as_json:
         print_json(_as_data(result) | {"plot": None if picture is None else str(picture)})
     else:
