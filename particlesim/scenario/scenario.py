@@ -113,6 +113,11 @@ class Scenario(Model):
         return self._overrides
 
     @property
+    def source(self) -> Source | None:
+        """The text that it is from, with the place of every value; None for a scenario made in Python."""
+        return self._source
+
+    @property
     def written_format(self) -> int:
         """The version of the format that the file is written in, which may be older than `format`."""
         return self._written_format
