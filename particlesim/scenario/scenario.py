@@ -28,6 +28,7 @@ from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.source import Source
@@ -80,6 +81,7 @@ class Scenario(Model):
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
     _source: Source | None = PrivateAttr(default=None)
+    _written_format: int = PrivateAttr(default=1)
     _grid: TimeGrid = PrivateAttr()
 
     def __eq__(self, other: object) -> bool:
@@ -110,12 +112,23 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
+    @property
+    def written_format(self) -> int:
+        """The version of the format that the file is written in, which may be older than `format`."""
+        return self._written_format
+
     def loaded_from(
-        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+        self,
+        folder: Path | None,
+        overrides: tuple[str, ...],
+        source: Source | None = None,
+        written_format: int | None = None,
     ) -> Scenario:
-        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
+        """The scenario with relative paths starting from a folder and the overrides already in it; the text that it is from,
+        and the format of that."""
         copy = self.model_copy()
         copy._folder, copy._overrides, copy._source = folder, overrides, source
+        copy._written_format = self.format if written_format is None else written_format
         return copy
 
     def opened(self, group: Particles) -> Layout:
@@ -196,6 +209,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            too_fine,
             _styles,
             disagreements,
         ):
