@@ -21,7 +21,7 @@ import numpy as np
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
-from particlesim.engine.bonding import Bonds, of_bond, of_bonds
+from particlesim.engine.bonding import Bonds, chunks_of, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
 from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
 from particlesim.engine.runs import (
@@ -254,7 +254,7 @@ def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Any:
 @inline(add_springs)
 def _add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Impl:
     def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> None:
-        for chunk in range(bonds[0].begin.size - 1):
+        for chunk in range(chunks_of(bonds)):
             _stiff_chunk(bonds, springs, c, s, reach, chunk)
 
     return impl
@@ -372,7 +372,7 @@ def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, shar
                 own = x[row, lo:hi]
                 for i in range(d.size):
                     out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
-        for chunk in range(bonds[0].begin.size - 1):
+        for chunk in range(chunks_of(bonds)):
             _times_chunk(bonds, springs, s.pull, x, y, chunk)
 
     return impl
