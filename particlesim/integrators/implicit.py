@@ -23,7 +23,7 @@ from particlesim.integrators.options import Options
 from particlesim.units import Number
 
 TOLERANCE = 1e-8
-LINEAR_TOLERANCE = 1e-4
+LINEAR_TOLERANCE = 1e-3
 MAX_ITERATIONS = 50
 MAX_LINEAR_ITERATIONS = 10_000
 
@@ -54,7 +54,7 @@ class BackwardEuler(Options):
     converged: bool = False
     """Newton iterations until the residual is small (true), or one linear solve per step (false)."""
     tolerance: Tolerance | None = None
-    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-4 unless given; in
+    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-3 unless given; in
     an island of springs), or with `converged` of the step's equations (1e-8 unless given)."""
     max_iterations: Count | None = None
     """With `converged`: Newton iterations in a step at most (50 unless given); more end the run."""
