@@ -2,8 +2,8 @@
 
 One call steps a thread's share of an island through a whole interval; the threads meet before and after forces are added
 up. Every thread owns whole chunks of particles, and writes to them alone. Forces are added up in a fixed order, first the
-one-particle forces, then bond after bond, and every loop runs over a chunk, so that results do not depend on how many
-threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
+one-particle forces, then bond after bond, then those among three and four particles, and every loop runs over a chunk, so
+that results do not depend on how many threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
 from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
+from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
@@ -69,8 +70,8 @@ class Work(NamedTuple):
 
 
 class Share(NamedTuple):
-    """What a thread does: particles [first, last), in chunks, and the motions that lead some of them; its number among the
-    threads, and where they meet."""
+    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
+    among three and four of them; its number among the threads, and where they meet."""
 
     first: int
     last: int
@@ -80,6 +81,7 @@ class Share(NamedTuple):
     gate: Any
     wild: Any
     motions: tuple[Any, ...]
+    corners: tuple[Any, ...]
 
 
 class FrozenRecord(NamedTuple):
@@ -119,13 +121,23 @@ def scratch(method: Method, count: int, dtype: Any) -> Work:
     )
 
 
-def share_out(count: int, threads: int, driven: tuple[Driven, ...]) -> list[Share]:
+def share_out(
+    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...]
+) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk."""
     ranges = shares(count, threads)
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
-            first, last, chunk_size(count), number, len(ranges), gate, wild, led_between(driven, first, last)
+            first,
+            last,
+            chunk_size(count),
+            number,
+            len(ranges),
+            gate,
+            wild,
+            led_between(driven, first, last),
+            corners_between(corners, first, last),
         )
         for number, (first, last) in enumerate(ranges)
     ]
@@ -198,6 +210,7 @@ def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> 
         for lo in range(share.first, share.last, share.chunk):
             add_forces(parts, c, work.force, t, lo, min(lo + share.chunk, share.last))
         add_bonds(bonds, c, work.force, work.pull)
+        add_corners(share.corners, c, work.force, share.first, share.last, t)
         meet(share.gate, share.threads)
 
     return impl

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import BondSet, record_of
+from particlesim.bonds import BondSet, HingeSet, record_of
+from particlesim.bonds.hinge import angles_at
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
 from particlesim.engine.coupled import (
     Part,
     Share,
@@ -31,7 +33,9 @@ from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
+from particlesim.groups import Particles
 from particlesim.integrators import ImplicitMethod
+from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -81,7 +85,10 @@ class CoupledIsland:
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
+        self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
+        self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
+        self.springs += sum(each.rows.size for each in self._corners)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
             self._work = self._work._replace(system=new_system(self.bonds, self._all.x[:, : self._all.count], dtype))
@@ -161,12 +168,42 @@ class CoupledIsland:
             breaking,
         )
 
+    def _hinges_of(self, hinges: HingeSet, offset: dict[str, int]) -> AngleColumns | DihedralColumns:
+        """Angles or dihedrals as the kernel takes them, in the order of their first particles."""
+        state = next(state for state in self.states if state.name == hinges.group)
+        rows = hinges.find()
+        if rows.size and rows.max() >= state.count:
+            raise UsageError(
+                f"{hinges.name}: {state.name!r} has {state.count} particles, there is no particle {int(rows.max())}"
+            )
+        rows = rows[np.argsort(rows.min(axis=1), kind="stable")] + offset[hinges.group]
+        dtype = self._all.dtype
+        rest = angles_at(self._all.x.astype(float), rows)
+        if hinges.rest is not None:
+            rest = np.full(len(rows), hinges.rest)
+        kind = AngleColumns if hinges.size == 3 else DihedralColumns
+        return kind(as_precision(hinges.law, dtype), np.ascontiguousarray(rows.T), rest.astype(dtype))
+
+    def _surfaces(
+        self, scenario: Scenario, island: Island, bounds: Sequence[int]
+    ) -> Iterator[TriangleColumns]:
+        """The triangles that forces on surfaces act on."""
+        for group, forces, first in zip(island.groups, island.surfaces, bounds, strict=False):
+            if not forces or not isinstance(group, Particles):
+                continue
+            triangles = group.layout.open(scenario.folder).triangles()
+            require_manifold(triangles, group.name)
+            rows = np.ascontiguousarray(triangles[np.argsort(triangles.min(axis=1), kind="stable")].T + first)
+            for force in forces:
+                record = as_precision(force.surface_record(is_closed(triangles)), self._all.dtype)
+                yield TriangleColumns(record, rows, np.empty(0, self._all.dtype))
+
     def _for(self, threads: int) -> list[tuple[tuple[Bonds, ...], Work, Share]]:
         """What each of some threads works on: pieces of bonds, scratch, particles."""
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven):
+            for share in share_out(count, threads, self._driven, self._corners):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds

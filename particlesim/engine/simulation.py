@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
+from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
@@ -217,6 +218,8 @@ class Simulation:
                 energies = bond_energy(island.bonds, island.island_columns())
                 for bonds, energy in zip(structure.bonds, energies, strict=True):
                     total[f"potential.{bonds.name}"] += energy
+                for hinges, made in zip(structure.hinges, island.hinges, strict=True):
+                    total[f"potential.{hinges.name}"] += float(sum_hinges(made, island.island_columns()))
         return total
 
     def broken(self) -> dict[str, tuple[int, int]]:
@@ -298,7 +301,7 @@ class Simulation:
         group = next(g for g in self.scenario.groups if g.name == group_name)
         best: tuple[str | None, float] = (None, -1.0)
         for label, law in zip(self._labels, self.scenario.forces, strict=False):
-            if acts_on(law, group):
+            if acts_on(law, group) and not law.on_surfaces:
                 try:
                     with np.errstate(all="ignore"):
                         size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
