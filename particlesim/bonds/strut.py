@@ -50,18 +50,3 @@ def strut_force_dv(f: StrutRecord, b: Pair) -> Matrix:
 def strut_potential(f: StrutRecord, b: Pair) -> float:
     stretch = min(np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z) - b.rest, 0.0)
     return 0.5 * b.k * stretch * stretch
-
-
-@law(bond_force_dx, StrutRecord)
-def strut_force_dx(f: StrutRecord, b: Pair) -> Matrix:
-    square = b.x * b.x + b.y * b.y + b.z * b.z
-    length = np.sqrt(square)
-    pressed = 0 < length < b.rest
-    return spring_dx(b, b.k if pressed else b.k - b.k, length / square if pressed else square - square)
-
-
-@law(bond_force_dv, StrutRecord)
-def strut_force_dv(f: StrutRecord, b: Pair) -> Matrix:
-    square = b.x * b.x + b.y * b.y + b.z * b.z
-    length = np.sqrt(square)
-    return spring_dv(b, length / square if 0 < length < b.rest else square - square)

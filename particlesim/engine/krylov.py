@@ -1,8 +1,9 @@
 """Iterations that solve an island's linear equations on several threads, with the same bits for any number of them.
 
 Symmetric positive definite equations are solved by conjugate gradients, others by BiCGStab, both preconditioned by the 3 × 3
-blocks on the diagonal and by lattices (`particlesim.engine.multilevel`). Dot products are summed over each chunk of particles, and then over the chunks in order; all threads
-compute the same scalars, and so decide alike. The size of a residual is √(rᵀ M⁻¹ r), with M the preconditioner.
+blocks on the diagonal and by lattices (`particlesim.engine.multilevel`). Dot products are summed over each chunk of
+particles, and then over the chunks in order; all threads compute the same scalars, and so decide alike. The size of a
+residual is √(rᵀ M⁻¹ r), with M the preconditioner.
 
 Source: Y. Saad, Iterative Methods for Sparse Linear Systems, algorithms 9.1 and 7.7.
 """

@@ -50,8 +50,8 @@ class Lattices(NamedTuple):
     """All nodes of all lattices, the finest first: `first` is where those of each lattice begin, `pitch` [m] its pitch.
 
     `up`: for every node what it gathers from, particles or nodes of the lattice below; `down`: the nodes above it;
-    `leaves`: for every particle its nodes of the finest lattice; `square`: ℓ² of every particle [m²]. Of nodes: `residual` and
-    `result` [3, nodes], `moment`: Σ w Q and Σ w ℓ² B [12, nodes], `inverse` of D [6, nodes].
+    `leaves`: for every particle its nodes of the finest lattice; `square`: ℓ² of every particle [m²]. Of nodes: `residual`
+    and `result` [3, nodes], `moment`: Σ w Q and Σ w ℓ² B [12, nodes], `inverse` of D [6, nodes].
     """
 
     first: Any
@@ -114,7 +114,9 @@ def _lattice(points: Floats, pitch: float) -> tuple[Ints, Ints, Floats, Floats]:
         keys.append((x * extent[1] + y) * extent[2] + z)
         weights.append(w[used])
     known, nodes = np.unique(np.concatenate(keys), return_inverse=True)
-    places = np.stack([known // (extent[1] * extent[2]), known // extent[2] % extent[1], known % extent[2]], axis=1)
+    places = np.stack(
+        [known // (extent[1] * extent[2]), known // extent[2] % extent[1], known % extent[2]], axis=1
+    )
     return np.concatenate(rows), nodes, np.concatenate(weights), places * pitch
 
 
@@ -153,7 +155,14 @@ def inverse_of(xx: Any, yy: Any, zz: Any, xy: Any, xz: Any, yz: Any) -> Any:
     determinant = xx * cx + xy * cy + xz * cz
     good = (xx > 0) & (xx * yy - xy * xy > 0) & (determinant > 0)
     k = type_of(xx, 1) / determinant
-    return good, (k * cx, k * (xx * zz - xz * xz), k * (xx * yy - xy * xy), k * cy, k * cz, k * (xy * xz - xx * yz))
+    return good, (
+        k * cx,
+        k * (xx * zz - xz * xz),
+        k * (xx * yy - xy * xy),
+        k * cy,
+        k * cz,
+        k * (xy * xz - xx * yz),
+    )
 
 
 @inlined
@@ -161,7 +170,9 @@ def nodes_between(s: Any, level: Any, share: Any) -> Any:
     """The nodes of a lattice that a thread owns."""
     begin = s.lattices.first[level]
     number = s.lattices.first[level + 1] - begin
-    return begin + number * share.number // share.threads, begin + number * (share.number + 1) // share.threads
+    return begin + number * share.number // share.threads, begin + number * (
+        share.number + 1
+    ) // share.threads
 
 
 @outlined

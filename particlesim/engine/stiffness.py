@@ -18,13 +18,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
-from numpy.typing import NDArray
-
 from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
 from particlesim.engine.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.runs import (
@@ -58,9 +57,9 @@ class System(NamedTuple):
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
-    chunks [4, chunks]; `flags`; `report`: how the
-    last step ended, its relative residual, and its Newton and linear iterations.
+    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its
+    sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
+    Newton and linear iterations.
     """
 
     inertia: Any

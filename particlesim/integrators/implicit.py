@@ -94,9 +94,10 @@ class ImplicitRecord(NamedTuple):
 class ImplicitMethod(Method):
     """V = V₀ + γ h a(X, V), X = X₀ + γ h V at t + c h, with c = `node`.
 
-    V₀ = v + past (v − v₋) + slope h a, and likewise X₀, where v₋ belongs to the step before. (X, V) is the new state, or with
-    `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with v − v₋ = h a and
-    x − x₋ = h v − ½ h² a, of second order at least. Raises ValueError at import when order conditions up to order 2 are missed.
+    V₀ = v + past (v − v₋) + slope h a, and likewise X₀, where v₋ belongs to the step before. (X, V) is the new state, or
+    with `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with v − v₋ = h a and
+    x − x₋ = h v − ½ h² a, of second order at least. Raises ValueError at import when order conditions up to order 2 are
+    missed.
     """
 
     options: ClassVar[type[Options]] = Implicit
@@ -153,7 +154,7 @@ class ImplicitMethod(Method):
         )
 
     def amplification(self, z: Any) -> Any:
-        """What a step multiplies the solution of y' = λ y by, for a complex z = h λ or an array of them; of two the larger."""
+        """What a step multiplies the solution of y' = λ y by, for z = h λ or an array of them; of two roots the larger."""
         if not self.past:
             y = (1 + self.slope * z) / (1 - self.gamma * z)
             return 2 * y - 1 if self.ahead else y
