@@ -74,7 +74,8 @@ def new_lattices(place: Floats, i: Ints, j: Ints, weight: Floats, dtype: Any) ->
         np.bincount(i, part, count) + np.bincount(j, part, count) for part in (weight, weight * square)
     )
     pitch = PITCH * float(np.sqrt(np.median(square))) if square.size else 0.0
-    points, first, pitches = place.T - place.min(axis=1), [0], []
+    points, first = place.T - place.min(axis=1), [0]
+    pitches: list[float] = []
     below: list[tuple[Ints, Ints, Floats]] = []
     while pitch > 0 and len(points) > FEW and len(pitches) < LEVELS:
         rows, nodes, weights, above = _lattice(points, pitch)
@@ -132,17 +133,17 @@ def _linked(
             leaves = (rows, nodes, weights)
         else:
             downs.append((rows + first[level - 1], nodes + first[level], weights))
-    up, down = (
-        tuple(np.concatenate([part[k] for part in parts]) for k in range(3)) for parts in (ups, downs)
-    )
+    up, down = (tuple(map(np.concatenate, zip(*parts, strict=True))) for parts in (ups, downs))
     return (
-        _by_row(*up, first[-1], dtype),
-        _by_row(*down, first[-1], dtype),
-        _by_row(*leaves, count, dtype),
+        _by_row(up, first[-1], dtype),
+        _by_row(down, first[-1], dtype),
+        _by_row(leaves, count, dtype),
     )
 
 
-def _by_row(rows: Any, items: Any, weights: Any, count: int, dtype: Any) -> Links:
+def _by_row(entries: tuple[Any, ...], count: int, dtype: Any) -> Links:
+    """Rows, items and weights as lists of `count` rows."""
+    rows, items, weights = entries
     order = np.lexsort((items, rows))
     begin = np.searchsorted(rows[order], np.arange(count + 1))
     return Links(begin, items[order], weights[order].astype(dtype))

@@ -28,11 +28,11 @@ def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
     for place, what, why, names in _without_derivatives(scenario):
         for name in names:
             if name in implicit:
-                path, method = implicit[name]
+                path, stepper = implicit[name]
                 yield Invalid(
-                    f"{method} needs the derivatives of every force, and {what} {why}",
+                    f"{stepper} needs the derivatives of every force, and {what} {why}",
                     place,
-                    ((path, f"stepped by {method}"),),
+                    ((path, f"stepped by {stepper}"),),
                     hint=HINT,
                 )
                 break
@@ -59,6 +59,6 @@ def _without_derivatives(scenario: Scenario) -> Iterator[tuple[Path, str, str, l
         for k, hinges in enumerate(entries):
             yield (section, k), hinges.name, "joins more than two particles and has none yet", [hinges.on]
     for k, group in enumerate(scenario.particles):
-        for hinges in group.hinges(scenario.folder):
+        for made in group.hinges(scenario.folder):
             place: Path = ("particles", k, "springs")
-            yield place, hinges.name, "joins more than two particles and has none yet", [group.name]
+            yield place, made.name, "joins more than two particles and has none yet", [group.name]
