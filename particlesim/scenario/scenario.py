@@ -28,6 +28,7 @@ from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.jacobians import undifferentiable
 from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
@@ -206,6 +207,7 @@ class Scenario(Model):
             _names,
             _references,
             _needs,
+            undifferentiable,
             _times,
             _kicks,
             _pins,

@@ -294,8 +294,8 @@ def one_step(name: str, laws: Any, x: float, v: float, h: float) -> NDArray[Any]
 @methods
 @pytest.mark.parametrize("law", ["spring", "pendulum"])
 def test_symplectic_methods_keep_areas(name: str, law: str) -> None:
-    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others, but for the trapezoidal rule, which
-    # for a linear force is the midpoint rule.
+    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others. For a linear force
+    # the trapezoidal rule is the midpoint rule.
     if (name, law) == ("trapezoidal", "spring"):
         return
     laws = forces(spring=1.0) if law == "spring" else forces(pendulum=1.0)
