@@ -88,7 +88,9 @@ def compare(width: int, threads: int, seconds: float, rounds: int) -> None:
     unit = longest_step(width, 1.0)
     stiffness = (unit * BEYOND / STEP) ** 2
     limit = unit / stiffness**0.5
-    print(f"cloth {width}², k = {stiffness:.4g} N/m; explicit limit {limit * 1e6:.1f} µs, 1/60 s is {STEP / limit:.0f} times that")
+    print(
+        f"cloth {width}², k = {stiffness:.4g} N/m; explicit limit {limit * 1e6:.1f} µs, 1/60 s is {STEP / limit:.0f} times that"
+    )
     steps = round(seconds / STEP)
     best: dict[str, float] = {}
     for _ in range(rounds):
@@ -106,7 +108,9 @@ def compare(width: int, threads: int, seconds: float, rounds: int) -> None:
             name = f"backward_euler, tolerance {tolerance:g}"
             best[name] = min(best.get(name, np.inf), taken)
             lowest = implicit.states[0].position[:, 1].min()
-            print(f"  {name}: {np.mean(spent):.0f} linear iterations per step, {max(spent)} at most; lowest point {lowest:.4f} m")
+            print(
+                f"  {name}: {np.mean(spent):.0f} linear iterations per step, {max(spent)} at most; lowest point {lowest:.4f} m"
+            )
             implicit.close()
     for name, taken in best.items():
         ratio = best["symplectic_euler"] / taken
