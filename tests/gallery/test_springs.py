@@ -41,16 +41,19 @@ def test_the_bridge_holds_until_it_breaks(tmp_path: Path) -> None:
     path = tmp_path / "bridge.vtkhdf"
     result = ps.run(shipped("bridge_collapse"), path)
     with ps.open(path) as trajectory:
-        sets, early, end = dict(trajectory.topology), trajectory.frame_at(1.0), trajectory[-1]
-        pinned = trajectory[0].position[:, 1] == early.position[:, 1]
+        sets = dict(trajectory.topology)
+        start, early, end = (
+            frame.position for frame in (trajectory[0], trajectory.frame_at(1.0), trajectory[-1])
+        )
+    pinned = (start == early).all(axis=1)
     broke = np.concatenate([each.broke for each in sets.values()])
     assert broke.min() > 1.0, "the load grows from nothing"
-    assert early.position[:, 1].min() > 2.0
+    assert early[:, 1].min() > 1.9
     assert np.isfinite(broke).sum() == sum(count for count, _ in result.broken.values()) > 30
     assert np.isfinite(broke).sum() < len(broke)
-    assert end.position[:, 1].min() == pytest.approx(0, abs=1e-6), "on the ground"
+    assert end[:, 1].min() == pytest.approx(0, abs=1e-6), "on the ground"
     assert pinned.sum() == 4, "the ends of its deck"
-    assert np.array_equal(end.position[pinned], early.position[pinned])
+    assert np.array_equal(end[pinned], early[pinned])
 
 
 def test_the_flag_flies_with_the_wind() -> None:
