@@ -1,0 +1,106 @@
+"""Checkpoints of a run: when they are due, what they hold, and a thread that writes them while the run goes on."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import Snapshot, snapshot
+from particlesim.groups import Particles
+from particlesim.layouts.file import File
+from particlesim.trajectory.checkpoint_file import discard_checkpoints, write_checkpoint
+from particlesim.trajectory.writer import TrajectoryWriter
+
+WALL = 60.0
+"""Seconds of wall-clock time between checkpoints unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Saving:
+    """When checkpoints are made: after so much simulated time [s] (None: it does not matter) or wall-clock time [s],
+    whichever comes first."""
+
+    every: float | None = None
+    wall: float = WALL
+
+
+def start_mark(simulation: Simulation) -> int:
+    """A checksum of the state at the start, if it depends on files, which may change; else 0."""
+    if not any(isinstance(g, Particles) and isinstance(g.layout, File) for g in simulation.scenario.groups):
+        return 0
+    mark = 0
+    for state in simulation.states:
+        for array in (state.x, state.v, state.mass, state.radius):
+            mark = zlib.crc32(array[..., : state.count].tobytes(), mark)
+    return mark
+
+
+class Keeper:
+    """Makes the checkpoints of one run. `facts` tells which run it is."""
+
+    def __init__(self, writer: TrajectoryWriter, saving: Saving, facts: dict[str, Any]) -> None:
+        self._writer, self._saving, self._facts = writer, saving, facts
+        self._thread: Thread | None = None
+        self._error: BaseException | None = None
+        self._last_wall = time.monotonic()
+        self._last_time: float | None = None
+
+    @property
+    def path(self) -> Path:
+        """The trajectory that it belongs to."""
+        return self._writer.path
+
+    def look(self, simulation: Simulation, frames: int, facts: Callable[[], dict[str, Any]]) -> None:
+        """A safe point, after so many frames: make a checkpoint if one is due. `facts` gives what it holds beside the state.
+
+        Raises InputOutputError when the last one could not be written.
+        """
+        if self._last_time is None:
+            self._last_time = simulation.time
+        if self._thread is not None and not self._thread.is_alive():
+            self._finish()
+        late = time.monotonic() - self._last_wall >= self._saving.wall
+        every = self._saving.every
+        far = every is not None and simulation.time - self._last_time >= every * (1 - 1e-9)
+        if (late or far) and self._thread is None:
+            self.save(simulation, frames, facts())
+
+    def save(self, simulation: Simulation, frames: int, facts: dict[str, Any]) -> None:
+        """Make a checkpoint now: copy the state, and have it written in the background."""
+        self._finish()
+        state = snapshot(simulation)
+        told = {**self._facts, **facts, "frames": frames, "numbers": state.numbers}
+        self._thread = Thread(target=self._write, args=(told, state), name="checkpoint", daemon=True)
+        self._thread.start()
+        self._last_wall, self._last_time = time.monotonic(), simulation.time
+
+    def close(self) -> None:
+        """Wait until the last checkpoint is written. Raises InputOutputError when it could not be."""
+        self._finish()
+
+    def discard(self) -> None:
+        """Remove the checkpoints: the run needs no more of them."""
+        self._finish()
+        discard_checkpoints(self.path)
+
+    def _finish(self) -> None:
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+
+    def _write(self, facts: dict[str, Any], state: Snapshot) -> None:
+        try:
+            # A checkpoint must not tell of frames that a kill could still take away.
+            self._writer.wait_for(facts["frames"])
+            write_checkpoint(self.path, facts, state.arrays)
+        except BaseException as error:
+            self._error = error
