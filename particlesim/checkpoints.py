@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +11,8 @@ from typing import Any
 
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import Snapshot, snapshot
-from particlesim.groups import Particles
-from particlesim.layouts.file import File
 from particlesim.trajectory.checkpoint_file import discard_checkpoints, write_checkpoint
 from particlesim.trajectory.writer import TrajectoryWriter
-
-WALL = 60.0
-"""Seconds of wall-clock time between checkpoints unless told otherwise."""
 
 
 @dataclass(frozen=True)
@@ -26,26 +20,15 @@ class Saving:
     """When checkpoints are made: after so much simulated time [s] (None: it does not matter) or wall-clock time [s],
     whichever comes first."""
 
-    every: float | None = None
-    wall: float = WALL
-
-
-def start_mark(simulation: Simulation) -> int:
-    """A checksum of the state at the start, if it depends on files, which may change; else 0."""
-    if not any(isinstance(g, Particles) and isinstance(g.layout, File) for g in simulation.scenario.groups):
-        return 0
-    mark = 0
-    for state in simulation.states:
-        for array in (state.x, state.v, state.mass, state.radius):
-            mark = zlib.crc32(array[..., : state.count].tobytes(), mark)
-    return mark
+    every: float | None
+    wall: float
 
 
 class Keeper:
-    """Makes the checkpoints of one run. `facts` tells which run it is."""
+    """Makes the checkpoints of the run that `writer` records."""
 
-    def __init__(self, writer: TrajectoryWriter, saving: Saving, facts: dict[str, Any]) -> None:
-        self._writer, self._saving, self._facts = writer, saving, facts
+    def __init__(self, writer: TrajectoryWriter, saving: Saving) -> None:
+        self._writer, self._saving = writer, saving
         self._thread: Thread | None = None
         self._error: BaseException | None = None
         self._last_wall = time.monotonic()
@@ -75,7 +58,7 @@ class Keeper:
         """Make a checkpoint now: copy the state, and have it written in the background."""
         self._finish()
         state = snapshot(simulation)
-        told = {**self._facts, **facts, "frames": frames, "numbers": state.numbers}
+        told = {"run": self._writer.run, **facts, "frames": frames, "numbers": state.numbers}
         self._thread = Thread(target=self._write, args=(told, state), name="checkpoint", daemon=True)
         self._thread.start()
         self._last_wall, self._last_time = time.monotonic(), simulation.time

@@ -13,11 +13,12 @@ import numpy as np
 
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper
+from particlesim.digest import state_digest
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import Interrupted
 from particlesim.interruption import Held
-from particlesim.recording import columns_of
+from particlesim.recording import columns_of, frame_of
 from particlesim.results import Progress
 from particlesim.resumption import Resumption
 from particlesim.trajectory.writer import TrajectoryWriter
@@ -58,6 +59,8 @@ class Course:
         self._signals, self._progress, self._max_wall = signals, progress, max_wall
         self._began = time.perf_counter()
         self._before = 0.0
+        self.state: str | None = None
+        """The digest of the final particles, once it is known."""
 
     @property
     def seconds(self) -> float:
@@ -86,7 +89,9 @@ class Course:
 
     def summary(self) -> dict[str, int | str]:
         """What the trajectory tells of the whole run; results of checks as JSON."""
+        self.state = state_digest(frame_of(self.simulation, len(self.log.times) - 1))
         told: dict[str, int | str] = {
+            "state": self.state,
             "steps": self.simulation.step,
             "particle_steps": self.simulation.particle_steps,
             "born": self.log.born,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.checking import CheckResult
+from particlesim.digest import state_digest
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory
@@ -47,6 +48,14 @@ class Result:
     checks: tuple[CheckResult, ...] = ()
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
+    known_state: str | None = None
+
+    @property
+    def state(self) -> str:
+        """The digest of the final particles (`digest.state_digest`)."""
+        if self.known_state is None:
+            self.known_state = state_digest(self.final)
+        return self.known_state
 
     @property
     def passed(self) -> bool:
@@ -86,6 +95,7 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
             warnings=(f"{path} is complete already; nothing was left to do",),
             checks=tuple(_check(data) for data in json.loads(told.get("checks", "[]"))),
             broken=broken,
+            known_state=str(told["state"]),
         )
 
 

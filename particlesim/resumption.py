@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.digest import physics_digest
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import MisfitError, Snapshot, restore
 from particlesim.errors import UsageError
@@ -41,13 +42,8 @@ class Resumption:
         """Frames that are kept."""
         return len(self.times)
 
-    def apply(self, simulation: Simulation, path: Path, mark: int) -> None:
-        """Put the state into a simulation that has not begun; `mark` is the checksum of its start. Raises UsageError."""
-        if mark != self.facts["start"]:
-            raise UsageError(
-                "the files that the scenario's particles come from have changed since the run began",
-                f"Put them back as they were. {ANEW}",
-            )
+    def apply(self, simulation: Simulation, path: Path) -> None:
+        """Put the state into a simulation that has not begun. Raises UsageError if it is the state of another."""
         try:
             restore(simulation, self.state)
         except (MisfitError, KeyError) as error:
@@ -104,6 +100,11 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
         raise UsageError(
             f"{path} is of another scenario; changed since: {'; '.join(shown)}",
             f"Undo the changes, or choose another --output. {ANEW}",
+        )
+    if trajectory.provenance.get("physics") != physics_digest(scenario):
+        raise UsageError(
+            f"the files that the particles of {path} come from have changed since the run began",
+            f"Put them back as they were, or choose another --output. {ANEW}",
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
 from particlesim.checking import Checks
-from particlesim.checkpoints import Keeper, Saving, start_mark
+from particlesim.checkpoints import Keeper, Saving
 from particlesim.course import Course
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
@@ -82,16 +82,15 @@ def run(
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
     with held_signals() as signals:
-        mark = start_mark(simulation) if path is not None else 0
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
-            found.apply(simulation, path, mark)
+            found.apply(simulation, path)
         writer = _writer(simulation, path, overwrite or resume, required.particles, found)
         saving = Saving(
             scenario.output.checkpoint_every if checkpoint_every is None else checkpoint_every,
             scenario.output.checkpoint_wall if checkpoint_wall is None else checkpoint_wall,
         )
-        keeper = None if writer is None else Keeper(writer, saving, {"run": writer.run, "start": mark})
+        keeper = None if writer is None else Keeper(writer, saving)
         course = Course(
             simulation, checks, signals, writer=writer, keeper=keeper, progress=progress, max_wall=max_wall
         )
@@ -135,7 +134,7 @@ def _to_the_end(course: Course) -> None:
     try:
         course.run()
         status = "complete"
-        summary = course.summary()
+        summary = course.summary() if course.writer is not None else {}
     except DivergenceError:
         status = "diverged"
         raise
@@ -225,4 +224,5 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         warnings=(*notes, *advice(simulation.scenario), *course.watch.warnings, *problems),
         broken=simulation.broken(),
         checks=course.checks.results(),
+        known_state=course.state,
     )

@@ -10,7 +10,9 @@ from particlesim.scenario.scenario import Scenario
 
 NOT_THERE = "not given"
 
-WITHOUT_EFFECT = frozenset(("title", "render", "output.checkpoint_every", "output.checkpoint_wall"))
+WITHOUT_EFFECT = frozenset(
+    ("title", "description", "render", "output.checkpoint_every", "output.checkpoint_wall")
+)
 """What changes neither the physics nor what is recorded of it."""
 
 
