@@ -21,7 +21,7 @@ GROWTH = 1e-9
 
 
 def integrators_table() -> str:
-    """One row per method."""
+    """One row per method; those that choose their steps have no limit."""
     rows = [
         "| name | order | force evaluations | symplectic | reversible | oscillator: h ω up to | damping: h d up to | "
         "without inertia |",
@@ -29,7 +29,9 @@ def integrators_table() -> str:
     ]
     for name, method in METHODS.items():
         marks = " | ".join("yes" if flag else "no" for flag in (method.symplectic, method.reversible))
-        oscillator, damping = (shown(limit(step, method)) for step in (oscillate, damp))
+        oscillator, damping = "–", "–"
+        if not method.adaptive:
+            oscillator, damping = (shown(limit(step, method)) for step in (oscillate, damp))
         other = f"`{method.first_order}`" if method.first_order else f"`{name}`"
         rows.append(
             f"| `{name}` | {method.order} | {method.evaluations} | {marks} | {oscillator} | {damping} | {other} |"

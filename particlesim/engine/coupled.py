@@ -23,6 +23,7 @@ from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
+from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
 from particlesim.laws import Particle, Vector, force, law, moved_to, velocity
 
@@ -97,8 +98,30 @@ def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
     return f.x, f.y, f.z
 
 
+class StagedEmbedded(NamedTuple):
+    """Tableau with the slope at the end as its last stage, rows of error estimates; the rest as in `EmbeddedRecord`."""
+
+    a: Any
+    c: Any
+    errors: Any
+    tolerance: float
+    position: float
+    velocity: float
+    alpha: float
+    beta: float
+    shrink: float
+    grow: float
+    least: float
+
+
 def staged(method: Method) -> tuple[Any, ...]:
     """A method's coefficients for the stage-wise kernel."""
+    if isinstance(method, EmbeddedRungeKutta):
+        rows = (*method.a, method.b)
+        a = np.zeros((len(rows), len(rows)))
+        for i, row in enumerate(rows):
+            a[i, : len(row)] = row
+        return StagedEmbedded(a, np.array((*method.c, 1.0)), np.array(method.errors), *method.record()[4:])
     if isinstance(method, Composition):
         return StagedComposition(np.array(method.kicks), np.array(method.drifts))
     if isinstance(method, RungeKutta):
@@ -112,7 +135,7 @@ def staged(method: Method) -> tuple[Any, ...]:
 
 def scratch(method: Method, count: int, dtype: Any) -> Work:
     """Scratch arrays for an island."""
-    stages = method.evaluations if isinstance(method, RungeKutta) else 0
+    stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     return Work(
         np.zeros((3, count), dtype),
         np.zeros((6, count), dtype),
@@ -357,27 +380,34 @@ def _composition(
         now += method.drifts[stage] * (end - t)
 
 
+@inlined
+def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """All particles of a share go from the beginning of the step by h Σ weights[j] slopes[j]."""
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        q = block_of(c, lo, hi)
+        for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+            before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
+            combine(target, before, slopes, weights, q.clock, t, end, h)
+
+
+@inlined
+def find_slopes(parts: Any, bonds: Any, c: Any, work: Any, share: Any, stage: Any, t: Any) -> None:
+    """Slopes of all particles of a share where they are; positions and velocities of all shares must be in place."""
+    evaluate(parts, bonds, c, work, share, t)
+    for lo in range(share.first, share.last, share.chunk):
+        rates(parts, c, work.force, work.slopes[stage], t, lo, min(lo + share.chunk, share.last))
+
+
 def _runge_kutta(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
-    stages = method.b.size
-    for stage in range(stages + 1):
-        if stage > 0:  # the place of the stage; after the last one, the end of the step
-            weights = method.a[stage, :stage] if stage < stages else method.b
-            for lo in range(share.first, share.last, share.chunk):
-                hi = min(lo + share.chunk, share.last)
-                q = block_of(c, lo, hi)
-                for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-                    before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
-                    combine(target, before, slopes, weights, q.clock, t, end, h)
-        if stage < stages:
-            now = t + method.c[stage] * (end - t)
-            if stage > 0:
-                meet(share.gate, share.threads)
-            evaluate(parts, bonds, c, work, share, now)
-            for lo in range(share.first, share.last, share.chunk):
-                hi = min(lo + share.chunk, share.last)
-                rates(parts, c, work.force, work.slopes[stage], now, lo, hi)
+    for stage in range(method.b.size):
+        if stage > 0:
+            displace(c, work, method.a[stage, :stage], share, t, end, h)
+            meet(share.gate, share.threads)
+        find_slopes(parts, bonds, c, work, share, stage, t + method.c[stage] * (end - t))
+    displace(c, work, method.b, share, t, end, h)
 
 
 def _verlet(

@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+<<<<<<< HEAD
 from particlesim.bonds import BondSet, HingeSet, record_of
 from particlesim.bonds.hinge import angles_at
+=======
+from particlesim.bonds import BondSet, record_of
+from particlesim.bonds.spring import Pair
+>>>>>>> adaptive
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
@@ -24,8 +29,17 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
+from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
 from particlesim.engine.implicit import staged_implicit
-from particlesim.engine.islands import Fault, Unsolved, copied, group_uses_radius
+from particlesim.engine.islands import (
+    OWN_STEPS,
+    Fault,
+    Stop,
+    Unsolved,
+    copied,
+    group_uses_radius,
+    shortest_step,
+)
 from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
@@ -35,7 +49,11 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
 from particlesim.integrators import ImplicitMethod
+<<<<<<< HEAD
 from particlesim.layouts.mesh import is_closed, require_manifold
+=======
+from particlesim.laws import bond_force
+>>>>>>> adaptive
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -88,7 +106,11 @@ class CoupledIsland:
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
         self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
+<<<<<<< HEAD
         self.springs += sum(each.rows.size for each in self._corners)
+=======
+        self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
+>>>>>>> adaptive
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
             self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
@@ -266,23 +288,51 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         steps = last - first
-        worth = self.springs >= WORTH_SPRINGS and self.springs * steps >= WORTH_THREADS
+        work_ahead = self.springs * steps * (OWN_STEPS if self._method.adaptive else 1)
+        worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         done = [0] * len(shares)
+        pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
-            done[k] = step_island(
-                self._staged, self.parts, bonds, columns, scratch, share, first, steps, self.dt
-            )
+            given = (self._staged, self.parts, bonds, columns, scratch, share)
+            if pace is None:
+                done[k] = step_island(*given, first, steps, self.dt)
+            else:
+                done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
 
         team.each(work, len(shares))
         if done[0] == steps:
             return None, None, None
+        step = first + done[0]
+        if pace is not None:
+            return None, None, self._stop(step, pace)
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
-            return None, None, self._unsolved(first + done[0])
-        return None, None, self._find(first + done[0])
+            return None, None, self._unsolved(step)
+        return None, None, self._find(step)
+
+    def _stop(self, step: int, pace: Pace) -> Fault:
+        """Which particle could not go on; the island is where and when it was."""
+        why, time, row = int(pace.report[0]), float(pace.report[1]), int(pace.report[2])
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        p = self.states[member].particle(row - self._bounds[member], time)
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        pulls = tuple(self._pull(bonds, row) for bonds in self.bonds)
+        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least, pulls))
+
+    def _pull(self, bonds: Bonds, row: int) -> float:
+        """Size of the sum of a set of bonds' forces on a particle of the island [N]."""
+        total = np.zeros(3)
+        for end, ends in ((1, bonds.i), (-1, bonds.j)):
+            for k in np.flatnonzero(ends == row):
+                i, j = bonds.i[k], bonds.j[k]
+                line = (self._all.x[:, i] - self._all.x[:, j]).astype(float)
+                speed = (self._all.v[:, i] - self._all.v[:, j]).astype(float)
+                numbers = (float(x[k]) if np.ndim(x) else float(x) for x in (bonds.k, bonds.c, bonds.rest))
+                total += end * np.array(bond_force(bonds.law, Pair(*line, *speed, *numbers)))
+        return float(np.linalg.norm(total))
 
     def _unsolved(self, step: int) -> Fault:
         """Where the equations of a step miss most."""

@@ -16,12 +16,13 @@ from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.newton import unsolved
+from particlesim.engine.pace import RESOLVED
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
-from particlesim.integrators import ImplicitMethod
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -29,6 +30,9 @@ from particlesim.team import Team
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
+
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +62,17 @@ class Unsolved:
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+    """Where a particle was when its own steps could not go on.
+
+    Why (a code of `engine.pace`), when [s], the particle, the shortest step that was allowed [s], and for each set of
+    bonds of the island the force of all on the particle [N].
+    """
 
     why: int
     time: float
     particle: Particle
+    least: float
+    bonds: tuple[float, ...] = ()
 
 
 @dataclass
@@ -135,9 +145,8 @@ class IndependentIsland:
             def work(a: int, b: int) -> None:
                 self._step(columns, first, last - first, a, b, self._block, faults)
 
-            team.over_range(
-                self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
-            )
+            ahead = self.state.count * (last - first) * (OWN_STEPS if self._adaptive else 1)
+            team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
@@ -187,7 +196,8 @@ class IndependentIsland:
         step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
-        return Stop(int(fault[row]), float(moment[0]), p._replace(**place))
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Stop(int(fault[row]), float(moment[0]), p._replace(**place), least)
 
 
 class Source:
@@ -263,6 +273,12 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
 def copied(c: Columns) -> Columns:

@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+<<<<<<< HEAD
 from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.corners import sum_hinges
+=======
+>>>>>>> adaptive
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
+from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
@@ -36,8 +40,9 @@ WHY = {
         "keep it away from where a force has no value",
     ),
     TOO_SHORT: (
-        "needs steps below the least at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+        "needs steps below {least:.3g} s at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "shorter steps (minimum_step)",
     ),
     TOO_MANY: (
         f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
@@ -265,15 +270,16 @@ class Simulation:
         if fault.unsolved is not None:
             return _unsolved(fault.unsolved, time, f"particle {state.id[row]} of {state.name!r}")
         p = state.particle(row, time) if fault.stop is None else fault.stop.particle
+        pulls: tuple[tuple[str, float], ...] = ()
         what = f"is no longer finite after the step from t = {time:.9g} s"
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
         if fault.stop is not None:
             what, hint = WHY[fault.stop.why]
-            what = what.format(t=fault.stop.time)
-        return DivergenceError(
-            f"particle {state.id[row]} of {state.name!r} {what}; it was {self._situation(state.name, p)}",
-            hint,
-        )
+            what = what.format(t=fault.stop.time, least=fault.stop.least)
+            names = [bonds.name for bonds in self.graph.islands[self._islands.index(island)].bonds]
+            pulls = tuple(zip(names, fault.stop.bonds, strict=False))
+        situation = self._situation(state.name, p, pulls)
+        return DivergenceError(f"particle {state.id[row]} of {state.name!r} {what}; it was {situation}", hint)
 
     def overflow(self, quantity: str) -> DivergenceError:
         """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
@@ -287,12 +293,15 @@ class Simulation:
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
         return DivergenceError(message, hint)
 
-    def _situation(self, group_name: str, p: Particle) -> str:
-        """Where a particle is, how fast, and under which force."""
+    def _situation(self, group_name: str, p: Particle, pulls: tuple[tuple[str, float], ...] = ()) -> str:
+        """Where a particle is, how fast, and under which force; `pulls` are those of springs [N]."""
         where = (
             f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
         )
         name, size = self._strongest(group_name, p)
+        for spring, pull in pulls:
+            if pull > size:
+                name, size = spring, pull
         return (
             where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
         )

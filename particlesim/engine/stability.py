@@ -167,6 +167,16 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
     structure, grid = model.structure, simulation.scenario.grid
     method = structure.method
     found = model.linearise()
+    if method.adaptive:  # it shortens its steps by itself
+        return IslandStability(
+            tuple(group.name for group in structure.groups),
+            method,
+            dict.fromkeys(found.forces, math.inf),
+            math.inf,
+            -math.inf,
+            found.how,
+            eigenvalues(found.together).ravel(),
+        )
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
@@ -186,6 +196,8 @@ def _surely_stable(simulation: Simulation, number: int) -> bool:
     """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
     model = _model(simulation, number)
     method, grid = model.structure.method, simulation.scenario.grid
+    if method.adaptive:
+        return True
     limits = model.box()
     if limits is None:
         if model.structure.coupled:

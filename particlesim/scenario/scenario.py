@@ -28,6 +28,7 @@ from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.source import Source
@@ -208,6 +209,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            too_fine,
             _styles,
             disagreements,
         ):
