@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from particlesim.version import __version__
 
 if TYPE_CHECKING:
+    from particlesim.analysis.stability import stability
     from particlesim.errors import (
         DivergenceError,
         InputOutputError,
@@ -50,6 +51,7 @@ _HOME = {
     "Frame": "particlesim.trajectory.frame",
     "Trajectory": "particlesim.trajectory.reader",
     "open": "particlesim.trajectory.reader",
+    "stability": "particlesim.analysis.stability",
 }
 
 __all__ = [
@@ -71,7 +73,12 @@ __all__ = [
     "loads",
     "open",
     "run",
+    "stability",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:

@@ -67,6 +67,13 @@ class UsageError(PsimError):
     exit_code = 2
 
 
+class OutputExistsError(UsageError):
+    """An output that is there already, and would be overwritten."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} exists", "Overwrite it with overwrite=True, or choose another name.")
+
+
 class ScenarioError(UsageError):
     """A scenario that cannot be run. `diagnostics` lists every mistake with its place."""
 

@@ -30,7 +30,7 @@ class Progress:
     frames: int
 
 
-@dataclass
+@dataclass(repr=False, eq=False)
 class Result:
     """What a run leaves: the last frame in memory, the ledger over time, and how it went."""
 
@@ -49,6 +49,10 @@ class Result:
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
     known_state: str | None = None
+
+    def __repr__(self) -> str:
+        where = "" if self.path is None else f" in {str(self.path)!r}"
+        return f"<Result: {len(self.times)} frames{where}, to t = {self.times[-1]:g} s>"
 
     @property
     def state(self) -> str:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
+from numbers import Integral
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ from particlesim.checkpoints import Keeper, Saving
 from particlesim.course import Course
 from particlesim.engine import cache
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, UsageError
 from particlesim.interruption import held_signals
@@ -24,10 +28,11 @@ from particlesim.references import bless as give_blessing
 from particlesim.references import check_references
 from particlesim.results import Progress, Result, recorded_result
 from particlesim.resumption import Resumption, find
+from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import previous_path
 from particlesim.trajectory.places import check_name_length
-from particlesim.trajectory.target import check_target
+from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter
 from particlesim.validity import check_ledger
 
@@ -35,24 +40,26 @@ __all__ = ["Progress", "Result", "run"]
 
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     output: str | Path | None = None,
     *,
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
     bless: bool = False,
+    warn: Callable[[str], None] | None = None,
     resume: bool = False,
     checkpoint_every: float | None = None,
     checkpoint_wall: float | None = None,
     max_wall: float | None = None,
 ) -> Result:
-    """Run a scenario from its start to its end.
+    """Run a scenario, or the scenario of a file, from its start to its end.
 
-    With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
+    With `output`, frames go to that trajectory file (.vtkhdf) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
-    results do not depend on it. `progress` is called at every frame, and between frames that take long. With `bless`, checks
-    against references are left out, and when all others hold, the trajectory becomes their reference.
+    results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
+    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
+    `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
     A run with an output makes checkpoints beside it, every `checkpoint_every` seconds of simulated time and every
     `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given), and when it is stopped by a
@@ -63,10 +70,15 @@ def run(
     be resumed; DivergenceError when a number stops being finite, Interrupted on Ctrl-C and after `max_wall`,
     InputOutputError when writing fails. Frames recorded until then are kept.
     """
+    if isinstance(scenario, str | PathLike):
+        scenario = load(scenario)
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"run takes a Scenario or the path of one, not {type(scenario).__name__}")
     path = None if output is None else Path(output)
     _check_arguments(path, overwrite, threads, bless, resume, checkpoint_every, checkpoint_wall, max_wall)
     found: Resumption | None = None
     if path is not None:
+        check_trajectory_name(path)
         resume = resume and path.exists()
         check_target(path, overwrite=overwrite or resume)
         check_name_length(previous_path(path), path.parent)
@@ -81,6 +93,10 @@ def run(
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
+    unstable = suspects(simulation).warnings
+    if warn is not None:
+        for text in unstable:
+            warn(text)
     with held_signals() as signals:
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
@@ -100,7 +116,7 @@ def run(
     result = _result(course, path, _notes(resume, found))
     if bless and path is not None and result.passed:
         give_blessing(scenario, path)
-    return result
+    return replace(result, warnings=(*unstable, *result.warnings))
 
 
 def _check_arguments(
@@ -111,6 +127,8 @@ def _check_arguments(
     resume: bool,
     *seconds: float | None,
 ) -> None:
+    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, Integral)):
+        raise TypeError(f"threads is a whole number or None, not {threads!r}")
     if threads is not None and threads < 1:
         raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
     if any(value is not None and not value > 0 for value in seconds):

@@ -6,10 +6,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import facts, number, paint, warn
+from psim.talk import facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
+
+MOST_PARTICLES = 2_000_000
+"""Particles up to which they are placed to look for the largest stable step; a run places them anyway."""
 
 
 def default_output(scenario: Path) -> Path:
@@ -23,11 +26,13 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
     Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
     """
     from particlesim.advice import advice
+    from particlesim.analysis.stability import stability
     from particlesim.bounds import check_fits, needs
     from particlesim.integrators import method_for
 
     required = needs(scenario)
     check_fits(required, output)
+    found = stability(scenario) if required.particles <= MOST_PARTICLES else None
     grid = scenario.grid
     return {
         "title": scenario.title,
@@ -48,7 +53,8 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "disk": required.disk,
         "compressed": required.compressed,
         "output": None if output is None else str(output),
-        "advice": list(advice(scenario)),
+        "stability": None if found is None else found.as_data(),
+        "advice": [*(() if found is None else found.warnings), *advice(scenario)],
     }
 
 
@@ -64,13 +70,14 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
     print(paint(f"{name}{title}", "bold", sys.stdout))
     facts(
         (
-            ("groups", ", ".join(planned["groups"])),
-            ("forces", ", ".join(planned["forces"]) or "none"),
+            ("groups", listed(planned["groups"])),
+            ("forces", listed(planned["forces"]) or "none"),
             ("particles", f"at most {planned['particles']:,} at once"),
             ("births", f"{planned['births']:,}" if planned["births"] else ""),
             ("time", f"{planned['duration']:.6g} s"),
             ("steps", steps),
             ("method", f"{planned['integrator']}, {planned['precision']} precision"),
+            ("stable dt", "\n".join(stability_rows(planned["stability"]))),
             ("work", f"about {number(planned['particle_steps'])} particle-steps"),
             ("frames", f"{planned['frames']:,} with {', '.join(planned['fields'])}"),
             ("memory", f"about {size(planned['memory'])}"),
@@ -82,3 +89,21 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
         warn(line)
     if planned["output"] is not None and Path(planned["output"]).exists():
         warn(f"{planned['output']} exists; psim run needs --force or another --output")
+
+
+def stability_rows(found: dict[str, Any] | None) -> list[str]:
+    """The largest stable steps in words, islands with the same ones together: 'up to 0.0034 s (springs 0.0038 s)'."""
+    groups: dict[str, list[str]] = {}
+    for island in () if found is None else found["islands"]:
+        alone = ", ".join(f"{name} {_step(step)}" for name, step in island["forces"].items())
+        text = f"{_step(island['largest_stable_dt'])} with {island['method']}"
+        if len(island["forces"]) > 1:
+            text += f" (alone: {alone})"
+        groups.setdefault(text, []).extend(island["groups"])
+    return [text if len(groups) == 1 else f"{', '.join(names)}: {text}" for text, names in groups.items()]
+
+
+def _step(step: float | None) -> str:
+    if step is None:
+        return "any"
+    return f"{step:.4g} s" if step > 0 else "none"

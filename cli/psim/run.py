@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from particlesim.runner import Result
     from particlesim.scenario.scenario import Scenario
 
-ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
-
 
 def run(
     scenario: ScenarioFile,
@@ -91,7 +89,8 @@ def run(
         "max_wall": parse_seconds("--max-wall", max_wall),
     }
     quiet = quiet or as_json
-    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options))
+    said: list[str] = []
+    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options, said))
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force or resume, threads, quiet)
@@ -102,7 +101,7 @@ def run(
     if as_json:
         print_json(told)
     elif not quiet:
-        show_summary(told)
+        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
         print_path(path)
         if film is not None:
             print_path(film)
@@ -143,14 +142,13 @@ def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]
 def _output(scenario: Path, output: Path | None) -> Path:
     """Where the trajectory goes. Raises UsageError for a name that no reader would take for one."""
     from particlesim.errors import UsageError
+    from particlesim.trajectory.target import check_trajectory_name
     from psim.plan import default_output
 
     path = default_output(scenario) if output is None else output
-    if not path.is_dir() and path.suffix.lower() not in ENDINGS:
-        hint = f"Name it {path.with_suffix('.vtkhdf')}, so that ParaView knows what it is."
-        if path.suffix.lower() == ".mp4":
-            hint = "For a video beside the trajectory: --video."
-        raise UsageError(f"{path} does not have the ending of a trajectory", hint)
+    if path.suffix.lower() == ".mp4":
+        raise UsageError(f"{path} is a name for a video", "For a video beside the trajectory: --video.")
+    check_trajectory_name(path)
     return path
 
 
@@ -176,13 +174,21 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool,
         check_film(loaded, film, overwrite=force or resume)
 
 
-def _simulate(loaded: Scenario, scenario: Path, path: Path, quiet: bool, options: dict[str, Any]) -> Result:
-    """Run with the options of `ps.run`; an error in the middle says where the frames before it are."""
+def _simulate(
+    loaded: Scenario, scenario: Path, path: Path, quiet: bool, options: dict[str, Any], said: list[str]
+) -> Result:
+    """Run with the options of `ps.run`; an error in the middle says where the frames before it are. What is warned of at
+    the start goes to `said`."""
     import particlesim as ps
+    from psim.talk import warn
+
+    def tell(text: str) -> None:
+        warn(text)
+        said.append(text)
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(loaded, path, progress=progress, **options)
+            return ps.run(loaded, path, progress=progress, warn=None if quiet else tell, **options)
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         if isinstance(error, ps.Interrupted):

@@ -28,8 +28,8 @@ def check_image(out: Path, *, overwrite: bool) -> None:
     check_target(out, overwrite=overwrite)
 
 
-def new_figure(rows: int = 1, height: float = 4.5) -> tuple[Figure, list[Axes]]:
-    """An empty figure with `rows` axes below each other; without pyplot nothing global changes and no display is needed.
+def blank_figure(width: float = 8.0, height: float = 4.5) -> Figure:
+    """An empty figure [inch]; without pyplot nothing global changes and no display is needed.
 
     Raises UsageError when matplotlib is missing.
     """
@@ -40,15 +40,26 @@ def new_figure(rows: int = 1, height: float = 4.5) -> tuple[Figure, list[Axes]]:
         raise UsageError(
             "plots need matplotlib, which is not installed", "pip install 'particlesim[plot]'"
         ) from None
-    figure = Figure(figsize=(8.0, height), facecolor="white", layout="constrained")
+    figure = Figure(figsize=(width, height), facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
+    return figure
+
+
+def dress(axes: Axes) -> None:
+    """Lines and ticks of axes in the house style."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(GRID)
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=INK, length=0, labelsize=9)
+
+
+def new_figure(rows: int = 1, height: float = 4.5) -> tuple[Figure, list[Axes]]:
+    """A figure with `rows` axes below each other, which share the lowest one's abscissa. Raises as `blank_figure`."""
+    figure = blank_figure(height=height)
     all_axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False).flat)
     for axes in all_axes:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(GRID)
-        axes.grid(color=GRID, linewidth=0.8)
-        axes.set_axisbelow(True)
-        axes.tick_params(colors=INK, length=0, labelsize=9)
+        dress(axes)
     return figure, all_axes
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+import particlesim.bonds
 import particlesim.forces
 import particlesim.motions  # noqa: F401
 from particlesim.engine.cache import INLINE
@@ -95,6 +96,22 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator for a function of one implementation that kernels call by its name."""
     overload(function, jit_options=INLINE, strict=False)(lambda *_: function)
     return function
+
+
+def outlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator like `inlined` for what is long or called in many places: compiled as a function of its own."""
+    overload(function, jit_options={**INLINE, "forceinline": False}, strict=False)(lambda *_: function)
+    return function
+
+
+@inlined
+def times(a: Any, x: Any, y: Any, z: Any) -> Any:
+    """Matrix times vector."""
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        a[3] * x + a[4] * y + a[5] * z,
+        a[6] * x + a[7] * y + a[8] * z,
+    )
 
 
 @inline(add)

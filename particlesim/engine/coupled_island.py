@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import BondSet, SpringRecord, StringRecord
+from particlesim.bonds import BondSet, HingeSet, record_of
+from particlesim.bonds.hinge import angles_at
+from particlesim.bonds.spring import Pair
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
 from particlesim.engine.coupled import (
     Part,
     Share,
@@ -22,12 +25,28 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, copied, group_uses_radius
+from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
+from particlesim.engine.implicit import staged_implicit
+from particlesim.engine.islands import (
+    OWN_STEPS,
+    Fault,
+    Stop,
+    Unsolved,
+    copied,
+    group_uses_radius,
+    shortest_step,
+)
+from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
+from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
+from particlesim.groups import Particles
+from particlesim.integrators import ImplicitMethod
+from particlesim.laws import bond_force
+from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -44,9 +63,13 @@ class CoupledIsland:
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
         self._method = island.method
-        self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype
+        self._staged: tuple[Any, ...]
+        if isinstance(self._method, ImplicitMethod):
+            self._staged = staged_implicit(self._method, dtype)
+        else:
+            self._staged = staged(self._method)
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -73,8 +96,14 @@ class CoupledIsland:
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
+        self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
+        self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
+        self.springs += sum(each.rows.size for each in self._corners)
+        self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
+        if isinstance(self._method, ImplicitMethod):
+            self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
 
     def _join(self, states: list[GroupState]) -> None:
@@ -139,7 +168,7 @@ class CoupledIsland:
             )
             breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
         return Bonds(
-            StringRecord() if law.tension_only else SpringRecord(),
+            record_of(law),
             slots.i,
             slots.j,
             k,
@@ -151,12 +180,42 @@ class CoupledIsland:
             breaking,
         )
 
+    def _hinges_of(self, hinges: HingeSet, offset: dict[str, int]) -> AngleColumns | DihedralColumns:
+        """Angles or dihedrals as the kernel takes them, in the order of their first particles."""
+        state = next(state for state in self.states if state.name == hinges.group)
+        rows = hinges.find()
+        if rows.size and rows.max() >= state.count:
+            raise UsageError(
+                f"{hinges.name}: {state.name!r} has {state.count} particles, there is no particle {int(rows.max())}"
+            )
+        rows = rows[np.argsort(rows.min(axis=1), kind="stable")] + offset[hinges.group]
+        dtype = self._all.dtype
+        rest = angles_at(self._all.x.astype(float), rows)
+        if hinges.rest is not None:
+            rest = np.full(len(rows), hinges.rest)
+        kind = AngleColumns if hinges.size == 3 else DihedralColumns
+        return kind(as_precision(hinges.law, dtype), np.ascontiguousarray(rows.T), rest.astype(dtype))
+
+    def _surfaces(
+        self, scenario: Scenario, island: Island, bounds: Sequence[int]
+    ) -> Iterator[TriangleColumns]:
+        """The triangles that forces on surfaces act on."""
+        for group, forces, first in zip(island.groups, island.surfaces, bounds, strict=False):
+            if not forces or not isinstance(group, Particles):
+                continue
+            triangles = group.layout.open(scenario.folder).triangles()
+            require_manifold(triangles, group.name)
+            rows = np.ascontiguousarray(triangles[np.argsort(triangles.min(axis=1), kind="stable")].T + first)
+            for force in forces:
+                record = as_precision(force.surface_record(is_closed(triangles)), self._all.dtype)
+                yield TriangleColumns(record, rows, np.empty(0, self._all.dtype))
+
     def _for(self, threads: int) -> list[tuple[tuple[Bonds, ...], Work, Share]]:
         """What each of some threads works on: pieces of bonds, scratch, particles."""
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven):
+            for share in share_out(count, threads, self._driven, self._corners):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -164,9 +223,18 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
-                found.append((mine, self._work._replace(pull=np.zeros_like(self._work.pull)), share))
+                found.append((mine, self._own_scratch(), share))
             self._shares[threads] = found
         return self._shares[threads]
+
+    def _own_scratch(self) -> Work:
+        """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+        work = self._work._replace(pull=np.zeros_like(self._work.pull))
+        if work.system is None:
+            return work
+        system = work.system
+        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
         """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
@@ -210,21 +278,59 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         steps = last - first
-        worth = self.springs >= WORTH_SPRINGS and self.springs * steps >= WORTH_THREADS
+        work_ahead = self.springs * steps * (OWN_STEPS if self._method.adaptive else 1)
+        worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         done = [0] * len(shares)
+        pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
-            done[k] = step_island(
-                self._staged, self.parts, bonds, columns, scratch, share, first, steps, self.dt
-            )
+            given = (self._staged, self.parts, bonds, columns, scratch, share)
+            if pace is None:
+                done[k] = step_island(*given, first, steps, self.dt)
+            else:
+                done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
 
         team.each(work, len(shares))
         if done[0] == steps:
             return None, None, None
-        return None, None, self._find(first + done[0])
+        step = first + done[0]
+        if pace is not None:
+            return None, None, self._stop(step, pace)
+        if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
+            return None, None, self._unsolved(step)
+        return None, None, self._find(step)
+
+    def _stop(self, step: int, pace: Pace) -> Fault:
+        """Which particle could not go on; the island is where and when it was."""
+        why, time, row = int(pace.report[0]), float(pace.report[1]), int(pace.report[2])
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        p = self.states[member].particle(row - self._bounds[member], time)
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        pulls = tuple(self._pull(bonds, row) for bonds in self.bonds)
+        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least, pulls))
+
+    def _pull(self, bonds: Bonds, row: int) -> float:
+        """Size of the sum of a set of bonds' forces on a particle of the island [N]."""
+        total = np.zeros(3)
+        for end, ends in ((1, bonds.i), (-1, bonds.j)):
+            for k in np.flatnonzero(ends == row):
+                i, j = bonds.i[k], bonds.j[k]
+                line = (self._all.x[:, i] - self._all.x[:, j]).astype(float)
+                speed = (self._all.v[:, i] - self._all.v[:, j]).astype(float)
+                numbers = (float(x[k]) if np.ndim(x) else float(x) for x in (bonds.k, bonds.c, bonds.rest))
+                total += end * np.array(bond_force(bonds.law, Pair(*line, *speed, *numbers)))
+        return float(np.linalg.norm(total))
+
+    def _unsolved(self, step: int) -> Fault:
+        """Where the equations of a step miss most."""
+        system = self._work.system
+        row = int(np.abs(system.residual).sum(axis=0).argmax())
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        unsolved = Unsolved(self._method.label, float(system.report[1]), *map(int, system.report[2:]))
+        return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,14 @@ from particlesim.engine.adaptive import step_range_adaptive
 from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
+from particlesim.engine.newton import unsolved
+from particlesim.engine.pace import RESOLVED
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -28,27 +31,48 @@ from particlesim.team import Team
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
 
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
 
 @dataclass(frozen=True)
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
     """
 
     member: int
     row: int
     step: int
     stop: Stop | None = None
+    unsolved: Unsolved | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
+
+    method: str
+    residual: float
+    iterations: int
+    linear: int = 0
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+    """Where a particle was when its own steps could not go on.
+
+    Why (a code of `engine.pace`), when [s], the particle, the shortest step that was allowed [s], and for each set of
+    bonds of the island the force of all on the particle [N].
+    """
 
     why: int
     time: float
     particle: Particle
+    least: float
+    bonds: tuple[float, ...] = ()
 
 
 @dataclass
@@ -80,6 +104,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._method = island.method
         self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
@@ -120,9 +145,8 @@ class IndependentIsland:
             def work(a: int, b: int) -> None:
                 self._step(columns, first, last - first, a, b, self._block, faults)
 
-            team.over_range(
-                self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
-            )
+            ahead = self.state.count * (last - first) * (OWN_STEPS if self._adaptive else 1)
+            team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
@@ -156,7 +180,15 @@ class IndependentIsland:
                     row = int((fault != 0).argmax())
                     earliest = Fault(0, row, step, self._stop(row, step) if self._adaptive else None)
                     break
-        return earliest
+        return replace(earliest, unsolved=self._unsolved(earliest.row, earliest.step))
+
+    def _unsolved(self, row: int, step: int) -> Unsolved | None:
+        """What was left of the equations of an implicit step, where they were not solved."""
+        if not isinstance(self._method, ImplicitMethod):
+            return None
+        columns, time, end = self.columns()[0], step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row, time, end, self.dt)
+        return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
 
     def _stop(self, row: int, step: int) -> Stop:
         """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""
@@ -164,7 +196,8 @@ class IndependentIsland:
         step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
-        return Stop(int(fault[row]), float(moment[0]), p._replace(**place))
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Stop(int(fault[row]), float(moment[0]), p._replace(**place), least)
 
 
 class Source:
@@ -240,6 +273,12 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
 def copied(c: Columns) -> Columns:

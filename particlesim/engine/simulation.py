@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
+from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import Births, Fault, IndependentIsland
+from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
+from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
@@ -35,8 +36,9 @@ WHY = {
         "keep it away from where a force has no value",
     ),
     TOO_SHORT: (
-        "needs steps below the least at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+        "needs steps below {least:.3g} s at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "shorter steps (minimum_step)",
     ),
     TOO_MANY: (
         f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
@@ -108,6 +110,11 @@ class Simulation:
             extra = {} if block is None else {"block": block}
             islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
         return islands
+
+    @property
+    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
+        """What steps together, in the order of the graph's islands."""
+        return self._islands
 
     @property
     def time(self) -> float:
@@ -212,6 +219,8 @@ class Simulation:
                 energies = bond_energy(island.bonds, island.island_columns())
                 for bonds, energy in zip(structure.bonds, energies, strict=True):
                     total[f"potential.{bonds.name}"] += energy
+                for hinges, made in zip(structure.hinges, island.hinges, strict=True):
+                    total[f"potential.{hinges.name}"] += float(sum_hinges(made, island.island_columns()))
         return total
 
     def broken(self) -> dict[str, tuple[int, int]]:
@@ -254,16 +263,19 @@ class Simulation:
         state = island.states[fault.member]
         time = fault.step * self.scenario.grid.dt
         row = fault.row
+        if fault.unsolved is not None:
+            return _unsolved(fault.unsolved, time, f"particle {state.id[row]} of {state.name!r}")
         p = state.particle(row, time) if fault.stop is None else fault.stop.particle
+        pulls: tuple[tuple[str, float], ...] = ()
         what = f"is no longer finite after the step from t = {time:.9g} s"
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
         if fault.stop is not None:
             what, hint = WHY[fault.stop.why]
-            what = what.format(t=fault.stop.time)
-        return DivergenceError(
-            f"particle {state.id[row]} of {state.name!r} {what}; it was {self._situation(state.name, p)}",
-            hint,
-        )
+            what = what.format(t=fault.stop.time, least=fault.stop.least)
+            names = [bonds.name for bonds in self.graph.islands[self._islands.index(island)].bonds]
+            pulls = tuple(zip(names, fault.stop.bonds, strict=False))
+        situation = self._situation(state.name, p, pulls)
+        return DivergenceError(f"particle {state.id[row]} of {state.name!r} {what}; it was {situation}", hint)
 
     def overflow(self, quantity: str) -> DivergenceError:
         """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
@@ -277,12 +289,15 @@ class Simulation:
         hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
         return DivergenceError(message, hint)
 
-    def _situation(self, group_name: str, p: Particle) -> str:
-        """Where a particle is, how fast, and under which force."""
+    def _situation(self, group_name: str, p: Particle, pulls: tuple[tuple[str, float], ...] = ()) -> str:
+        """Where a particle is, how fast, and under which force; `pulls` are those of springs [N]."""
         where = (
             f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
         )
         name, size = self._strongest(group_name, p)
+        for spring, pull in pulls:
+            if pull > size:
+                name, size = spring, pull
         return (
             where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
         )
@@ -291,7 +306,7 @@ class Simulation:
         group = next(g for g in self.scenario.groups if g.name == group_name)
         best: tuple[str | None, float] = (None, -1.0)
         for label, law in zip(self._labels, self.scenario.forces, strict=False):
-            if acts_on(law, group):
+            if acts_on(law, group) and not law.on_surfaces:
                 try:
                     with np.errstate(all="ignore"):
                         size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
@@ -306,6 +321,18 @@ class Simulation:
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
+
+
+def _unsolved(missed: Unsolved, time: float, particle: str) -> DivergenceError:
+    """The error of an implicit step without a solution."""
+    spent = f"{missed.iterations} Newton iterations"
+    if missed.linear:
+        spent += f" with {missed.linear} iterations of the linear solver"
+    return DivergenceError(
+        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
+        f"{missed.residual:.3g} of the first was left, most of it at {particle}",
+        "try a smaller dt, a larger tolerance, or more iterations",
+    )
 
 
 def rows(states: Sequence[GroupState]) -> list[slice]:

@@ -29,6 +29,9 @@ class Force(Model):
     needs_velocity: ClassVar[bool] = False
     """Whether the force depends on the velocity, which a particle without inertia does not have."""
 
+    on_surfaces: ClassVar[bool] = False
+    """Whether it acts on the triangles of a surface instead of single particles."""
+
     type: str
 
     @property
@@ -47,3 +50,7 @@ class Force(Model):
     def needs_temperature(self) -> bool:
         """Whether the law reads the particle's temperature."""
         return False
+
+    def kink(self) -> str | None:
+        """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""
+        return None

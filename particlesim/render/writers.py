@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, OutputExistsError, UsageError
 from particlesim.scenario.rendering import RenderSettings
 
 Picture = npt.NDArray[np.uint8]
@@ -28,7 +29,7 @@ class Writer(Protocol):
     """`add` every picture, then `finish`; or `discard` at any moment."""
 
     def add(self, picture: Picture) -> None: ...
-    def finish(self) -> Path: ...
+    def finish(self) -> tuple[Path, ...]: ...
     def discard(self) -> None: ...
 
 
@@ -52,7 +53,7 @@ def check_place(out: Path, overwrite: bool) -> None:
     if out.is_dir():
         raise UsageError(f"'{out}' is a directory", f"Name a file, for example '{out / 'video.mp4'}'.")
     if out.exists() and not overwrite:
-        raise UsageError(f"'{out}' exists already", "Choose another name, or allow overwriting it.")
+        raise OutputExistsError(out)
     folder = out.parent
     if not folder.is_dir():
         raise UsageError(f"the folder '{folder}' does not exist", f"Create it first: mkdir -p '{folder}'.")
@@ -172,7 +173,7 @@ class Mp4Writer:
         except OSError as error:
             raise self._failure() from error
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         assert self.process.stdin is not None
         try:
             self.process.stdin.close()
@@ -181,15 +182,20 @@ class Mp4Writer:
         if self.process.wait() != 0:
             raise self._failure()
         self.log.close()
-        return _moved(self.part, self.out)
+        return (_moved(self.part, self.out),)
 
     def _failure(self) -> InputOutputError:
         self.process.wait()
         self.log.seek(0)
-        lines = self.log.read().decode(errors="replace").strip().splitlines()[-5:]
-        said = "\n".join(lines) or f"it ended with status {self.process.returncode}"
+        lines = self.log.read().decode(errors="replace").strip().splitlines()
+        if any("No space left on device" in line for line in lines):
+            return InputOutputError(
+                f"the disk is full: '{self.out}' could not be written", "Free some space."
+            )
+        # Its lines begin with the part of ffmpeg that speaks and its address: "[libx264 @ 0x55d0c8a7] ...".
+        said = re.sub(r"^(\[[^\]]*\] *)+", "", lines[-1]) if lines else f"status {self.process.returncode}"
         return InputOutputError(
-            f"ffmpeg could not write '{self.out}':\n{said}", "Check the free space of the disk."
+            f"'{self.out}' could not be encoded: ffmpeg says: {said}", "Check the free space of the disk."
         )
 
     def discard(self) -> None:
@@ -217,7 +223,7 @@ class WebpWriter:
 
         self.pictures.append(Image.fromarray(picture))
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         # Milliseconds per frame, rounded so that no error adds up.
         ends = np.round(np.arange(len(self.pictures) + 1) * 1000 / self.fps).astype(int)
         first, *rest = self.pictures
@@ -228,7 +234,7 @@ class WebpWriter:
             )  # fmt: skip
         except OSError as error:
             raise _failed(self.out, error) from error
-        return _moved(self.part, self.out)
+        return (_moved(self.part, self.out),)
 
     def discard(self) -> None:
         self.pictures.clear()
@@ -243,7 +249,7 @@ class PngWriter:
         check_place(names[0], overwrite)
         taken = [name for name in names if name.exists()]
         if taken and not overwrite:
-            raise UsageError(f"'{taken[0]}' exists already", "Choose another name, or allow overwriting it.")
+            raise OutputExistsError(taken[0])
         self.parts: list[Path] = []
 
     def add(self, picture: Picture) -> None:
@@ -256,10 +262,10 @@ class PngWriter:
         except OSError as error:
             raise _failed(out, error) from error
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         for part, out in zip(self.parts, self.names, strict=True):
             _moved(part, out)
-        return self.names[0]
+        return tuple(self.names)
 
     def discard(self) -> None:
         for part in self.parts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from pydantic import ValidationError
 
 from particlesim.crossfield import Invalid
 from particlesim.scenario.diagnose import diagnose, scenario_error
+from particlesim.scenario.migration import format_of, migrated
 from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import Source, parse_source, read_source, source_from_dict
@@ -22,17 +24,30 @@ def load(path: str | Path, overrides: Overrides = ()) -> Scenario:
 
     `overrides` sets values by address: {"simulation.dt": 1e-3}, or ["simulation.dt=1e-3"] with values in TOML.
     Raises ScenarioError with every mistake and its place, UsageError when the file cannot be read.
+    TypeError for something else than a path.
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(
+            f"load takes the path of a scenario, not {type(path).__name__}; loads takes text, from_table a dict"
+        )
     return _validated(read_source(path), overrides, Path(path).resolve().parent)
 
 
 def loads(text: str, overrides: Overrides = ()) -> Scenario:
     """The scenario of a TOML text. Raises ScenarioError with every mistake and its place."""
+    if not isinstance(text, str):
+        raise TypeError(
+            f"loads takes TOML text, not {type(text).__name__}; load takes a path, from_table a dict"
+        )
     return _validated(parse_source(text), overrides, None)
 
 
 def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
     """The scenario of a table such as TOML gives. Raises ScenarioError with every mistake."""
+    if not isinstance(table, Mapping):
+        raise TypeError(
+            f"from_table takes a dict, not {type(table).__name__}; load takes a path, loads TOML text"
+        )
     return _validated(source_from_dict(table), overrides, None)
 
 
@@ -42,14 +57,22 @@ def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Sce
 
 def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
     """Overrides of either form. Raises UsageError or ScenarioError for text that is none."""
+    if isinstance(overrides, str):
+        overrides = (overrides,)
+    entries = tuple(overrides) if isinstance(overrides, Iterable) else (overrides,)
+    if not all(isinstance(entry, str) for entry in entries):
+        raise TypeError(
+            'overrides are a dict such as {"simulation.dt": 1e-3}, or texts such as "simulation.dt=1e-3"'
+        )
     if isinstance(overrides, Mapping):
         return overrides_from_mapping(overrides)
-    return tuple(parse_override(text) for text in overrides)
+    return tuple(parse_override(text) for text in entries)
 
 
 def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | None) -> Scenario:
     """The scenario of a parsed source with further overrides. Raises ScenarioError with every mistake and its place."""
-    source = apply_overrides(source, settings)
+    version = format_of(source)
+    source = apply_overrides(migrated(source), settings)
     mistakes: list[Invalid] = []
     try:
         scenario = Scenario.model_validate(source.raw, context={"mistakes": mistakes})
@@ -58,4 +81,4 @@ def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | N
     if mistakes:
         raise scenario_error(source, mistakes)
     told = tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
-    return scenario.loaded_from(folder, told, source)
+    return scenario.loaded_from(folder, told, source, version)

@@ -10,8 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, OutputExistsError, UsageError
 from particlesim.trajectory.places import check_name_length, kind_of
+
+ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
+"""Endings of trajectories; ParaView knows the first."""
 
 _STEM = 24
 """Characters of a name that its temporary name begins with; so that it is not too long where the name itself is not."""
@@ -26,7 +29,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if kind not in (None, "file"):
         raise UsageError(f"{path} is a {kind}", "Give the name of a file to write.")
     if kind is not None and not overwrite:
-        raise exists(path)
+        raise OutputExistsError(path)
     folder = path.parent
     while (kind := kind_of(folder)) is None and folder != folder.parent:
         folder = folder.parent  # what is missing will be made there
@@ -39,9 +42,13 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         )
 
 
-def exists(path: Path) -> UsageError:
-    """The error for an output that is there already."""
-    return UsageError(f"{path} exists", "Overwrite it with --force (overwrite=True), or choose another name.")
+def check_trajectory_name(path: Path) -> None:
+    """Refuse a name that no reader would take for a trajectory. Raises UsageError."""
+    if path.suffix.lower() not in ENDINGS and not path.is_dir():
+        raise UsageError(
+            f"{path} does not have the ending of a trajectory",
+            f"Name it {path.with_suffix(ENDINGS[0])}, so that ParaView knows what it is.",
+        )
 
 
 @contextmanager
@@ -68,12 +75,12 @@ def put_new(temporary: Path, path: Path) -> None:
     try:
         os.link(temporary, path)
     except FileExistsError:
-        raise exists(path) from None
+        raise OutputExistsError(path) from None
     except OSError:  # a file system without hard links
         try:
             path.open("xb").close()
         except FileExistsError:
-            raise exists(path) from None
+            raise OutputExistsError(path) from None
         temporary.replace(path)
 
 

@@ -59,7 +59,7 @@ def psim_rate(width: int, steps: int, threads: int, repeats: int = 3) -> float:
     """Springs per second in whole steps, the best of some runs."""
     simulation = Simulation(cloth(width, DT.get(width, 1e-6)), threads=threads)
     simulation.advance_to(2)
-    springs = simulation._islands[0].springs  # type: ignore[union-attr]
+    springs = simulation.islands[0].springs  # type: ignore[union-attr]
     best = 0.0
     for _ in range(repeats):
         begin = time.perf_counter()

@@ -21,10 +21,11 @@ from psim import complete
 from psim.options import parse_frames
 from psim.talk import duration, rate
 
-from .conftest import REPOSITORY, environment, files, real
+from .conftest import REPOSITORY, TINY, Ended, environment, files, real
 
 COMMANDS = (
     "run",
+    "verify",
     "check",
     "render",
     "inspect",
@@ -32,6 +33,7 @@ COMMANDS = (
     "rerun",
     "plot",
     "export",
+    "migrate",
     "new",
     "examples",
     "describe",
@@ -306,3 +308,78 @@ def test_units_of_talk():
     assert [duration(t) for t in (0.5, 12.34, 200, 7500)] == ["0.50 s", "12.3 s", "3 min 20 s", "2 h 05 min"]
     assert rate(3.21e8) == "321 M particle-steps/s"
     assert rate(12) == "12 particle-steps/s"
+
+
+SPRUNG = """\
+format = 1
+[simulation]
+duration = 0.1
+dt = 0.05
+[[particles]]
+name = "pair"
+layout = { type = "points", position = [[0, 0, 0], [1.1, 0, 0]] }
+[[springs]]
+on = "pair"
+pairs = [[0, 1]]
+stiffness = 800.0
+rest_length = 1.0
+"""
+"""ω² = 2k/m = 1600/s²: symplectic Euler is stable up to 2/40 s."""
+
+
+def test_stability(psim):
+    Path("pair.toml").write_text(SPRUNG)
+    ended = psim("stability", "pair.toml")
+    assert ended.code == 0
+    assert "0.05 s with symplectic_euler" in ended.out
+    assert not ended.err
+    beyond = ("--set", "simulation.dt=0.1")
+    told = psim("stability", "pair.toml", "--json", "--plot", "region.png", *beyond).json
+    assert told["largest_stable_dt"] == pytest.approx(0.05, rel=1e-6)
+    assert told["islands"][0]["forces"] == {"springs": pytest.approx(0.05, rel=1e-6)}
+    assert "simulation.dt = 0.045" in told["warnings"][0]
+    assert Path("region.png").read_bytes().startswith(b"\x89PNG")
+    assert psim("stability", "pair.toml", "--plot", "region.png").code == 2
+    assert psim("stability", "pair.toml", "--plot", "region.xyz").code == 2
+
+
+def test_check_and_run_tell_of_steps_that_are_too_long(psim):
+    Path("pair.toml").write_text(SPRUNG)
+    beyond = ("--set", "simulation.dt=0.1")
+    checked = psim("check", "pair.toml", *beyond)
+    assert "stable dt" in checked.out
+    assert "beyond the largest stable step" in checked.err
+    assert psim("check", "pair.toml", "--json").json[0]["stability"]["largest_stable_dt"] == pytest.approx(
+        0.05
+    )
+    ended = psim("run", "pair.toml", *beyond)
+    assert ended.err.count("beyond the largest stable step") == 1
+    assert "beyond" in psim("run", "pair.toml", "--json", "--force", *beyond).json["warnings"][0]
+
+
+def test_check_quietly(psim):
+    assert psim("check", "tiny.toml", "--quiet") == Ended(0, "", "")
+    Path("bad.toml").write_text("nonsense")
+    ended = psim("check", "-q", "tiny.toml", "bad.toml")
+    assert (ended.code, ended.out) == (2, "")
+    assert "bad.toml:1" in ended.err
+
+
+def test_many_names_are_cut_short(psim):
+    forces = "".join('\n[[forces]]\ntype = "gravity"\nacceleration = [0, 0, 0]\n' for _ in range(40))
+    Path("many.toml").write_text(TINY + forces)
+    ended = psim("check", "many.toml")
+    assert "gravity_12 and 29 more" in ended.out
+    assert "gravity_13" not in ended.out
+    assert len(psim("check", "many.toml", "--json").json[0]["forces"]) == 41
+
+
+def test_a_path_with_spaces_is_quoted_where_it_is_to_be_copied(psim):
+    assert "psim run 'my scene.toml' --video" in psim("new", "my scene").err
+
+
+def test_sizes_in_words():
+    from particlesim.bounds import size
+
+    words = [size(b) for b in (0, 999, 1000, 2.5e6, 1e15, 2e18, 4e24)]
+    assert words == ["0 B", "999 B", "1.0 kB", "2.5 MB", "1.0 PB", "2.0 EB", "4e+06 EB"]

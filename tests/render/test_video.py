@@ -91,7 +91,7 @@ def test_existing_files_are_kept_unless_told(cloud, settings, tmp_path):
     for name in ("a.mp4", "a.webp", "a-0002.png"):
         (tmp_path / name).write_text("precious")
     for name in ("a.mp4", "a.webp", "a.png"):
-        with pytest.raises(UsageError, match="exists already"):
+        with pytest.raises(UsageError, match=" exists"):
             render_video(cloud, tmp_path / name, settings, frames=slice(0, 3))
     assert all(path.read_text() == "precious" for path in tmp_path.iterdir())
     render_video(cloud, tmp_path / "a.mp4", settings, frames=slice(0, 3), overwrite=True)
@@ -136,14 +136,14 @@ def test_failing_ffmpeg_is_quoted_and_leaves_nothing(cloud, settings, tmp_path, 
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(fake))
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(InputOutputError, match="No space left on device"):
+    with pytest.raises(InputOutputError, match="the disk is full"):
         render_video(cloud, folder / "a.mp4", settings)
     assert not list(folder.iterdir())
 
 
 def test_positions_that_are_not_finite_are_reported(settings, tmp_path):
     report = render_video(single([[np.nan, 0, 0], [0, 1, 0]]), tmp_path / "a.png", settings)
-    assert any("1 positions are not finite" in warning for warning in report.warnings)
+    assert any("1 position is not finite" in warning for warning in report.warnings)
 
 
 def test_numbers_of_files():
@@ -152,3 +152,19 @@ def test_numbers_of_files():
     assert writers.numbered(Path("a.png"), 1) == [Path("a.png")]
     assert writers.numbered(Path("a.png"), 2) == [Path("a-0001.png"), Path("a-0002.png")]
     assert writers.numbered(Path("f/%02d.png"), 1) == [Path("f/01.png")]
+
+
+def test_a_chosen_frame_is_the_picture_of_its_video(cloud, settings, tmp_path):
+    from PIL import Image
+
+    report = render_video(cloud, tmp_path / "one.png", settings, frames=slice(0, 1))
+    with Image.open(report.path) as image:
+        assert (np.asarray(image) == render_frame(cloud, 0, settings)).all()
+
+
+def test_chosen_frames_are_a_picture_each(cloud, settings, tmp_path):
+    slow = settings.model_copy(update={"speed": 1e-3 * float(np.ptp(cloud.times))})  # many pictures per frame
+    report = render_video(cloud, tmp_path / "x.png", slow, frames=slice(0, 3))
+    assert report.frames == 3
+    assert report.paths == tuple(tmp_path / f"x-000{k}.png" for k in (1, 2, 3))
+    assert sorted(tmp_path.iterdir()) == list(report.paths)

@@ -1,0 +1,65 @@
+"""`psim stability`: the largest stable step of a scenario, and its eigenvalues on the stability region."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from psim.options import Force, Overrides, ScenarioFile
+from psim.talk import facts, paint, print_json, print_path, warn
+
+
+def stability(
+    scenario: ScenarioFile,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot",
+            "-o",
+            metavar="FILE",
+            help="Draw the eigenvalues h λ on the stability region of the method: .png, .svg or .pdf.",
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Print the largest stable step of a scenario, for every force alone and for all together.
+
+    The scenario is linearised at its initial state: forces that change much on the way allow other steps there. Exit code
+    0 whether or not dt is stable. --plot needs matplotlib: pip install 'particlesim\\[plot]'.
+    """
+    import particlesim as ps
+    from psim.plan import stability_rows
+
+    loaded = ps.load(scenario, overrides or ())
+    found = ps.stability(loaded)
+    if plot is not None:
+        from particlesim.analysis.stability import plot_stability
+
+        plot_stability(found, plot, overwrite=force)
+    data = {
+        "scenario": str(scenario),
+        **found.as_data(),
+        "warnings": list(found.warnings),
+        "plot": plot and str(plot),
+    }
+    if as_json:
+        print_json({**data, "exit_code": 0})
+        return
+    print(paint(str(scenario), "bold", sys.stdout))
+    facts(
+        (
+            ("dt", f"{found.dt:.6g} s"),
+            ("stable dt", "\n".join(stability_rows(data))),
+            ("from", ", ".join(dict.fromkeys(island.how for island in found.islands))),
+        ),
+        sys.stdout,
+    )
+    for text in found.warnings:
+        warn(text)
+    if plot is not None:
+        print_path(plot)

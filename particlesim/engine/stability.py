@@ -1,0 +1,231 @@
+"""The largest stable step of a simulation at its present state: of every island, by force and with all forces together.
+
+What decides are the modes of the linearised island (`engine.linear`) and the stability region of its method
+(`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.linear import IslandModel, pairs
+from particlesim.integrators import METHODS, Method
+from particlesim.integrators.regions import (
+    SLIP_OF_STEPS,
+    amplification,
+    eigenvalues,
+    growth,
+    has_function,
+    largest_step,
+)
+
+if TYPE_CHECKING:
+    from particlesim.engine.simulation import Simulation
+
+TOLERATED = 10.0
+"""Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
+oscillation grow, most often by too little to see."""
+MARGIN = 0.9
+"""Part of the largest stable step that is recommended."""
+
+
+@dataclass(frozen=True)
+class IslandStability:
+    """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
+    (`step`); 0: none is stable, infinite: no limit.
+
+    `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
+    stable one; `eigenvalues` are those of all forces together [1/s]; `how` is that of `Linearised`.
+    """
+
+    groups: tuple[str, ...]
+    method: Method
+    forces: dict[str, float]
+    step: float
+    growth: float
+    how: str
+    eigenvalues: NDArray[np.complex128] = field(repr=False)
+
+    def warning(self, dt: float) -> str | None:
+        """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
+        if not self.growth > math.log10(TOLERATED):
+            return None
+        name = " and ".join(repr(group) for group in self.groups)
+        if self.step == 0:
+            return (
+                f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
+                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
+            )
+        sure = " that is sure" if self.how == "bounds" else ""
+        return (
+            f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
+            f"{self._strictest()}: {advice(self.step)}"
+        )
+
+    def _strictest(self) -> str:
+        """The force that limits the step most, if there are several."""
+        if len(self.forces) < 2:
+            return ""
+        name, step = min(self.forces.items(), key=lambda item: item[1])
+        return f" ({name} alone: {step:.3g} s)" if math.isfinite(step) else ""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """The largest stable steps of a simulation with steps of `dt` [s]."""
+
+    dt: float
+    islands: tuple[IslandStability, ...]
+
+    @property
+    def step(self) -> float:
+        """The largest step that is stable for all islands [s]."""
+        return min((island.step for island in self.islands), default=math.inf)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for every island that cannot be stable."""
+        return tuple(text for island in self.islands if (text := island.warning(self.dt)) is not None)
+
+    def as_data(self) -> dict[str, Any]:
+        """As plain data, for JSON; steps without a limit are None."""
+        return {
+            "dt": self.dt,
+            "largest_stable_dt": _finite(self.step),
+            "islands": [
+                {
+                    "groups": list(island.groups),
+                    "method": island.method.label,
+                    "largest_stable_dt": _finite(island.step),
+                    "forces": {name: _finite(step) for name, step in island.forces.items()},
+                    "growth_over_run_log10": island.growth,
+                    "basis": island.how,
+                }
+                for island in self.islands
+            ],
+        }
+
+
+def stability(simulation: Simulation) -> Stability:
+    """The largest stable steps of a simulation at its present state."""
+    return Stability(
+        simulation.scenario.grid.dt, tuple(_of(simulation, k) for k in range(len(simulation.islands)))
+    )
+
+
+def suspects(simulation: Simulation) -> Stability:
+    """The islands that cannot be stable with the step in use; fast where there are none.
+
+    Large islands of springs are looked at closely only when bounds on their modes leave a doubt.
+    """
+    dt = simulation.scenario.grid.dt
+    doubtful = (k for k in range(len(simulation.islands)) if not _surely_stable(simulation, k))
+    found = (_of(simulation, k) for k in doubtful)
+    return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
+
+
+def island_stability(simulation: Simulation, number: int) -> IslandStability:
+    """The largest stable steps of one island at its present state."""
+    return _of(simulation, number)
+
+
+def advice(step: float) -> str:
+    """What to try when steps are longer than the largest stable one [s]."""
+    text = f"try simulation.dt = {rounded(MARGIN * step):g}"
+    names = unlimited()
+    return f"{text}, or an integrator without a limit ({', '.join(names)})" if names else text
+
+
+def rounded(step: float) -> float:
+    """A step cut to two digits [s]."""
+    if not (step > 0 and math.isfinite(step)):
+        return step
+    digits = 1 - math.floor(math.log10(step))
+    return math.floor(step * 10.0**digits * (1 + 1e-12)) / 10.0**digits
+
+
+def unlimited() -> tuple[str, ...]:
+    """Methods that are stable for every decaying or oscillating mode, whatever the step."""
+    wedge = np.concatenate(
+        [1j * np.geomspace(1e-2, 1e6, 9), -np.geomspace(1e-2, 1e6, 9), [-1 + 1j, -1e3 + 1e3j]]
+    )
+    return tuple(
+        name
+        for name, method in METHODS.items()
+        if has_function(method) and bool((np.abs(amplification(method, wedge)) <= 1 + 1e-12).all())
+    )
+
+
+def _of(simulation: Simulation, number: int) -> IslandStability:
+    model = _model(simulation, number)
+    structure, grid = model.structure, simulation.scenario.grid
+    method = structure.method
+    found = model.linearise()
+    if method.adaptive:  # it shortens its steps by itself
+        return IslandStability(
+            tuple(group.name for group in structure.groups),
+            method,
+            dict.fromkeys(found.forces, math.inf),
+            math.inf,
+            -math.inf,
+            found.how,
+            eigenvalues(found.together).ravel(),
+        )
+    factor = growth(method, found.together, grid.dt)
+    total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
+    if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
+        total = min(total, 0.0)  # rounding, not growth
+    return IslandStability(
+        tuple(group.name for group in structure.groups),
+        method,
+        {label: largest_step(method, system) for label, system in found.forces.items()},
+        largest_step(method, found.together),
+        total,
+        found.how,
+        eigenvalues(found.together).ravel(),
+    )
+
+
+def _surely_stable(simulation: Simulation, number: int) -> bool:
+    """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
+    model = _model(simulation, number)
+    method, grid = model.structure.method, simulation.scenario.grid
+    if method.adaptive:
+        return True
+    limits = model.box()
+    if limits is None:
+        if model.structure.coupled:
+            return False
+        system = model.linearise().together
+    else:
+        k, d = (np.multiply(limit, [0, 0.25, 0.5, 0.75, 1]) for limit in limits)
+        system = pairs(np.repeat(k, 5), np.tile(d, 5))
+    factor = growth(method, system, grid.dt)
+    allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
+    return factor <= allowed
+
+
+def _model(simulation: Simulation, number: int) -> IslandModel:
+    return IslandModel(
+        simulation.scenario, simulation.graph.islands[number], simulation.islands[number], simulation.time
+    )
+
+
+def _others(method: str) -> str:
+    """Methods that do not let oscillations grow."""
+    names: Sequence[str] = [name for name in ("symplectic_euler", "velocity_verlet", "rk4") if name != method]
+    return f"try integrator = {' or '.join(repr(name) for name in names)}"
+
+
+def _power(exponent: float) -> str:
+    return f"10^{exponent:.0f}" if exponent > 4 else f"{10**exponent:.3g}"
+
+
+def _finite(step: float) -> float | None:
+    return step if math.isfinite(step) else None

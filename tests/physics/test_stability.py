@@ -1,0 +1,241 @@
+"""The largest stable step of a scenario: closed forms, dense eigenvalues, and runs on both sides of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import points, table
+
+import particlesim as ps
+from particlesim.engine import linear
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.spring_tensors import bound, network
+from particlesim.engine.stability import rounded, stability, suspects
+from particlesim.integrators import METHODS
+
+M1, M2, K = 0.5, 1.5, 30.0
+OMEGA = math.sqrt(K * (1 / M1 + 1 / M2))
+
+
+def dumbbell(dt: float, method: str, steps: int = 100, damping: float = 0.0, **more: Any) -> dict[str, Any]:
+    return table(
+        steps * dt,
+        dt,
+        method,
+        particles=[points((0, 0, 0), mass=M1, name="a"), points((1.001, 0, 0), mass=M2, name="b")],
+        springs=[
+            {"between": ["a", "b"], "pairs": [[0, 0]], "stiffness": K, "damping": damping, "rest_length": 1.0}
+        ],
+        **more,
+    )
+
+
+def cloth(
+    dt: float, resolution: tuple[int, int] = (5, 4), damping: float = 0.0, **more: Any
+) -> dict[str, Any]:
+    size = [0.1 * (n - 1) for n in resolution]
+    layout = {
+        "type": "cloth",
+        "origin": [0, 2, 0],
+        "size": size,
+        "resolution": list(resolution),
+        "pinned": "left",
+    }
+    springs = {"structural": 800.0, "shear": 200.0, "bend": 20.0, "damping": damping}
+    group = {"name": "flag", "layout": layout, "mass": 0.2, "springs": springs}
+    return table(100 * dt, dt, "symplectic_euler", particles=[group], **more)
+
+
+def judged(scenario: dict[str, Any]) -> Any:
+    return ps.stability(ps.from_table(scenario))
+
+
+LIMITS = {
+    "symplectic_euler": 2.0,
+    "velocity_verlet": 2.0,
+    "stormer_verlet": 2.0,
+    "rk3": math.sqrt(3),
+    "rk4": math.sqrt(8),
+}
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_two_masses_and_a_spring(method: str) -> None:
+    # The only mode that moves along the spring has ω² = k (1/m₁ + 1/m₂). Pulled to 1.001 of its length, the spring holds
+    # back across, too, with ω⊥² = ω² · 0.001/1.001, which limits nothing.
+    found = judged(dumbbell(1e-3, method))
+    (island,) = found.islands
+    assert island.groups == ("a", "b")
+    assert island.forces == {"springs": pytest.approx(island.step)}
+    assert found.step == island.step
+    if method in LIMITS:
+        assert found.step == pytest.approx(LIMITS[method] / OMEGA, rel=1e-6)
+    if METHODS[method].order < 3 and method in ("explicit_euler", "midpoint", "heun"):
+        assert found.step == 0.0
+
+
+def test_a_damped_spring() -> None:
+    # Symplectic Euler: h² ω² + 2 h d = 4 with d = c (1/m₁ + 1/m₂).
+    d = 0.8 * (1 / M1 + 1 / M2)
+    h = judged(dumbbell(1e-3, "symplectic_euler", damping=0.8)).step
+    assert h * h * OMEGA**2 + 2 * h * d == pytest.approx(4, rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "rk4"])
+def test_runs_are_bounded_below_the_limit_and_grow_beyond(method: str) -> None:
+    # Beyond by 1 %, the factor per step is 1.2 or more for symplectic Euler (μ = −1 ∓ 2√(0.01)) and 1.05 for RK4 (|R|² = 1 −
+    # y⁶/72 + y⁸/576); the stretch of 1 mm grows until springs are no longer linear. Below, symplectic Euler at hω = 2 · 0.98
+    # swings with at most 1/√(1 − 0.98²) = 5 times the amplitude, and RK4 is damped.
+    limit = LIMITS[method] / OMEGA
+    stretch = []
+    for part in (0.98, 1.01):
+        result = ps.run(ps.from_table(dumbbell(part * limit, method, 200)))
+        a, b = result.final.position
+        stretch.append(abs(np.linalg.norm(a - b) - 1.0))
+        assert bool(result.warnings) == (part > 1)
+    assert stretch[0] < 0.0051
+    assert stretch[1] > 0.1
+
+
+def test_a_warning_names_the_number_to_change() -> None:
+    told: list[str] = []
+    scenario = ps.from_table(dumbbell(2.5 / OMEGA, "symplectic_euler", 3))
+    result = ps.run(scenario, warn=told.append)
+    assert told == [result.warnings[0]]
+    assert f"simulation.dt = {rounded(0.9 * 2 / OMEGA):g}" in told[0]
+    assert "'a' and 'b'" in told[0]
+
+
+def test_a_method_that_lets_everything_grow_is_told_of_when_it_matters() -> None:
+    # Explicit Euler multiplies by √(1 + (hω)²) in a step: 1.000005 for hω = 0.00316, e^(0.5) in 10⁵ steps, e^(50) in 10⁷.
+    short, long = (judged(dumbbell(0.00316 / OMEGA, "explicit_euler", n)) for n in (100_000, 10_000_000))
+    assert short.step == long.step == 0.0
+    assert not short.warnings
+    assert "symplectic_euler" in long.warnings[0]
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02])
+def test_a_cloth_by_bound_and_by_extreme_modes_is_that_of_dense_matrices(
+    damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation = Simulation(ps.from_table(cloth(1e-4, (8, 5), damping)), threads=1)
+    dense = stability(simulation).islands[0]
+    assert dense.how == "all particles"
+    monkeypatch.setattr(linear, "DENSE", 0)
+    extreme = stability(simulation).islands[0]
+    assert extreme.how == "extreme modes"
+    assert extreme.step == pytest.approx(dense.step, rel=2e-3)
+    for name, step in dense.forces.items():
+        assert extreme.forces[name] == pytest.approx(step, rel=0.02), name
+    monkeypatch.setattr(linear, "MOST_SPRINGS", 0)
+    monkeypatch.setattr(linear, "FEW_SPRINGS", 0)
+    bounded = stability(simulation).islands[0]
+    assert bounded.how == "bounds"
+    assert 0.6 * dense.step < bounded.step <= dense.step
+    simulation.close()
+
+
+def test_the_bound_is_above_the_largest_eigenvalue_and_near_it() -> None:
+    rng = np.random.default_rng(1)
+    pairs = np.array([[i, j] for i in range(20) for j in range(i) if rng.random() < 0.2])
+    scenario = table(
+        1.0,
+        1e-3,
+        particles=[
+            points(
+                *rng.random((20, 3)).tolist(), name="net", mass={"type": "uniform", "low": 0.1, "high": 2.0}
+            )
+        ],
+        springs=[{"on": "net", "pairs": pairs.tolist(), "stiffness": 7.0, "rest_length": 0.1}],
+    )
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    model = linear.IslandModel(simulation.scenario, simulation.graph.islands[0], simulation.islands[0], 0.0)
+    w = model._mobility()
+    springs = model._springs(simulation.islands[0])["springs"]
+    blocks = springs.along[:, None, None] * np.einsum("an,bn->nab", springs.e, springs.e)
+    blocks = blocks + springs.across[:, None, None] * (
+        np.eye(3) - np.einsum("an,bn->nab", springs.e, springs.e)
+    )
+    root = np.sqrt(np.repeat(w, 3))
+    largest = np.linalg.eigvalsh(root[:, None] * network(springs, blocks, 20).toarray() * root).max()
+    assert largest <= bound([springs], w, damping=False) < 2.5 * largest
+    simulation.close()
+
+
+def test_quick_looks_have_no_doubts_where_there_are_none() -> None:
+    stable = Simulation(ps.from_table(cloth(1e-4, (30, 20))), threads=1)
+    assert suspects(stable).islands == ()
+    stable.close()
+    wild = Simulation(ps.from_table(cloth(1e-2, (30, 20))), threads=1)
+    assert len(suspects(wild).warnings) == 1
+    wild.close()
+
+
+def test_single_particles() -> None:
+    # A point spring and drag: ω² = k/m, d = c/m; alone, RK4 allows 2√2/ω and 2.785/d.
+    scenario = table(
+        1.0,
+        1e-3,
+        "rk4",
+        particles=[points((0.1, 0, 0), mass=0.5)],
+        forces=[
+            {"type": "point_spring", "stiffness": 8.0, "anchor": [0, 0, 0]},
+            {"type": "linear_drag", "coefficient": 0.5},
+            {"type": "gravity"},
+        ],
+    )
+    (island,) = judged(scenario).islands
+    assert island.forces == {
+        "point_spring": pytest.approx(math.sqrt(8) / 4, rel=1e-6),
+        "linear_drag": pytest.approx(2.7852935634 / 1.0, rel=1e-6),
+    }
+
+
+def test_emitted_particles_are_judged_as_they_are_born() -> None:
+    # Quadratic drag f = −½ρc_dA|v|v: along the motion ∂f/∂v = −2 f/v, here −ρ c_d π r² v = −0.0148 kg/s at 50 m/s.
+    emitter = {
+        "rate": 10.0,
+        "shape": {"type": "point", "position": [0, 0, 0]},
+        "speed": 50.0,
+        "mass": 0.002,
+        "radius": 0.02,
+    }
+    drag = {"type": "drag", "density": 1.2, "coefficient": 0.2}
+    (island,) = judged(table(1.0, 1e-3, "rk4", emitters=[emitter], forces=[drag])).islands
+    rate = 1.2 * 0.2 * math.pi * 0.02**2 * 50 / 0.002
+    assert island.step == pytest.approx(2.7852935634 / rate, rel=1e-6)
+
+
+def test_steps_are_cut_never_rounded_up() -> None:
+    assert rounded(0.0123456) == 0.012
+    assert rounded(0.999) == 0.99
+    assert rounded(2.0) == 2.0
+    assert rounded(math.inf) == math.inf
+
+
+def test_without_inertia_a_spring_relaxes() -> None:
+    # x' = −(k/γ) (l − L₀) on both ends: l relaxes with 2k/γ; the method is explicit Euler, whose limit is 2.
+    scenario = table(
+        1.0,
+        1e-3,
+        "explicit_euler",
+        particles=[
+            points((0, 0, 0), (1, 0, 0), name="grains", dynamics={"type": "first_order", "drag": 3.0})
+        ],
+        springs=[{"on": "grains", "pairs": [[0, 1]], "stiffness": 6.0}],
+    )
+    assert judged(scenario).step == pytest.approx(2 / (2 * 6 / 3), rel=1e-6)
+
+
+def test_a_pinned_end_is_heavy() -> None:
+    scenario = table(
+        1.0,
+        1e-3,
+        "symplectic_euler",
+        particles=[points((0, 0, 0), (1, 0, 0), name="bob", mass=0.5, pinned=[0])],
+        springs=[{"on": "bob", "pairs": [[0, 1]], "stiffness": 8.0}],
+    )
+    assert judged(scenario).step == pytest.approx(2 / 4, rel=1e-6)
