@@ -93,7 +93,39 @@ MEMORY: Table = {
     "planes": [{"normal": [0, 1, 0], "contact": "kill"}],
 }
 
-KINDS = {"fountain": FOUNTAIN, "cloth": CLOTH, "memory": MEMORY}
+ADAPTIVE: Table = {
+    **MEMORY,
+    "simulation": {"duration": 1.0, "dt": 0.05, "integrator": {"method": "rk45", "tolerance": 1e-6}},
+    "output": {"every": 1},
+}
+
+IMPLICIT: Table = {
+    "simulation": {"duration": 0.3, "dt": 0.01, "integrator": "backward_euler"},
+    "output": {"every": 2, "precision": "double"},
+    "particles": [
+        {
+            "name": "flag",
+            "layout": {
+                "type": "cloth",
+                "size": [1, 1],
+                "resolution": [8, 8],
+                "pinned": "top",
+                "up": [0, 0, 1],
+            },
+            "mass": 0.5,
+            "springs": {"structural": 400.0, "shear": 100.0, "damping": 0.01},
+        }
+    ],
+    "forces": [{"type": "gravity"}],
+}
+
+KINDS = {
+    "fountain": FOUNTAIN,
+    "cloth": CLOTH,
+    "memory": MEMORY,
+    "adaptive": ADAPTIVE,
+    "implicit": IMPLICIT,
+}
 
 
 def stop_at(frames: int) -> Callable[[ps.Progress], None]:
