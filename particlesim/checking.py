@@ -99,6 +99,18 @@ class Checks:
                 value = total(item.check.quantity, row, self._energy or 0.0)
             item.take(judged(item.check, value, item.node, simulation.time), simulation.time)
 
+    def state(self) -> dict[str, Any]:
+        """What they have seen so far, as plain data."""
+        return {"energy": self._energy, "worst": [item.state() for item in self._items]}
+
+    def restore(self, simulation: Simulation, state: Mapping[str, Any]) -> None:
+        """Go on from a `state`; `simulation` is at its start."""
+        self._energy = state["energy"]
+        for item, worst in zip(self._items, state["worst"], strict=True):
+            if isinstance(item.observer, Oracle):
+                item.observer.begin(simulation)
+            item.restore(worst)
+
     def results(self) -> tuple[CheckResult, ...]:
         """How the checks ended, in the order of the scenario."""
         return tuple(item.result() for item in self._items)
@@ -136,6 +148,14 @@ class _Item:
             seen = Seen(float("nan"), float("inf"))
         if self._worst is None or seen.excess > self._worst[0].excess:
             self._worst = (seen, time)
+
+    def state(self) -> list[Any] | None:
+        """The worst so far, as plain data."""
+        return None if self._worst is None else [asdict(self._worst[0]), self._worst[1]]
+
+    def restore(self, state: list[Any] | None) -> None:
+        """Go on from a `state`."""
+        self._worst = None if state is None else (Seen(**state[0]), float(state[1]))
 
     def result(self) -> CheckResult:
         """How it ended."""

@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import uuid
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -21,12 +22,14 @@ GIT_TIMEOUT = 2.0
 
 
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
-    """The resolved scenario as TOML, the digest of its physics, overrides, versions, seed, host, git revision, command."""
+    """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
+    revision, command."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
         "overrides": "\n".join(scenario.overrides),
         "physics": physics_digest(scenario),
+        "run": uuid.uuid4().hex,
         "psim": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),

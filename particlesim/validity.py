@@ -69,6 +69,14 @@ class Watch:
                     if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
                         self._largest[label] = (reynolds, simulation.time)
 
+    def state(self) -> dict[str, list[float]]:
+        """What it has seen so far, as plain data."""
+        return {label: list(seen) for label, seen in self._largest.items()}
+
+    def restore(self, state: dict[str, list[float]]) -> None:
+        """Go on from a `state`."""
+        self._largest = {label: (reynolds, time) for label, (reynolds, time) in state.items()}
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to tell the user."""

@@ -59,6 +59,7 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim run fountain.toml --video",
             "psim run fountain.toml --set simulation.dt=1e-3 --set forces.air.coefficient=0.3 -o fine.vtkhdf",
             "psim run fountain.toml --json > summary.json",
+            "psim run fountain.toml --max-wall 10m --resume",
         ),
     ),
     (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -46,6 +47,30 @@ Tolerance = Annotated[
         "0 by default: every bit counts.",
     ),
 ]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="Go on with a run that was stopped or killed; begin it if there is none."),
+]
+CheckpointEvery = Annotated[
+    str | None,
+    typer.Option("--checkpoint-every", metavar="TIME", help="Simulated time between checkpoints: 0.5, 20ms."),
+]
+CheckpointWall = Annotated[
+    str | None,
+    typer.Option(
+        "--checkpoint-wall",
+        metavar="TIME",
+        help="Wall-clock time between checkpoints: 90, 10m; 60 s by default.",
+    ),
+]
+MaxWall = Annotated[
+    str | None,
+    typer.Option(
+        "--max-wall",
+        metavar="TIME",
+        help="Stop in order after that much wall-clock time: 90, 10m, 2h. --resume goes on; exit code 130.",
+    ),
+]
 Frames = Annotated[
     str | None,
     typer.Option(
@@ -54,6 +79,25 @@ Frames = Annotated[
         help="Only these frames, as Python counts: 10:20, 100:, ::2, or --frames=-1: for the last.",
     ),
 ]
+
+
+_SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+def parse_seconds(option: str, text: str | None) -> float | None:
+    """Seconds from '90', '90s', '10m' (or min), '2h', '1d'. Raises UsageError."""
+    from particlesim.errors import UsageError
+
+    if text is None:
+        return None
+    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]*)\s*", text)
+    try:
+        seconds = float(found[1]) * _SECONDS[found[2] or "s"] if found else 0.0
+    except (ValueError, KeyError):
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
+        raise UsageError(f"{option} {text!r} is no time", "Write seconds, or a unit: 90, 90s, 10m, 2h, 1d.")
+    return seconds
 
 
 def parse_frames(text: str | None) -> slice | None:

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psim.options import Force, Overrides, Quiet, ScenarioFile, Threads
+from psim.options import (
+    CheckpointEvery,
+    CheckpointWall,
+    Force,
+    MaxWall,
+    Overrides,
+    Quiet,
+    Resume,
+    ScenarioFile,
+    Threads,
+    parse_seconds,
+)
 from psim.progress import render_progress, run_progress
 
 if TYPE_CHECKING:
@@ -47,6 +58,10 @@ def run(
             help="Make the trajectory the reference of the checks that name one, if all others hold.",
         ),
     ] = False,
+    resume: Resume = False,
+    checkpoint_every: CheckpointEvery = None,
+    checkpoint_wall: CheckpointWall = None,
+    max_wall: MaxWall = None,
     dry_run: Annotated[
         bool,
         typer.Option("--dry-run", help="Print what would run and about how long it would take, and stop."),
@@ -55,7 +70,8 @@ def run(
     """Run a scenario and write its trajectory.
 
     The trajectory opens in ParaView as it is. Shows progress and ends with a summary; the paths of what was written go to
-    stdout. Ctrl-C keeps every frame that was finished. Exit code 1 when a check of the scenario fails.
+    stdout. Ctrl-C keeps every frame that was finished, and --resume goes on from there. Exit code 1 when a check of the
+    scenario fails.
     """
     import particlesim as ps
 
@@ -65,15 +81,22 @@ def run(
         _dry_run(loaded, scenario, path, threads, as_json)
         return
     film = path.with_suffix(".mp4") if video else None
-    _check_targets(loaded, path, film, force)
+    _check_targets(loaded, path, film, force, resume)
+    options = {
+        "overwrite": force,
+        "threads": threads,
+        "bless": bless,
+        "resume": resume,
+        "checkpoint_every": parse_seconds("--checkpoint-every", checkpoint_every),
+        "checkpoint_wall": parse_seconds("--checkpoint-wall", checkpoint_wall),
+        "max_wall": parse_seconds("--max-wall", max_wall),
+    }
     quiet = quiet or as_json
     said: list[str] = []
-    result = _reported(
-        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless, said)
-    )
+    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options, said))
     warnings = list(result.warnings)
     if film is not None:
-        warnings += _render(path, film, force, threads, quiet)
+        warnings += _render(path, film, force or resume, threads, quiet)
     from psim.summary import show_failures, show_summary, summary
     from psim.talk import print_json, print_path
 
@@ -148,28 +171,22 @@ def _dry_run(loaded: Scenario, scenario: Path, path: Path, threads: int | None, 
         show_plan(str(scenario), planned)
 
 
-def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool) -> None:
+def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool, resume: bool) -> None:
     """Refuse what could not be written at the end, before anything is computed."""
     from particlesim.trajectory.target import check_target
 
-    check_target(path, overwrite=force)
+    check_target(path, overwrite=force or resume)
     if film is not None:
         from particlesim.filming import check_film
 
-        check_film(loaded, film, overwrite=force)
+        check_film(loaded, film, overwrite=force or resume)
 
 
 def _simulate(
-    loaded: Scenario,
-    scenario: Path,
-    path: Path,
-    force: bool,
-    threads: int | None,
-    quiet: bool,
-    bless: bool,
-    said: list[str],
+    loaded: Scenario, scenario: Path, path: Path, quiet: bool, options: dict[str, Any], said: list[str]
 ) -> Result:
-    """Run; an error in the middle says where the frames before it are. What is warned of at the start goes to `said`."""
+    """Run with the options of `ps.run`; an error in the middle says where the frames before it are. What is warned of at
+    the start goes to `said`."""
     import particlesim as ps
     from psim.talk import warn
 
@@ -179,17 +196,11 @@ def _simulate(
 
     try:
         with run_progress(scenario.stem, quiet=quiet) as progress:
-            return ps.run(
-                loaded,
-                path,
-                overwrite=force,
-                threads=threads,
-                progress=progress,
-                warn=None if quiet else tell,
-                bless=bless,
-            )
+            return ps.run(loaded, path, progress=progress, warn=None if quiet else tell, **options)
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
+        if isinstance(error, ps.Interrupted):
+            kept += "; --resume goes on from there"
         error.hint = f"{error.hint}; {kept}" if error.hint else kept
         raise
 

@@ -25,7 +25,7 @@ _CAUSES = {
 
 def summary(result: Result, scenario: Path, video: Path | None, warnings: list[str]) -> dict[str, Any]:
     """The facts of a run as plain data, in SI units."""
-    from particlesim.digest import physics_digest, state_digest
+    from particlesim.digest import physics_digest
 
     grid = result.scenario.grid
     dead = sum(result.died.values())
@@ -54,7 +54,7 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
         "checks": [check.as_data() for check in result.checks],
         "physics": physics_digest(result.scenario),
-        "state": state_digest(result.final),
+        "state": result.state,
         "warnings": warnings,
         "exit_code": 0 if result.passed else 1,
     }

@@ -61,6 +61,10 @@ class Output(Model):
     """Smaller files (gzip), or the fastest writing (none)."""
     ledger: bool = True
     """Energy, momentum and angular momentum at every frame."""
+    checkpoint_every: Annotated[Seconds, Gt(0)] | None = None
+    """Simulated time between checkpoints, from which psim run --resume goes on; it does not matter unless given."""
+    checkpoint_wall: Annotated[Seconds, Gt(0)] = 60.0
+    """Wall-clock time between checkpoints."""
 
     @model_validator(mode="after")
     def _one_interval(self) -> Output:

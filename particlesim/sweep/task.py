@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from particlesim.checking import total
-from particlesim.digest import state_digest
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
 from particlesim.runner import Result, run
 from particlesim.scenario.agreement import quantities
@@ -79,7 +78,7 @@ class Task:
             time.perf_counter() - began,
             final_quantities(result),
             {check.name: _finite(check.value) for check in result.checks},
-            state_digest(result.final),
+            result.state,
         )
 
     def _text(self, scenario: Scenario) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -10,13 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.trajectory.hdf5 import PATIENCE, open_beside_writer
+from particlesim.trajectory.hdf5 import PATIENCE, open_beside_writer, open_unmarked
 from particlesim.trajectory.layout import FORMAT
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.superblock import Superblock, read_superblock
 
 _ENDING = ".vtkhdf"
+_PATIENCE = 1.0
+"""Seconds to wait for a writer that opens its file."""
 
 
 def check_readable(path: Path) -> Superblock:
@@ -59,24 +62,39 @@ def open_file(path: Path) -> h5py.File:
 
     Raises UsageError as `check_readable` does, and when the file is HDF5 but no trajectory of psim.
     """
-    block = check_readable(path)
-    written = block.marked and is_being_written(path)
-    try:
-        swmr = block.version >= 3
-        file = open_beside_writer(path, PATIENCE if written else 1) if swmr else h5py.File(path, "r")
-    except (OSError, RuntimeError) as error:
-        if block.marked:
-            raise UsageError(
-                f"{path} cannot be opened: another program writes it, or it was damaged when that was killed",
-                "Close that program; `psim inspect --repair` mends a trajectory whose simulation was killed.",
-            ) from error
-        raise damaged(path) from error
+    file = _open_readable(path)
     try:
         check_format(file, path)
     except BaseException:
         file.close()
         raise
     return file
+
+
+def _open_readable(path: Path) -> h5py.File:
+    """An HDF5 file open for reading.
+
+    A resumed run opens its file the ordinary way for some milliseconds, before others may read it again: readers wait for
+    that. If it is killed just then, the mark that it leaves is overlooked.
+    """
+    until = time.monotonic() + _PATIENCE
+    while True:
+        block = check_readable(path)
+        written = block.marked and is_being_written(path)
+        try:
+            if block.version < 3:
+                return h5py.File(path, "r")
+            if block.marked and not block.shared and not written:
+                return open_unmarked(path)
+            return open_beside_writer(path, PATIENCE if written else 1)
+        except (OSError, RuntimeError) as error:
+            if not written:
+                raise damaged(path) from error
+            if block.shared or time.monotonic() > until:
+                raise UsageError(
+                    f"{path} cannot be opened while another program writes it", "Close that program."
+                ) from error
+            time.sleep(0.01)
 
 
 def check_format(file: h5py.File, path: Path) -> None:

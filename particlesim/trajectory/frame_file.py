@@ -120,7 +120,7 @@ class FrameFile:
         self._ledger = GrowingTable(psim["ledger"]) if "ledger" in psim else None
         self._events = {kind: GrowingTable(psim[f"events/{kind}s"]) for kind in ("birth", "death")}
         self._broke = {name: entry["broke"] for name, entry in psim["topology"].items() if "broke" in entry}
-        self._next_row = 0
+        self._next_row = len(self._columns["position"])
         self._values = table("Steps/Values")
 
     def append(self, batch: Sequence[Item]) -> None:

@@ -10,6 +10,7 @@ Source: HDF5 Reference Manual, H5Pset_metadata_read_attempts.
 from __future__ import annotations
 
 import ctypes
+import io
 import sys
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,8 @@ from typing import Any
 
 import h5py
 from h5py import h5f, h5p
+
+from particlesim.trajectory.superblock import unmarked
 
 PATIENCE = 28
 """Attempts beside a living writer: 2^28 ns = 0.27 s in all, where writing a piece of metadata takes microseconds."""
@@ -30,6 +33,44 @@ def open_beside_writer(path: Path, attempts: int) -> h5py.File:
         raise RuntimeError("HDF5 refused the number of read attempts")
     name = str(path).encode(sys.getfilesystemencoding(), "surrogateescape")
     return h5py.File(h5f.open(name, h5f.ACC_RDONLY | h5f.ACC_SWMR_READ, access))
+
+
+def open_unmarked(path: Path) -> h5py.File:
+    """`path` open for reading as if its writer had closed it; it is not changed."""
+    return h5py.File(_Unmarked(path), "r")
+
+
+class _Unmarked(io.RawIOBase):
+    """The bytes of a file, but for the mark in its superblock."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb")
+        self._head = unmarked(self._file)
+        self._file.seek(0)
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        start = self._file.tell()
+        count = self._file.readinto(buffer)
+        if start < len(self._head):
+            part = self._head[start : start + count]
+            memoryview(buffer).cast("B")[: len(part)] = part
+        return count
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 @cache

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, open_file
@@ -64,7 +65,7 @@ def recover(path: Path) -> bool:
         ) from error
     try:
         with file:
-            _cut_back(file)
+            cut_back(file, finished_frames(file["psim/frames"]))
             if file["psim/status"][()] == b"running":
                 file["psim/status"][()] = np.array(b"interrupted", STATUS)
     except Exception as error:
@@ -82,9 +83,9 @@ def _unfinished(file: h5py.File) -> bool:
     )
 
 
-def _cut_back(file: h5py.File) -> None:
-    """Drop the bookkeeping of unfinished frames; VTK needs NSteps and Values to agree."""
-    rows = finished_frames(file["psim/frames"])
+def cut_back(file: h5py.File, rows: npt.NDArray[np.void]) -> None:
+    """Drop the bookkeeping of all frames but the first, whose `rows` of /psim/frames are given; VTK needs NSteps and Values
+    to agree."""
     for name in _PER_FRAME:
         if name in file:
             file[name].resize(len(rows), axis=0)

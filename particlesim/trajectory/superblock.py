@@ -12,10 +12,12 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LENGTH = 48
 _FLAGS = 11
+_SHARED = 4  # in the flags
 _END_OF_FILE = slice(28, 36)
 _CHECKSUM = slice(44, 48)
 _MASK = 0xFFFFFFFF
@@ -23,11 +25,13 @@ _MASK = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class Superblock:
-    """`marked`: a writer has, or had, the file open. `end`: its length [bytes] as the file tells it."""
+    """`marked`: a writer has, or had, the file open; `shared`: such that others may read it (SWMR). `end`: its length
+    [bytes] as the file tells it."""
 
     version: int
     marked: bool
     end: int
+    shared: bool = False
 
 
 def read_superblock(path: Path) -> Superblock | None:
@@ -43,7 +47,8 @@ def read_superblock(path: Path) -> Superblock | None:
         return Superblock(version=head[8], marked=False, end=0)
     if not _intact(head):
         return None
-    return Superblock(head[8], bool(head[_FLAGS]), struct.unpack("<Q", head[_END_OF_FILE])[0])
+    end: int = struct.unpack("<Q", head[_END_OF_FILE])[0]
+    return Superblock(head[8], bool(head[_FLAGS]), end, bool(head[_FLAGS] & _SHARED))
 
 
 def clear_mark(path: Path) -> None:
@@ -53,15 +58,21 @@ def clear_mark(path: Path) -> None:
     next would put new data over the last frames.
     """
     with path.open("r+b") as file:
-        head = bytearray(file.read(_LENGTH))
-        if len(head) < _LENGTH or head[:8] != SIGNATURE or not _intact(bytes(head)):
-            raise ValueError(f"{path} has no HDF5 superblock of version 3")
-        size = file.seek(0, 2)
-        head[_FLAGS] = 0
-        head[_END_OF_FILE] = struct.pack("<Q", size)
-        head[_CHECKSUM] = struct.pack("<I", lookup3(bytes(head[: _CHECKSUM.start])))
+        head = unmarked(file)
         file.seek(0)
         file.write(head)
+
+
+def unmarked(file: BinaryIO) -> bytes:
+    """The superblock of an open file without a mark, and with the file's real length."""
+    file.seek(0)
+    head = bytearray(file.read(_LENGTH))
+    if len(head) < _LENGTH or head[:8] != SIGNATURE or not _intact(bytes(head)):
+        raise ValueError("no HDF5 superblock of version 3")
+    head[_FLAGS] = 0
+    head[_END_OF_FILE] = struct.pack("<Q", file.seek(0, 2))
+    head[_CHECKSUM] = struct.pack("<I", lookup3(bytes(head[: _CHECKSUM.start])))
+    return bytes(head)
 
 
 def _intact(head: bytes) -> bool:

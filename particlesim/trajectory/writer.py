@@ -18,6 +18,8 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.buffers import BufferPool
+from particlesim.trajectory.checkpoint_file import discard_checkpoints
+from particlesim.trajectory.continuation import cut_to
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
 from particlesim.trajectory.frame_file import (
     BreakData,
@@ -63,13 +65,9 @@ class TrajectoryWriter:
         particles_hint: int = 8192,
         topology: Sequence[Topology] = (),
     ) -> None:
-        self.path = Path(path)
-        self._fields = {spec.name: spec for spec in select_fields(fields)}
-        self._precision: Precision = precision
-        self._ledger = tuple(ledger)
+        self._take(path, fields, ledger, precision, topology)
         check_target(self.path, overwrite=overwrite)
         _refuse_file_in_use(self.path)
-        self._lock = WriterLock()
         self._overwrite = overwrite
         self._create(
             fields=tuple(self._fields.values()),
@@ -82,8 +80,59 @@ class TrajectoryWriter:
             particles=particles_hint,
             topology=topology,
         )
-        self._broke = {each.name: np.array(each.broke, float) for each in topology if each.breakable}
+        self._run = str(provenance.get("run", ""))
+        self._begin(0)
 
+    @classmethod
+    def continuing(
+        cls,
+        path: Path,
+        frames: int,
+        *,
+        fields: Sequence[str],
+        ledger: Sequence[str],
+        precision: Precision = "single",
+        topology: Sequence[Topology] = (),
+    ) -> TrajectoryWriter:
+        """A writer that goes on behind the first `frames` frames of a trajectory that nobody writes; what comes after them
+        is dropped. The other arguments are those it was made with.
+
+        Raises UsageError when it cannot be written, is damaged, or has fewer frames.
+        """
+        writer = cls.__new__(cls)
+        writer._take(path, fields, ledger, precision, topology)
+        try:
+            if not writer._lock.acquire(path):
+                raise _in_use(path)
+            writer._run = cut_to(path, frames, writer._broke)
+            writer._file = FrameFile(path, tuple(writer._fields))
+        except OSError as error:
+            writer._lock.release()
+            raise UsageError(f"{path} cannot be written further: {error.strerror}") from error
+        except BaseException:
+            writer._lock.release()
+            raise
+        writer._begin(frames)
+        return writer
+
+    def _take(
+        self,
+        path: Path,
+        fields: Sequence[str],
+        ledger: Sequence[str],
+        precision: Precision,
+        topology: Sequence[Topology],
+    ) -> None:
+        """What is to be written."""
+        self.path = Path(path)
+        self._fields = {spec.name: spec for spec in select_fields(fields)}
+        self._precision: Precision = precision
+        self._ledger = tuple(ledger)
+        self._broke = {each.name: np.array(each.broke, float) for each in topology if each.breakable}
+        self._lock = WriterLock()
+
+    def _begin(self, frames: int) -> None:
+        """Start the thread; `frames` are in the file."""
         self._pending: list[Item] = []  # events that belong to the next frame
         self._waiting: list[Item] = []  # a frame with its events, for the thread to take
         self._writing = False
@@ -91,7 +140,7 @@ class TrajectoryWriter:
         self._ending = False
         self._closed = False
         self._error: BaseException | None = None
-        self._frames_written = 0
+        self._frames_written = frames
         self._last_time: float | None = None
         self._buffers = BufferPool()
         self._thread = Thread(target=self._write_frames, name="trajectory writer", daemon=True)
@@ -104,7 +153,7 @@ class TrajectoryWriter:
         it is opened afterwards.
         """
         try:
-            with replacing(self.path, put_replacing if self._overwrite else put_new) as temporary:
+            with replacing(self.path, put_replacing if self._overwrite else _put_new) as temporary:
                 create_file(temporary, **layout)
                 if os.name == "posix":
                     self._open(temporary)
@@ -117,6 +166,11 @@ class TrajectoryWriter:
     def _open(self, path: Path) -> None:
         self._lock.acquire(path)
         self._file = FrameFile(path, tuple(self._fields))
+
+    @property
+    def run(self) -> str:
+        """The name of the run that the file was made for; "" if it has none."""
+        return self._run
 
     @property
     def frames_written(self) -> int:
@@ -226,6 +280,12 @@ class TrajectoryWriter:
             self._changed.wait_for(lambda: self._error is not None or not (self._waiting or self._writing))
             self._raise_error()
 
+    def wait_for(self, frames: int) -> None:
+        """Wait until so many frames are in the file. Raises as `append` does."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._error is not None or self._frames_written >= frames)
+            self._raise_error()
+
     def _hand_over(self, batch: list[Item]) -> None:
         with self._changed:
             self.flush()
@@ -313,6 +373,13 @@ def _repair_header(path: Path) -> None:
         pass
 
 
+def _put_new(temporary: Path, path: Path) -> None:
+    """Give `temporary` the name `path`, which nothing has; checkpoints of a trajectory that is gone are no use."""
+    if not path.exists():
+        discard_checkpoints(path)
+    put_new(temporary, path)
+
+
 def put_replacing(temporary: Path, path: Path) -> None:
     """Give `temporary` the name `path` and let go of the file that had it, unless a simulation is writing that.
 
@@ -325,11 +392,12 @@ def put_replacing(temporary: Path, path: Path) -> None:
             if not old.acquire(path):
                 raise _in_use(path)
             if old.holds(path):
+                discard_checkpoints(path)
                 temporary.replace(path)
                 return
         except FileNotFoundError:
             with suppress(UsageError):  # somebody was faster: look at that file
-                put_new(temporary, path)
+                _put_new(temporary, path)
                 return
         except PermissionError:  # no file of ours, so no simulation of ours writes it
             temporary.replace(path)

@@ -24,7 +24,9 @@ type = "gravity"
 def test_the_estimate_is_of_the_right_size() -> None:
     """60 million particle-steps. Load of the machine may change by a factor of some, in either direction."""
     scenario = ps.loads(SCENARIO)
-    ps.run(ps.loads(SCENARIO, {"simulation.duration": 1e-3}), threads=1)  # compile what the estimate leaves out
+    ps.run(
+        ps.loads(SCENARIO, {"simulation.duration": 1e-3}), threads=1
+    )  # compile what the estimate leaves out
     estimate = estimated_seconds(scenario, threads=1, budget=0.05)
     assert estimate is not None
     began = time.perf_counter()

@@ -1,18 +1,22 @@
 """Truncated and damaged files: an error at once or what is intact, never a wait without end."""
 
 import os
+import struct
 import subprocess
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import pytest
 
 from particlesim.errors import UsageError
-from particlesim.trajectory import reader
+from particlesim.trajectory import reader, superblock
 from particlesim.trajectory.files import check_readable
+from particlesim.trajectory.recovery import recover
 from particlesim.trajectory.target import check_target
+from particlesim.trajectory.writer import TrajectoryWriter
 
 DAMAGE = """
 import random, sys, time
@@ -130,3 +134,42 @@ def test_one_frame_at_most_is_on_its_way(tmp_path, synthetic, monkeypatch):
         assert writer.frames_written == 20
     with reader.open(writer.path) as trajectory:
         assert len(trajectory.events("birth")["id"]) == 20
+
+
+def test_a_file_whose_writer_was_killed_as_it_opened_it(tmp_path, synthetic):
+    """Until a resumed run shares its file, HDF5's mark says that nobody else may read it."""
+    path = synthetic.record(tmp_path / "a.vtkhdf", [3, 4])
+    head = bytearray(path.read_bytes()[:48])
+    head[11] = 1
+    head[44:48] = struct.pack("<I", superblock.lookup3(bytes(head[:44])))
+    with path.open("r+b") as file:
+        file.write(head)
+    before = path.read_bytes()
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [3, 4])
+    assert path.read_bytes() == before
+    assert recover(path)
+    with h5py.File(path, "r") as file:
+        assert len(file["psim/frames"]) == 2
+
+
+def test_going_on_behind_a_frame(tmp_path, synthetic):
+    path = synthetic.record(tmp_path / "a.vtkhdf", [5, 300, 7, 8], particles_hint=64)
+    whole = synthetic.record(tmp_path / "b.vtkhdf", [5, 300, 9], particles_hint=64)
+    options = {"fields": ["velocity", "temperature", "group"], "ledger": list(synthetic.ledger(0))}
+    with TrajectoryWriter.continuing(path, 2, **options) as writer:
+        with pytest.raises(UsageError, match="being written"):
+            TrajectoryWriter.continuing(path, 2, **options)
+        with reader.open(path) as trajectory:
+            synthetic.check(trajectory, [5, 300])
+            assert trajectory.status == "running"
+        writer.append(0.2, 10, synthetic.columns(2, 9), synthetic.ledger(2))
+    for each in (path, whole):
+        with reader.open(each) as trajectory:
+            synthetic.check(trajectory, [5, 300, 9])
+    with h5py.File(path) as one, h5py.File(whole) as other:
+        assert one["VTKHDF/Points"].shape == other["VTKHDF/Points"].shape
+    with pytest.raises(UsageError, match="has 3 frames"):
+        TrajectoryWriter.continuing(path, 4, **options)
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [5, 300, 9])

@@ -1,0 +1,215 @@
+"""The state of a simulation as named arrays and numbers, and back again.
+
+Whatever a simulation, its islands and its groups hold is state unless it is listed here as following from the scenario,
+so that a new array or counter is stored without anybody thinking of it; what cannot be stored is an error, not a gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from types import BuiltinFunctionType, FunctionType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from particlesim.emitters import Schedule
+from particlesim.engine.bonding import Bonds
+from particlesim.engine.coupled import Work
+from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.islands import Births, IndependentIsland
+from particlesim.engine.simulation import Events, Simulation
+from particlesim.engine.state import Deaths, GroupState
+from particlesim.integrators import Method
+from particlesim.streams import Streams
+
+Array = NDArray[Any]
+Number = int | float
+
+FIXED = (
+    BaseModel,
+    Method,
+    Schedule,
+    Streams,
+    np.dtype,
+    str,
+    type,
+    FunctionType,
+    BuiltinFunctionType,
+    type(None),
+)
+"""Kinds of values that never change in the course of a run."""
+
+FOLLOWS: dict[type, frozenset[str]] = {
+    Simulation: frozenset(
+        {
+            *("scenario", "graph", "team", "states", "events"),
+            *("_dt", "_islands", "_kicks", "_labels", "_sources", "_ledger_columns"),
+        }
+    ),
+    IndependentIsland: frozenset(("program",)),
+    CoupledIsland: frozenset(("parts", "_all", "_bounds", "_driven", "_method", "_shares", "_staged")),
+    Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),
+    Work: frozenset(("force", "before", "slopes", "pull")),
+}
+"""Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew."""
+
+
+@dataclass
+class Snapshot:
+    """Arrays and numbers of a state, by names such as 'drops.x' and 'drops._source.born'."""
+
+    arrays: dict[str, Array] = field(default_factory=dict)
+    numbers: dict[str, Number] = field(default_factory=dict)
+
+
+class MisfitError(ValueError):
+    """A snapshot that does not belong to the simulation it is put into."""
+
+
+def snapshot(simulation: Simulation) -> Snapshot:
+    """A copy of the state, with the births and deaths that no frame has taken yet.
+
+    Raises TypeError for an attribute of a kind that cannot be stored.
+    """
+    found = Snapshot()
+    _capture(simulation, "simulation", found)
+    for island, name in _islands(simulation):
+        _capture(island, name, found)
+    births, deaths = simulation.events.births, simulation.events.deaths
+    found.arrays["births.ids"] = _joined([each.ids for each in births], np.int64)
+    found.arrays["births.times"] = _joined([each.times for each in births], np.float64)
+    found.arrays["deaths.ids"] = _joined([each.ids for each in deaths], np.int64)
+    found.arrays["deaths.times"] = _joined([each.times for each in deaths], np.float64)
+    found.arrays["deaths.causes"] = _joined([each.causes for each in deaths], np.uint8)
+    return found
+
+
+def restore(simulation: Simulation, saved: Snapshot) -> None:
+    """Put a snapshot into a simulation of the same scenario that has not begun. Raises MisfitError if it is of another."""
+    known = Snapshot()
+    _capture(simulation, "simulation", known)
+    for island, name in _islands(simulation):
+        _capture(island, name, known)
+    events = {"births.ids", "births.times", "deaths.ids", "deaths.times", "deaths.causes"}
+    if set(known.arrays) | events != set(saved.arrays) or set(known.numbers) != set(saved.numbers):
+        raise MisfitError("it holds the state of another simulation")
+    _restored(simulation, "simulation", saved)
+    for island, name in _islands(simulation):
+        _restored(island, name, saved)
+    array = saved.arrays
+    simulation.events = Events()
+    if len(array["births.ids"]):
+        simulation.events.births.append(Births(array["births.ids"], array["births.times"]))
+    if len(array["deaths.ids"]):
+        simulation.events.deaths.append(
+            Deaths(array["deaths.ids"], array["deaths.times"], array["deaths.causes"])
+        )
+
+
+def _islands(simulation: Simulation) -> list[tuple[Any, str]]:
+    return [(island, f"island.{k}") for k, island in enumerate(simulation._islands)]
+
+
+def _joined(parts: list[Array], dtype: Any) -> Array:
+    return np.concatenate([np.empty(0, dtype), *parts])
+
+
+def _children(value: Any) -> list[tuple[str, Any]] | None:
+    """The named parts of a container or of an object of the engine; None for anything else."""
+    left_out = FOLLOWS.get(type(value), frozenset())
+    parts: Iterable[tuple[str, Any]]
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        parts = zip(value._fields, value, strict=True)
+    elif isinstance(value, tuple | list):
+        parts = ((str(k), each) for k, each in enumerate(value))
+    elif isinstance(value, dict):
+        parts = ((str(k), each) for k, each in value.items())
+    elif type(value).__module__.startswith("particlesim.") and hasattr(value, "__dict__"):
+        parts = vars(value).items()
+    else:
+        return None
+    return [(name, each) for name, each in parts if name not in left_out]
+
+
+def _columns(state: GroupState) -> dict[str, Array]:
+    """The columns of a group by name; only the particles that are there."""
+    found: dict[str, Array] = {}
+    for name, value in vars(state).items():
+        if isinstance(value, np.ndarray):
+            found[name] = value[..., : state.count]
+        elif type(value) is tuple and value and all(isinstance(each, np.ndarray) for each in value):
+            found |= {f"{name}.{k}": each[..., : state.count] for k, each in enumerate(value)}
+    return found
+
+
+def _capture(value: Any, name: str, found: Snapshot) -> None:
+    if isinstance(value, np.ndarray):
+        found.arrays[name] = value.copy()
+    elif isinstance(value, bool | int | float | np.generic):
+        found.numbers[name] = value.item() if isinstance(value, np.generic) else value
+    elif isinstance(value, FIXED):
+        return
+    elif (children := _children(value)) is None:
+        raise TypeError(f"{name} is a {type(value).__name__}, which a checkpoint cannot hold")
+    else:
+        columns = _columns(value) if isinstance(value, GroupState) else {}
+        found.arrays |= {f"{name}.{key}": column.copy() for key, column in columns.items()}
+        apart = {key.split(".")[0] for key in columns}
+        for key, child in children:
+            if key not in apart:
+                _capture(child, f"{name}.{key}", found)
+
+
+def _restored(value: Any, name: str, saved: Snapshot) -> Any:
+    """What takes the place of `value`: the same object with its content changed where that is possible, as arrays are
+    shared between groups and islands."""
+    if isinstance(value, np.ndarray):
+        new = _fitting(value, saved.arrays[name], name)
+        if value.shape != new.shape:
+            return new
+        value[...] = new
+        return value
+    if isinstance(value, bool | int | float | np.generic):
+        return type(value)(saved.numbers[name])
+    if isinstance(value, FIXED):
+        return value
+    if isinstance(value, GroupState):
+        _restore_columns(value, name, saved)
+    apart = {key.split(".")[0] for key in _columns(value)} if isinstance(value, GroupState) else set()
+    children = {
+        key: _restored(child, f"{name}.{key}", saved)
+        for key, child in _children(value) or ()
+        if key not in apart
+    }
+    if isinstance(value, tuple):
+        if hasattr(value, "_replace"):
+            return value._replace(**children)
+        return type(value)(children.values())
+    if isinstance(value, list):
+        value[:] = children.values()
+    elif isinstance(value, dict):
+        value.update(zip(value, children.values(), strict=True))
+    else:
+        for key, child in children.items():
+            setattr(value, key, child)
+    return value
+
+
+def _restore_columns(state: GroupState, name: str, saved: Snapshot) -> None:
+    count = int(saved.numbers[f"{name}.count"])
+    state.reserve(count)
+    state.count = count
+    for key, column in _columns(state).items():
+        new = _fitting(column, saved.arrays[f"{name}.{key}"], f"{name}.{key}")
+        if new.shape != column.shape:
+            raise MisfitError(f"{name}.{key} has shape {new.shape}, not {column.shape}")
+        column[...] = new
+
+
+def _fitting(here: Array, saved: Array, name: str) -> Array:
+    if here.dtype != saved.dtype or here.shape[:-1] != saved.shape[:-1]:
+        raise MisfitError(f"{name} is of another kind")
+    return saved

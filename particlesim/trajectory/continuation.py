@@ -1,0 +1,65 @@
+"""Open a trajectory to go on writing it behind one of its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from particlesim.errors import UsageError
+from particlesim.trajectory.chunks import padded
+from particlesim.trajectory.files import damaged, finished_frames
+from particlesim.trajectory.layout import LIBVER, STATUS
+from particlesim.trajectory.recovery import cut_back
+from particlesim.trajectory.superblock import clear_mark, read_superblock
+
+
+def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]) -> str:
+    """Cut a trajectory that nobody writes back to its first frames, and say that it is being written; returns the name of
+    its run.
+
+    `broke` has the times at which springs broke until then [s], by the name of their set. Raises UsageError when the file
+    cannot be changed, is damaged, or has fewer frames.
+    """
+    try:
+        block = read_superblock(path)
+        if block is not None and block.marked:
+            clear_mark(path)
+        file = h5py.File(path, "r+", libver=LIBVER)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be opened to go on writing it",
+            "Is it open in another program, or are you not allowed to change it?",
+        ) from error
+    try:
+        with file:
+            rows = finished_frames(file["psim/frames"])[:frames]
+            if len(rows) < frames:
+                raise UsageError(
+                    f"{path} has {len(rows)} frames, and its checkpoint was made after {frames}",
+                    "Is it an older copy? --force starts the run anew.",
+                )
+            cut_back(file, rows)
+            _cut_columns(file, int(rows[-1]["offset"] + rows[-1]["count"]) if frames else 0)
+            for name, times in broke.items():
+                file[f"psim/topology/{name}/broke"][...] = times
+            file["psim/summary"].resize(0, axis=0)
+            file["psim/status"][()] = np.array(b"running", STATUS)
+            provenance = file["psim/provenance"]
+            return str(provenance["run"].asstr()[()]) if "run" in provenance else ""
+    except UsageError:
+        raise
+    except Exception as error:
+        raise damaged(path) from error
+
+
+def _cut_columns(file: h5py.File, end: int) -> None:
+    """Drop the rows of particles from `end` on, but for the chunk that it is in."""
+    points = file["VTKHDF/Points"]
+    rows = padded(end, points.chunks[0])
+    for column in (points, *file["VTKHDF/PointData"].values()):
+        if len(column) > rows:
+            column.resize(rows, axis=0)

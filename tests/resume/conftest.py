@@ -1,0 +1,191 @@
+"""Scenarios of many kinds, stopping them, and comparing files."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+import particlesim as ps
+
+Table = dict[str, Any]
+
+FOUNTAIN: Table = {
+    "simulation": {"duration": 2.0, "dt": 0.01, "seed": 3},
+    "output": {"every": 7},
+    "emitters": [
+        {
+            "name": "drops",
+            "rate": 300,
+            "timing": "jittered",
+            "shape": {"type": "disc", "center": [0, 0.1, 0], "radius": 0.1, "normal": [0, 1, 0]},
+            "direction": [0, 1, 0],
+            "spread": 15,
+            "speed": {"type": "normal", "mean": 4, "std": 0.5},
+            "lifetime": {"type": "uniform", "low": 0.3, "high": 1.2},
+            "mass": 0.01,
+            "radius": 0.01,
+            "temperature": 400,
+            "cooling": {"rate": 0.5, "ambient": 300},
+            "limit": 120,
+        },
+        {
+            "name": "waiting",
+            "rate": 100,
+            "shape": {"type": "point", "position": [1, 1, 0]},
+            "direction": [1, 0, 0],
+            "speed": 1.0,
+            "lifetime": 0.5,
+            "mass": 0.01,
+            "limit": 20,
+            "when_full": "wait",
+        },
+    ],
+    "forces": [{"type": "gravity"}],
+    "planes": [{"normal": [0, 1, 0], "restitution": 0.6}],
+    "impulses": [{"on": ["drops"], "impulse": [0.01, 0, 0], "at": 1.0}],
+    "checks": [
+        {"quantity": "count", "max": 100000},
+        {"quantity": "position.y", "statistic": "max", "max": 0.5},
+    ],
+}
+
+CLOTH: Table = {
+    "simulation": {"duration": 0.6, "dt": 0.001, "integrator": "rk4"},
+    "output": {"every": 30, "precision": "double"},
+    "particles": [
+        {
+            "name": "flag",
+            "layout": {
+                "type": "cloth",
+                "size": [1.0, 1.0],
+                "resolution": [12, 10],
+                "pinned": "top",
+            },
+            "mass": 0.5,
+            "springs": {"structural": 40.0, "shear": 10.0, "damping": 0.01, "break_strain": 0.05},
+        }
+    ],
+    "forces": [{"type": "gravity"}],
+}
+
+MEMORY: Table = {
+    "simulation": {"duration": 1.0, "dt": 0.005, "integrator": "stormer_verlet"},
+    "output": {"every": 10, "compression": "none"},
+    "particles": [
+        {
+            "name": "dust",
+            "layout": {
+                "type": "random",
+                "count": 300,
+                "shape": {"type": "box", "min": [0, 0, 0], "max": [1, 1, 1]},
+            },
+            "mass": 0.1,
+        }
+    ],
+    "forces": [{"type": "gravity"}, {"type": "point_spring", "anchor": [0, 2, 0], "stiffness": 2.0}],
+    "planes": [{"normal": [0, 1, 0], "contact": "kill"}],
+}
+
+ADAPTIVE: Table = {
+    **MEMORY,
+    "simulation": {"duration": 1.0, "dt": 0.05, "integrator": {"method": "rk45", "tolerance": 1e-6}},
+    "output": {"every": 1},
+}
+
+IMPLICIT: Table = {
+    "simulation": {"duration": 0.3, "dt": 0.01, "integrator": "backward_euler"},
+    "output": {"every": 2, "precision": "double"},
+    "particles": [
+        {
+            "name": "flag",
+            "layout": {
+                "type": "cloth",
+                "size": [1, 1],
+                "resolution": [8, 8],
+                "pinned": "top",
+                "up": [0, 0, 1],
+            },
+            "mass": 0.5,
+            "springs": {"structural": 400.0, "shear": 100.0, "damping": 0.01},
+        }
+    ],
+    "forces": [{"type": "gravity"}],
+}
+
+KINDS = {
+    "fountain": FOUNTAIN,
+    "cloth": CLOTH,
+    "memory": MEMORY,
+    "adaptive": ADAPTIVE,
+    "implicit": IMPLICIT,
+}
+
+
+def stop_at(frames: int) -> Callable[[ps.Progress], None]:
+    """A progress function that interrupts the process at the first safe point after so many frames."""
+
+    def progress(now: ps.Progress) -> None:
+        if now.frames >= frames:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    return progress
+
+
+def contents(path: Path) -> dict[str, np.ndarray]:
+    """Every dataset of a trajectory but where it comes from."""
+    found: dict[str, np.ndarray] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and not name.startswith("psim/provenance"):
+            found[name] = item[()]
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+        found["NSteps"] = file["VTKHDF/Steps"].attrs["NSteps"]
+    return found
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """The same bytes in every dataset."""
+    first, second = contents(one), contents(other)
+    assert first.keys() == second.keys()
+    for name, values in first.items():
+        one_bytes, other_bytes = (
+            repr(v.tolist()).encode() if v.dtype == object else v.tobytes()
+            for v in (np.asarray(values), np.asarray(second[name]))
+        )
+        assert one_bytes == other_bytes, name
+
+
+class Resume:
+    """The helpers above (tests are imported without packages)."""
+
+    kinds = KINDS
+    stop_at = staticmethod(stop_at)
+    same = staticmethod(assert_same)
+
+
+@pytest.fixture(scope="session")
+def resume() -> type[Resume]:
+    return Resume
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The trajectory of a run that was not interrupted."""
+    folder = tmp_path_factory.mktemp("whole")
+
+    def path_of(kind: str) -> Path:
+        path = folder / f"{kind}.vtkhdf"
+        if not path.exists():
+            ps.run(ps.from_table(KINDS[kind]), path)
+        return path
+
+    return path_of
