@@ -142,8 +142,10 @@ def _recorded(
         _steps(simulation, writer, watch, checks, log, progress, signals, began)
         status = "complete"
         summary = _summary(simulation, log, checks)
-    except DivergenceError:
+    except DivergenceError as error:
         status = "diverged"
+        if log.times:
+            error.after_frame(len(log.times) - 1, log.times[-1])
         raise
     except KeyboardInterrupt:
         status = "interrupted"
@@ -269,6 +271,8 @@ def _record(
                 f"the ledger's {column} is no longer finite at t = {simulation.time:.9g} s: {extremes(simulation)}",
                 TOO_LARGE,
             )
+    simulation.check()
+    if row:
         log.rows.append(row)
     log.times.append(simulation.time)
     if writer is not None:

@@ -71,6 +71,8 @@ class CoupledIsland:
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
+        self._kept: list[NDArray[Any]] = []
+        self.kept_from = 0
 
     def _join(self, states: list[GroupState]) -> None:
         """One set of arrays for the island; the groups become views of it."""
@@ -208,6 +210,7 @@ class CoupledIsland:
         worth = self.springs >= WORTH_SPRINGS and self.springs * steps >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
+        self._keep(first)
         done = [0] * len(shares)
 
         def work(k: int) -> None:
@@ -221,6 +224,30 @@ class CoupledIsland:
             return None, None, None
         return None, None, self._find(first + done[0])
 
+    def _keep(self, first: int) -> None:
+        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+        self.kept_from = first
+        now = _changing(self.island_columns(), self.bonds)
+        if not self._kept:
+            self._kept = [np.empty_like(column) for column in now]
+        for mine, column in zip(self._kept, now, strict=True):
+            np.copyto(mine, column)
+
+    def go_back(self) -> None:
+        """Return to the beginning of the last interval, step `kept_from`."""
+        for mine, column in zip(self._kept, _changing(self.island_columns(), self.bonds), strict=True):
+            np.copyto(column, mine)
+
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Bonds, ...], slice]:
+        """The particles some steps after `first`, the beginning of the last interval; their bonds, and which rows these are.
+
+        Nothing of the island changes.
+        """
+        ((mine, work, share),) = self._for(1)
+        columns, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+        step_island(self._staged, self.parts, bonds, columns, work, share, first, steps, self.dt)
+        return columns, bonds, slice(0, self._all.count)
+
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""
         columns = self.island_columns()
@@ -230,6 +257,32 @@ class CoupledIsland:
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)
+
+
+def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:
+    """All that steps change: motion, what methods remember, clocks, and bonds that can break."""
+    arrays = [c.x, c.y, c.z, c.vx, c.vy, c.vz, *c.memory, *(c.clock or ())]
+    for bond in bonds:
+        if bond.breaking is not None:
+            arrays += [bond.k, bond.c, bond.breaking.when]
+    return arrays
+
+
+def _with(
+    c: Columns, bonds: Sequence[Bonds], arrays: Sequence[NDArray[Any]]
+) -> tuple[Columns, tuple[Bonds, ...]]:
+    """Columns and bonds made of other arrays, in the order of `_changing`."""
+    rest = iter(arrays)
+    motion = {name: next(rest) for name in ("x", "y", "z", "vx", "vy", "vz")}
+    memory = tuple(next(rest) for _ in c.memory)
+    clock = None if c.clock is None else Clock(*(next(rest) for _ in c.clock))
+    made = []
+    for bond in bonds:
+        if bond.breaking is not None:
+            k, damping, when = (next(rest) for _ in range(3))
+            bond = bond._replace(k=k, c=damping, breaking=bond.breaking._replace(when=when))
+        made.append(bond)
+    return c._replace(**motion, memory=memory, clock=clock), tuple(made)
 
 
 def _stretch(c: Columns, a: int, b: int) -> Columns:

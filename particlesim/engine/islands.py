@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.columns import Columns
+from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.program import group_program
@@ -114,19 +114,54 @@ class IndependentIsland:
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
 
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
+        """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.
+
+        The block must be back at `first`. Nothing of the island changes.
+        """
+        low = row - row % self._block
+        part = slice(low, min(low + self._block, self.state.count))
+        return self._stepped(part, first, steps)[0], (), part
+
+    def _stepped(self, part: slice, first: int, steps: int) -> tuple[Columns, NDArray[np.bool_]]:
+        """A copy of some particles after some steps, each for itself, and which of them broke down (and stayed)."""
+        columns = snapshot(self.columns()[0], part)
+        n = part.stop - part.start
+        faults = np.zeros(n, np.bool_)
+        step_range(self.program, columns, first, steps, self.dt, 0, n, 1, faults)
+        return columns, faults
+
     def _find(self, blocks: NDArray[np.intp], first: int, last: int) -> Fault:
         """The first step and particle at which a number stopped being finite; blocks are back at step `first`."""
-        columns = self.columns()[0]
         earliest = Fault(0, int(blocks[0]), last)
         for block in blocks[:64]:
-            end = min(int(block) + self._block, self.state.count)
-            for step in range(first, min(earliest.step, last)):
-                fault = np.zeros(self.state.count, np.bool_)
-                step_range(self.program, columns, step, 1, self.dt, int(block), end, 1, fault)
-                if fault.any():
-                    earliest = Fault(0, int(fault.argmax()), step)
-                    break
-        return earliest
+            part = slice(int(block), min(int(block) + self._block, self.state.count))
+            low, high = first, earliest.step
+            faults = self._stepped(part, first, high - first)[1]
+            if not faults.any():
+                continue
+            while high - low > 1:  # all is fine after the steps up to `low`, not after those up to `high`
+                middle = (low + high) // 2
+                there = self._stepped(part, first, middle - first)[1]
+                low, high, faults = (low, middle, there) if there.any() else (middle, high, faults)
+            earliest = Fault(0, part.start + int(faults.argmax()), high)
+        return Fault(0, earliest.row, earliest.step - 1)
+
+
+def snapshot(c: Columns, part: slice) -> Columns:
+    """Some rows of columns; what steps change is copied."""
+    clock = None if c.clock is None else Clock(*(column[part].copy() for column in c.clock))
+    heat = c.thermal
+    if heat is not None:
+        heat = Thermal(heat.start[part], heat.birth[part], heat.rate, heat.ambient)
+    return c._replace(
+        **{name: getattr(c, name)[part].copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        m=c.m[part],
+        r=None if c.r is None else c.r[part],
+        thermal=heat,
+        clock=clock,
+        memory=tuple(column[part].copy() for column in c.memory),
+    )
 
 
 class Source:

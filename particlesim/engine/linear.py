@@ -85,6 +85,14 @@ class IslandModel:
         how = "all particles" if 0 < self.count <= SAMPLE else "sampled particles"
         return Linearised(alone, self._stacked(list(blocks.values())), how)
 
+    def single(self, member: int, p: Particle) -> Linear:
+        """One particle of a group, under all forces on single particles."""
+        group = self.structure.groups[member]
+        terms = [_jacobians(group, [p], record) for record in self.records[member].values()]
+        if flow := getattr(group.dynamics, "flow", ()):
+            terms.append(_gradients([p], tuple(f.record() for f in flow)))
+        return self._stacked([Blocks(np.zeros(1, np.int64), kx, kv) for kx, kv in terms])
+
     def box(self) -> tuple[float, float] | None:
         """Bounds on the stiffness [1/s²] and the damping [1/s] of all modes of an island of springs: cheap, never too small.
 

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import Births, Fault, IndependentIsland
+from particlesim.engine.divergence import Guard, not_finite
+from particlesim.engine.islands import Births, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
 from particlesim.engine.topology import topology
-from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
-from particlesim.laws import Particle, force, has_law, potential
+from particlesim.laws import has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -64,6 +64,9 @@ class Simulation:
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._ledger_columns = self._name_columns()
+        self._energies: list[dict[str, float]] = []
+        self._energies_of = -1
+        self._guard = Guard(self)
 
     def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
@@ -110,25 +113,26 @@ class Simulation:
     def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
         """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
 
-        Raises DivergenceError when a number stops being finite; the state is then that of the step's beginning for the
-        particles concerned.
+        Raises DivergenceError when a number stops being finite; the particles concerned are then back at the beginning of
+        the interval.
         """
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
-            for island in self._islands:
-                self._advance(island, self.step, last)
+            for number in range(len(self._islands)):
+                self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()
 
-    def _advance(self, island: IndependentIsland | CoupledIsland, first: int, last: int) -> None:
+    def _advance(self, number: int, first: int, last: int) -> None:
+        island = self._islands[number]
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
             if fault is not None:
-                raise self._divergence(island, fault)
+                raise not_finite(self, number, fault, first)
             self.particle_steps += sum(state.count for state in island.states) * (until - first)
             if born is not None and born.ids.size:
                 self.events.births.append(born)
@@ -141,6 +145,7 @@ class Simulation:
         for at, k in self._kicks:
             if at == self.step:
                 kick = self.scenario.impulses[k]
+                self._guard.forget()
                 for group, state in zip(self.scenario.groups, self.states, strict=True):
                     chosen = (
                         state.name in kick.on
@@ -183,24 +188,32 @@ class Simulation:
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
-        columns = {
-            state.name: c
-            for island in self._islands
-            for state, c in zip(island.states, island.columns(), strict=True)
-        }
-        for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
-            sums = measure(records, columns[group.name], self.time, self.team).tolist()
+        self._energies = [self._island_energies(number, total) for number in range(len(self._islands))]
+        self._energies_of = self.step
+        for energies in self._energies:
+            for name, value in energies.items():
+                total[name] += value
+        return total
+
+    def _island_energies(self, number: int, total: dict[str, float]) -> dict[str, float]:
+        """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
+        island, structure = self._islands[number], self.graph.islands[number]
+        found = {"kinetic": 0.0}
+        for columns, group in zip(island.columns(), structure.groups, strict=True):
+            forces, records = self._sources[self.scenario.groups.index(group)]
+            sums = measure(records, columns, self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
-                for key, value in zip(MOTION, sums, strict=False):
+                found["kinetic"] += sums[0]
+                for key, value in zip(MOTION[1:], sums[1:], strict=False):
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
-                total[f"potential.{self._labels[k]}"] += value
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                energies = bond_energy(island.bonds, island.island_columns())
-                for bonds, energy in zip(structure.bonds, energies, strict=True):
-                    total[f"potential.{bonds.name}"] += energy
-        return total
+                label = f"potential.{self._labels[k]}"
+                found[label] = found.get(label, 0.0) + value
+        if isinstance(island, CoupledIsland):
+            energies = bond_energy(island.bonds, island.island_columns())
+            for bonds, energy in zip(structure.bonds, energies, strict=True):
+                found[f"potential.{bonds.name}"] = energy
+        return found
 
     def broken(self) -> dict[str, tuple[int, int]]:
         """For every set of springs that can break: how many are broken, and how many there were."""
@@ -237,37 +250,12 @@ class Simulation:
                 return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
         raise ValueError(f"{state.name} is no group of this simulation")
 
-    def _divergence(self, island: IndependentIsland | CoupledIsland, fault: Fault) -> DivergenceError:
-        """Which particle, when, where, and the force that did most."""
-        state = island.states[fault.member]
-        time = fault.step * self.scenario.grid.dt
-        row = fault.row
-        p = state.particle(row, time)
-        name, size = self._strongest(state.name, p)
-        where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-        message = (
-            f"particle {state.id[row]} of {state.name!r} is no longer finite after the step from t = {time:.9g} s; "
-            f"it was at {where}"
-        )
-        if name is not None:
-            message += f", and the strongest force on it was {name} with {size:.6g} N"
-        return DivergenceError(message, f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s")
+    def check(self) -> None:
+        """Whether the present state makes sense; costs next to nothing.
 
-    def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
-        group = next(g for g in self.scenario.groups if g.name == group_name)
-        best: tuple[str | None, float] = (None, -1.0)
-        for label, law in zip(self._labels, self.scenario.forces, strict=False):
-            if acts_on(law, group):
-                try:
-                    with np.errstate(all="ignore"):
-                        size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
-                except (ArithmeticError, ValueError):  # what compiled code answers with an infinity or a NaN
-                    return label, float("nan")
-                if not np.isfinite(size):
-                    return label, size
-                if size > best[1]:
-                    best = (label, size)
-        return best
+        Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
+        """
+        self._guard.look(self._energies if self._energies_of == self.step else None)
 
     def close(self) -> None:
         """End the team of threads."""
