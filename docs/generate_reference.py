@@ -31,6 +31,8 @@ from particlesim.impulses import Impulse
 from particlesim.integrators import METHODS
 from particlesim.layouts import LAYOUTS
 from particlesim.model import field_docs
+from particlesim.motions import Waypoint
+from particlesim.regions import HalfSpace
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.simulation import Output, Simulation
@@ -107,12 +109,19 @@ def parts() -> Iterator[str]:
     yield from variants(FLOWS)
     yield "## `[[springs]]`"
     yield from section(Scenario, "springs")
+    yield "## `[[motions]]`"
+    yield from section(Scenario, "motions")
+    yield "### Waypoint"
+    yield summary(Waypoint) + "\n\n" + table(Waypoint)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
     yield from section(Scenario, "checks")
+    yield "### Regions"
+    yield prose("regions")
+    yield from variants((HalfSpace,))
     yield "## `[render]`"
     yield prose("render")
     yield table(RenderSettings)

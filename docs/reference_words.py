@@ -24,6 +24,9 @@ from particlesim.impulses import Impulse
 from particlesim.integrators import MethodName, Options
 from particlesim.layouts import Layout
 from particlesim.model import Name
+from particlesim.motions import Motion, Waypoint
+from particlesim.quantities import InUnitOfQuantity
+from particlesim.regions import HalfSpace
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.shapes import Shape
@@ -42,9 +45,12 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Springs, "[springs](#springs)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
+    (Motion, "[motions](#motions)"),
+    (Waypoint, "[waypoint](#waypoint)"),
     (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),
+    (HalfSpace, "[region](#regions)"),
     (Flow, "[flows](#flows)"),
     ((SecondOrder, FirstOrder, TracerMotion), "[dynamics](#dynamics)"),
     (Options, "[table](#integrators)"),
@@ -93,6 +99,8 @@ def plain_words(annotation: Any, metadata: tuple[Any, ...]) -> str:
     """Numbers with their unit, texts, truth values."""
     for unit in (m for m in metadata if isinstance(m, Unit)):
         return unit.noun + (f" [{power_signs(unit.symbol)}]" if unit.symbol else "")
+    if any(isinstance(mark, InUnitOfQuantity) for mark in metadata):
+        return "number in the unit of the quantity"
     if annotation is str:
         named = any(isinstance(m, StringConstraints) and m.pattern == NAME_PATTERN for m in metadata)
         return "name" if named or NAME_PATTERN in str(metadata) else "text"

@@ -58,7 +58,7 @@ def needs(scenario: Scenario) -> Needs:
     stored = sum(f.components * f.dtype(scenario.output.precision).itemsize for f in fields)
     for group in scenario.groups:
         if isinstance(group, Particles):
-            here = np.full(len(times), float(group.layout.open(scenario.folder).number() or 0))
+            here = np.full(len(times), float(scenario.opened(group).number() or 0))
             held = here
             per_particle = 8 * number + 8
         else:

@@ -8,14 +8,14 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from particlesim.checks import AXES, FIELD_QUANTITIES, VECTORS, Check
-from particlesim.engine.simulation import Simulation, rows
-from particlesim.recording import column
+from particlesim.checks import Check
+from particlesim.engine.simulation import Simulation
+from particlesim.errors import UsageError
+from particlesim.observations import Oracle, Reference, Seen, judged, observer
+from particlesim.quantities import AXES, VECTORS
 from particlesim.scenario.agreement import check_labels, check_step
 from particlesim.scenario.scenario import Scenario
-from particlesim.trajectory.fields import FIELDS
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,20 @@ def total(name: str, row: Mapping[str, float], energy_at_start: float) -> float:
 
 
 class Checks:
-    """The checks of a scenario in the course of its run."""
+    """The checks of a scenario in the course of its run; those against references are left out when `bless` writes them.
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._items = [
-            _Item(check, label, scenario)
-            for check, label in zip(scenario.checks, check_labels(scenario), strict=True)
-        ]
+    Raises UsageError for a reference that is not there or does not hold what is compared.
+    """
+
+    def __init__(self, scenario: Scenario, *, bless: bool = False) -> None:
+        self._items: list[_Item] = []
+        try:
+            for check, label in zip(scenario.checks, check_labels(scenario), strict=True):
+                if not (bless and check.reference is not None):
+                    self._items.append(_Item(check, label, scenario))
+        except UsageError:
+            self.close()
+            raise
         self._energy: float | None = None
         self._drifts = any(check.quantity == "energy.drift" for check in scenario.checks)
 
@@ -79,61 +86,56 @@ class Checks:
             self._energy = total_energy(row)
         counts = {"born": float(born), "died": float(died)}
         for item in self._items:
-            if item.due(simulation):
-                if item.check.quantity in counts:
-                    value: float | None = counts[item.check.quantity]
-                elif item.of_particles:
-                    value = item.statistic(simulation)
-                else:
-                    row = row or simulation.ledger()
-                    value = total(item.check.quantity, row, self._energy or 0.0)
-                item.judge(value, simulation.time)
+            if simulation.step == 0 and isinstance(item.observer, Oracle):
+                item.observer.begin(simulation)
+            if not item.due(simulation):
+                continue
+            if item.observer is not None:
+                item.take(item.observer.at(simulation), simulation.time)
+                continue
+            value = counts.get(item.check.quantity)
+            if value is None:
+                row = row or simulation.ledger()
+                value = total(item.check.quantity, row, self._energy or 0.0)
+            item.take(judged(item.check, value, item.node, simulation.time), simulation.time)
 
     def results(self) -> tuple[CheckResult, ...]:
         """How the checks ended, in the order of the scenario."""
         return tuple(item.result() for item in self._items)
 
+    def close(self) -> None:
+        """Close the files of references."""
+        for item in self._items:
+            if isinstance(item.observer, Reference):
+                item.observer.close()
+
 
 class _Item:
-    """One check, and the worst value so far."""
+    """One check, and the worst that it has seen so far."""
 
     def __init__(self, check: Check, label: str, scenario: Scenario) -> None:
         self.check, self.label = check, label
-        self.of_particles = check.quantity == "count" or check.quantity in FIELD_QUANTITIES
+        self.observer = observer(check, scenario)
+        self.node = check.expected() if check.expression is not None and self.observer is None else None
         self._step: int | None = None  # None: every frame
         if check.at == "end":
             self._step = scenario.grid.steps
         elif not isinstance(check.at, str):
             self._step = check_step(scenario.grid, check.at)
-        names = [group.name for group in scenario.groups]
-        self._group = None if check.group is None else names.index(check.group)
-        self._worst: tuple[float, float, float] | None = None
+        self._worst: tuple[Seen, float] | None = None
 
     def due(self, simulation: Simulation) -> bool:
         """Whether the present frame counts."""
         return self._step is None or simulation.step == self._step
 
-    def statistic(self, simulation: Simulation) -> float | None:
-        """The value at the present frame; None when there is no particle to look at."""
-        parts = rows(simulation.states)
-        part = slice(0, simulation.count) if self._group is None else parts[self._group]
-        if self.check.quantity == "count":
-            return float(part.stop - part.start)
-        name, _, axis = self.check.quantity.partition(".")
-        values = column(simulation, name, np.empty(FIELDS[name].shape(simulation.count)))[part]
-        if axis:
-            values = values[:, AXES.index(axis)]
-        return None if not len(values) else _statistic(self.check, values)
-
-    def judge(self, value: float | None, time: float) -> None:
-        """Keep the worst value. A moment without particles breaks no bound that is asked for always."""
-        if value is None:
+    def take(self, seen: Seen | None, time: float) -> None:
+        """Keep the worst. A moment without particles breaks no bound that is asked for always."""
+        if seen is None:
             if self._step is None:
                 return
-            value = float("nan")
-        excess = self.check.excess(value)
-        if self._worst is None or excess > self._worst[0]:
-            self._worst = (excess, value, time)
+            seen = Seen(float("nan"), float("inf"))
+        if self._worst is None or seen.excess > self._worst[0].excess:
+            self._worst = (seen, time)
 
     def result(self) -> CheckResult:
         """How it ended."""
@@ -142,20 +144,16 @@ class _Item:
         missing = CheckResult(self.label, check.quantity, False, float("nan"), check.bound(), None, message)
         if self._worst is None:
             return missing
-        excess, value, time = self._worst
-        passed = excess <= 0
+        seen, time = self._worst
+        passed = seen.excess <= 0
         relation = "is" if passed else "is not"
-        message = f"{self.label} {relation} {check.bound()}: {value:.9g} at t = {time:.9g} s"
-        if value != value and self.of_particles:
+        value = f"{seen.value:.9g}" + (f" off for particle {seen.particle}" if check.reference else "")
+        if seen.expected is not None:
+            value += f" instead of {seen.expected:.9g}"
+            value += f" for particle {seen.particle}" if seen.particle is not None else ""
+        message = f"{self.label} {relation} {check.bound()}: {value} at t = {time:.9g} s"
+        if seen.note:
+            message += f" ({seen.note})"
+        elif seen.value != seen.value and self.observer is not None:
             message += " (no particle, or not a number)"
-        return replace(missing, passed=passed, value=value, time=time, message=message)
-
-
-def _statistic(check: Check, values: NDArray[np.float64]) -> float:
-    """One number of a field; NaN if any value is."""
-    if check.statistic == "percentile":
-        assert check.percentile is not None
-        return float(np.percentile(values, check.percentile))
-    if check.statistic == "min":
-        return float(values.min())
-    return float(values.max() if check.statistic == "max" else values.mean())
+        return replace(missing, passed=passed, value=seen.value, time=time, message=message)

@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Le
 from pydantic import Field, StringConstraints, model_validator
 
 from particlesim.crossfield import invalid
+from particlesim.forces.expression import ExpressionError, parse
+from particlesim.forces.field import check_constant
+from particlesim.forces.operations import VARIABLES, Node, Time
 from particlesim.model import Model, Name
-from particlesim.trajectory.fields import FIELDS
-from particlesim.units import Seconds
+from particlesim.quantities import FIELD_QUANTITIES, VECTOR_FIELDS, QuantityDistance, QuantityValue
+from particlesim.regions import AnyRegion
+from particlesim.units import Number, Seconds
 
-AXES = ("x", "y", "z")
-COUNTS = ("count", "born", "died")
-MOTION = ("kinetic", "potential", "energy", "energy.drift")
-VECTORS = ("momentum", "angular_momentum")
+ORACLES = ("equals", "expression", "reference")
+"""What says a value that is expected, each instead of the others and of min and max."""
 
-TOTALS = (
-    *COUNTS,
-    *MOTION,
-    *(name for vector in VECTORS for name in (vector, *(f"{vector}.{axis}" for axis in AXES))),
-)
-"""Quantities of the whole simulation; 'potential.FORCE' is one more for every force that has a potential."""
 
-FIELD_QUANTITIES = tuple(
-    name
-    for spec in FIELDS.values()
-    if spec.kind == "float"
-    for name in ([spec.name] if spec.components == 1 else [f"{spec.name}.{axis}" for axis in AXES])
-)
-"""Quantities of every particle, which a statistic makes one number."""
+class Initial(NamedTuple):
+    """A component of position or velocity at the start of the run."""
+
+    name: str
+
+
+INITIAL: dict[str, Node] = {f"{name}0": Initial(name) for name in ("x", "y", "z", "vx", "vy", "vz")}
+"""Variables of oracles beside those of every expression."""
 
 
 class Check(Model):
@@ -46,34 +44,50 @@ class Check(Model):
     """Which percentile, between the nearest particles linearly."""
     group: Name | None = None
     """Group whose particles are looked at; all unless given."""
+    region: AnyRegion | None = None
+    """Where particles are looked at; everywhere unless given."""
     at: Annotated[Seconds, Ge(0)] | Literal["end", "always"] = "end"
     """Time of a frame, the end, or every frame, of which the worst counts."""
-    min: float | None = None
-    """Least value allowed, in SI units."""
-    max: float | None = None
-    """Largest value allowed, in SI units."""
-    equals: float | None = None
-    """Value expected, in SI units."""
-    tolerance: Annotated[float, Ge(0)] | None = None
-    """Largest distance from `equals`; none unless given."""
-    relative_tolerance: Annotated[float, Ge(0)] | None = Field(default=None)
-    """Largest distance from `equals` as a fraction of it; the larger one of both tolerances counts."""
+    min: QuantityValue | None = None
+    """Least value allowed."""
+    max: QuantityValue | None = None
+    """Largest value allowed."""
+    equals: QuantityValue | None = None
+    """Value expected."""
+    expression: Annotated[str, StringConstraints(max_length=2000)] | None = None
+    """Value expected, in SI units, as an expression of the time t; of a field without statistic, for every particle, and of
+    what it has now (x, vx, m, r, T, ...) and had at the start (x0, y0, z0, vx0, vy0, vz0)."""
+    constants: dict[Name, Number] = Field(default_factory=dict)
+    """Numbers by name, for use in the expression."""
+    reference: Annotated[str, StringConstraints(min_length=1, max_length=1000)] | None = None
+    """Trajectory that holds the values expected, beside the scenario; `psim run --bless` writes it."""
+    tolerance: Annotated[QuantityDistance, Ge(0)] | None = None
+    """Largest distance from what is expected; none unless given."""
+    relative_tolerance: Annotated[float, Ge(0)] | None = None
+    """The same as a fraction of the value expected (of a reference, of the largest one in the frame); the larger one of both
+    tolerances counts."""
 
     @model_validator(mode="after")
     def _bounds(self) -> Check:
-        if self.equals is None and self.min is None and self.max is None:
-            raise invalid("a check needs a bound", allowed="min, max, both of them, or equals")
-        if self.equals is not None:
-            for other in ("min", "max"):
-                if getattr(self, other) is not None:
-                    raise invalid(
-                        f"{other} and equals contradict each other",
-                        at=(other,),
-                        also=[(("equals",), "equals is given here")],
-                    )
+        oracles = [name for name in ORACLES if getattr(self, name) is not None]
+        limits = [name for name in ("min", "max") if getattr(self, name) is not None]
+        if not oracles and not limits:
+            raise invalid(
+                "a check needs a bound",
+                allowed="min, max, both of them, or one of equals, expression and reference",
+            )
+        if oracles:
+            for other in (*limits, *oracles[1:]):
+                raise invalid(
+                    f"{other} and {oracles[0]} contradict each other",
+                    at=(other,),
+                    also=[((oracles[0],), f"{oracles[0]} is given here")],
+                )
         elif self.tolerance is not None or self.relative_tolerance is not None:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
-            raise invalid(f"{key} belongs to equals, which is not given", at=(key,))
+            raise invalid(
+                f"{key} belongs to equals, expression or reference, none of which is given", at=(key,)
+            )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise invalid("min is above max", at=("min",), also=[(("max",), "max")])
         return self
@@ -88,10 +102,54 @@ class Check(Model):
             )
         return self
 
+    @model_validator(mode="after")
+    def _parses(self) -> Check:
+        for name in self.constants:
+            check_constant(name)
+            if self.expression is None:
+                raise invalid("constants belong to an expression, which is not given", at=("constants",))
+            if name in INITIAL:
+                raise invalid(f"{name!r} is a value at the start", at=("constants", name))
+        if self.expression is not None:
+            try:
+                self.expected()
+            except ExpressionError as error:
+                raise invalid(
+                    error.message,
+                    at=("expression",),
+                    hint=error.hint,
+                    within=(error.offset, error.length),
+                ) from None
+        return self
+
+    @model_validator(mode="after")
+    def _beside(self) -> Check:
+        """A reference is written by --bless: its place must not lead out of the scenario's folder."""
+        if self.reference is not None:
+            parts = PureWindowsPath(self.reference).parts
+            rooted = PureWindowsPath(self.reference).anchor or PurePosixPath(self.reference).is_absolute()
+            if rooted or ".." in parts or not self.reference.endswith(".vtkhdf"):
+                raise invalid(
+                    "a reference is a trajectory in the scenario's folder, or below it",
+                    at=("reference",),
+                    hint='such as "references/fountain.vtkhdf"',
+                )
+        return self
+
     @property
-    def allowance(self) -> float:
-        """Largest distance from `equals`."""
-        return max(self.tolerance or 0.0, (self.relative_tolerance or 0.0) * abs(self.equals or 0.0))
+    def of_each(self) -> bool:
+        """Whether every particle has a value expected of its own."""
+        known = self.quantity in FIELD_QUANTITIES or self.quantity in VECTOR_FIELDS
+        return known and self.statistic is None and (self.expression or self.reference) is not None
+
+    def expected(self) -> Node:
+        """The expression as a tree of records. Raises ExpressionError."""
+        variables = {**VARIABLES, **INITIAL} if self.of_each else {"t": Time()}
+        return parse(self.expression or "0", self.constants, variables)
+
+    def allowance(self, expected: float) -> float:
+        """Largest distance from an expected value."""
+        return max(self.tolerance or 0.0, (self.relative_tolerance or 0.0) * abs(expected))
 
     def label(self) -> str:
         """Its name, or what it checks: 'max position.y of balls'."""
@@ -99,6 +157,8 @@ class Check(Model):
             return self.name
         statistic = f"p{self.percentile:g}" if self.statistic == "percentile" else self.statistic
         words = [statistic or "", self.quantity, f"of {self.group}" if self.group is not None else ""]
+        if self.region is not None:
+            words.append(f"in a {self.region.type.replace('_', '-')}")
         if self.at == "always":
             words.append("always")
         elif self.at != "end":
@@ -106,21 +166,35 @@ class Check(Model):
         return " ".join(word for word in words if word)
 
     def bound(self) -> str:
-        """What is allowed, in words: '≥ 0 and ≤ 1', '= 5 ± 0.1'."""
+        """What is allowed, in words: '≥ 0 and ≤ 1', '= 5 ± 0.1', '= y0 - 4.9*t**2 ± 0.1 %'."""
         if self.equals is not None:
-            return f"= {self.equals:.9g}" + (f" ± {self.allowance:.6g}" if self.allowance else "")
+            allowed = self.allowance(self.equals)
+            return f"= {self.equals:.9g}" + (f" ± {allowed:.6g}" if allowed else "")
+        if self.expression is not None or self.reference is not None:
+            relative = 100 * (self.relative_tolerance or 0.0)
+            margins = [f"{self.tolerance:.6g}"] if self.tolerance else []
+            margins += [f"{relative:.6g} %"] if relative else []
+            return f"= {self.expression or self.reference}" + (
+                f" ± {' or '.join(margins)}" if margins else ""
+            )
         low = [f"≥ {self.min:.9g}"] if self.min is not None else []
         high = [f"≤ {self.max:.9g}"] if self.max is not None else []
         return " and ".join([*low, *high])
 
-    def excess(self, value: float) -> float:
-        """How far a value is out of bounds; 0 or less when it is allowed, infinite for a NaN."""
+    def excess(self, value: float, expected: float | None = None) -> float:
+        """How far a value is out of bounds; 0 or less when it is allowed, infinite for a NaN.
+
+        `expected` is what the expression gives.
+        """
         if value != value:
             return float("inf")
-        if self.equals is not None:
-            if value == self.equals:
-                return -self.allowance
-            return abs(value - self.equals) - self.allowance
+        wanted = self.equals if expected is None else expected
+        if wanted is not None:
+            if wanted != wanted:
+                return float("inf")
+            if value == wanted:
+                return -self.allowance(wanted)
+            return abs(value - wanted) - self.allowance(wanted)
         return max(
             self.min - value if self.min is not None else -float("inf"),
             value - self.max if self.max is not None else -float("inf"),

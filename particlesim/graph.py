@@ -15,6 +15,7 @@ from particlesim.forces import Force
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.motions import Motion
 from particlesim.scenario.scenario import Scenario, acts_on
 
 
@@ -50,6 +51,7 @@ class Island:
     planes: tuple[tuple[Plane, ...], ...]
     bonds: tuple[BondSet, ...]
     method: Method
+    motions: tuple[tuple[Motion, ...], ...]
 
     @property
     def coupled(self) -> bool:
@@ -117,6 +119,9 @@ def build_graph(scenario: Scenario) -> Graph:
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
+    for k, motion in enumerate(scenario.motions):
+        what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
+        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
     islands = _islands(scenario)
     recorder = Node("recorder", "trajectory", f"{scenario.grid.frames} frames")
     integrators = {
@@ -174,6 +179,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
                 bonds_here,
                 methods[0],
+                tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
             )
         )
     return tuple(islands)

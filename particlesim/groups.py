@@ -6,7 +6,9 @@ import math
 from functools import partial
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from particlesim.bonds import BondSet, MeshSprings
@@ -16,6 +18,7 @@ from particlesim.flows import AnyFlow
 from particlesim.integrators import AnyIntegrator
 from particlesim.layouts import AnyLayout
 from particlesim.model import Model, Name
+from particlesim.selection import Selection, selected
 from particlesim.streams import Streams
 from particlesim.units import Kelvin, Kilograms, KilogramsPerCubicMetre, KilogramsPerSecond, Metres, PerSecond
 
@@ -138,8 +141,9 @@ class Particles(Group):
     """Name of the group, by which forces, planes and messages speak of it."""
     layout: AnyLayout
     """Where they are and how fast."""
-    pinned: bool | tuple[Annotated[int, Field(ge=0, strict=True)], ...] = False
-    """Particles that nothing moves: true for all, or a list of indices in the group."""
+    pinned: bool | Selection = False
+    """Particles that no force moves: true for all, a list of indices in the group, the names of parts of the layout, or a
+    box, ball or shell: those inside it at the start."""
     springs: MeshSprings | None = None
     """Springs of a layout that is a body (cloth, rope, jelly)."""
 
@@ -179,10 +183,18 @@ class Particles(Group):
             return value / number
         return None if self.density is not None else 1.0 / number
 
-    def pins(self) -> tuple[int, ...]:
-        """Indices of the particles that nothing moves, besides `pinned = true`."""
-        listed = self.pinned if isinstance(self.pinned, tuple) else ()
-        return (*listed, *self.layout.pins().tolist())
+    def pins(self, position: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Indices of the particles that no force moves, sorted; positions [m] at the start have shape [3, n]."""
+        if self.pinned is True:
+            return np.arange(position.shape[1])
+        listed = np.empty(0, np.int64)
+        if self.pinned is not False:
+            listed = selected(self.pinned, self.layout, position)
+        return np.union1d(listed, self.layout.pins())
+
+    def has_pins(self) -> bool:
+        """Whether there may be particles that no force moves."""
+        return self.pinned is not False or bool(self.layout.pins().size)
 
     def bonds(self) -> tuple[BondSet, ...]:
         """The springs that its layout brings; their names are those of the group and the kind."""

@@ -173,6 +173,12 @@ def velocity_dx(f: Any, p: Particle) -> Matrix:
 
 
 @generic(0)
+def path(m: Any, p: Particle) -> tuple[float, float, float, float, float, float]:
+    """Position [m] and velocity [m/s] at time p.t of a particle that is led along a path from its place at the start."""
+    return evaluate(path, m, p)
+
+
+@generic(0)
 def gap(c: Any, p: Particle) -> float:
     """Distance from a particle's surface to a collider [m]; negative where it overlaps."""
     return evaluate(gap, c, p)

@@ -23,11 +23,13 @@ from particlesim.errors import DivergenceError, Interrupted, UsageError
 from particlesim.interruption import Held, held_signals
 from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
+from particlesim.references import bless as give_blessing
+from particlesim.references import check_references
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.target import check_target
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import TOO_LARGE, Watch, check_ledger, extremes, infinite
+from particlesim.validity import Watch, check_ledger, infinite
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ def run(
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    bless: bool = False,
     warn: Callable[[str], None] | None = None,
 ) -> Result:
     """Run a scenario from its start to its end.
@@ -98,7 +101,8 @@ def run(
     With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
     results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
-    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too.
+    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
+    `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or the run cannot fit,
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
@@ -109,8 +113,10 @@ def run(
     path = None if output is None else Path(output)
     if path is not None:
         check_target(path, overwrite=overwrite)
+    check_references(scenario, path, bless=bless)
     required = needs(scenario)
     check_fits(required, path)
+    checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
     unstable = suspects(simulation).warnings
@@ -118,12 +124,15 @@ def run(
         for text in unstable:
             warn(text)
     with held_signals() as signals:
-        result = _recorded(simulation, path, overwrite, required.particles, progress, signals)
+        result = _recorded(simulation, checks, path, overwrite, required.particles, progress, signals)
+    if bless and path is not None and result.passed:
+        give_blessing(scenario, path)
     return replace(result, warnings=(*unstable, *result.warnings))
 
 
 def _recorded(
     simulation: Simulation,
+    checks: Checks,
     path: Path | None,
     overwrite: bool,
     particles: int,
@@ -133,7 +142,7 @@ def _recorded(
     """Run to the end, and write what there is however it ends; `particles` is the largest number of them expected."""
     scenario = simulation.scenario
     writer = _writer(scenario, simulation, path, overwrite, particles) if path is not None else None
-    watch, checks = Watch(scenario), Checks(scenario)
+    watch = Watch(scenario)
     log = _Log()
     began = time.perf_counter()
     status: str = "failed"
@@ -154,6 +163,7 @@ def _recorded(
         ) from None
     finally:
         simulation.close()
+        checks.close()
         if writer is not None:
             writer.close(status, summary)
     seconds = time.perf_counter() - began
@@ -267,10 +277,7 @@ def _record(
     if simulation.scenario.output.ledger:
         row = simulation.ledger()
         if (column := infinite(row)) is not None:
-            raise DivergenceError(
-                f"the ledger's {column} is no longer finite at t = {simulation.time:.9g} s: {extremes(simulation)}",
-                TOO_LARGE,
-            )
+            raise simulation.overflow(column)
     simulation.check()
     if row:
         log.rows.append(row)

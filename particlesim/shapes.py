@@ -26,6 +26,10 @@ class Shape(Model):
         """Points first … first + count − 1 [m], shape [3, count]."""
         raise NotImplementedError
 
+    def contains(self, position: Floats) -> NDArray[np.bool_]:
+        """Which points [m], shape [3, n], are inside or on it, but for rounding: a millionth of its size counts as in."""
+        raise NotImplementedError
+
     def middle(self) -> Vector3:
         """The center, from which "outward" points [m]."""
         raise NotImplementedError
@@ -79,6 +83,11 @@ class Box(Shape):
         low, high = np.asarray(self.min)[:, None], np.asarray(self.max)[:, None]
         return np.asarray(low + (high - low) * np.stack(_uniforms(streams, first, count, 3)))
 
+    def contains(self, position: Floats) -> NDArray[np.bool_]:
+        low, high = np.asarray(self.min)[:, None], np.asarray(self.max)[:, None]
+        margin = 1e-6 * (high - low).max()
+        return np.asarray(((position >= low - margin) & (position <= high + margin)).all(axis=0))
+
     def middle(self) -> Vector3:
         a, b = self.min, self.max
         return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2
@@ -96,6 +105,10 @@ class Ball(Shape):
     def sample(self, streams: Streams, first: int, count: int) -> Floats:
         u, v, w = _uniforms(streams, first, count, 3)
         return np.asarray(np.asarray(self.center)[:, None] + self.radius * np.cbrt(w) * directions(u, v))
+
+    def contains(self, position: Floats) -> NDArray[np.bool_]:
+        distance = np.sqrt(((position - np.asarray(self.center)[:, None]) ** 2).sum(axis=0))
+        return np.asarray(distance <= self.radius * (1 + 1e-6))
 
     def middle(self) -> Vector3:
         return self.center
@@ -141,6 +154,11 @@ class Shell(Shape):
         u, v, w = _uniforms(streams, first, count, 3)
         radius = np.cbrt(self.inner**3 + (self.outer**3 - self.inner**3) * w)
         return np.asarray(np.asarray(self.center)[:, None] + radius * directions(u, v))
+
+    def contains(self, position: Floats) -> NDArray[np.bool_]:
+        distance = np.sqrt(((position - np.asarray(self.center)[:, None]) ** 2).sum(axis=0))
+        margin = 1e-6 * self.outer
+        return np.asarray((distance >= self.inner - margin) & (distance <= self.outer + margin))
 
     def middle(self) -> Vector3:
         return self.center

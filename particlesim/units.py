@@ -247,6 +247,7 @@ _KINEMATIC = Unit("m^2/s", "a circulation or diffusivity", "3 cm^2/s")
 _GRAVITATIONAL = Unit("m^3/s^2", "a gravitational parameter", "398600 km^3/s^2")
 _TEMPERATURE = Unit("K", "a temperature", "20 degC")
 _ENERGY = Unit("J", "an energy", "3 kJ")
+_ANGULAR_MOMENTUM = Unit("J s", "an angular momentum", "3 kg m^2/s")
 
 _UNITS = tuple(value for value in list(globals().values()) if isinstance(value, Unit))
 
@@ -276,6 +277,7 @@ CubicMetresPerSecondSquared = Annotated[float, _GRAVITATIONAL]
 Kelvin = Annotated[float, _TEMPERATURE]
 KelvinDifference = Annotated[float, _TEMPERATURE.difference()]
 Joules = Annotated[float, _ENERGY]
+JouleSeconds = Annotated[float, _ANGULAR_MOMENTUM]
 
 T = TypeVar("T")
 Vector = tuple[T, T, T]

@@ -25,7 +25,9 @@ def check_ledger(simulation: Simulation) -> None:
     if not simulation.scenario.output.ledger:
         return
     if (name := infinite(simulation.ledger())) is not None:
-        raise UsageError(f"the ledger's {name} is not finite at the start: {extremes(simulation)}", TOO_LARGE)
+        raise UsageError(
+            f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
+        )
 
 
 def infinite(row: dict[str, float]) -> str | None:
@@ -33,7 +35,7 @@ def infinite(row: dict[str, float]) -> str | None:
     return next((name for name, value in row.items() if not math.isfinite(value)), None)
 
 
-def extremes(simulation: Simulation) -> str:
+def _extremes(simulation: Simulation) -> str:
     """How far and how fast particles are, in words."""
     far = [np.abs(state.x[:, : state.count]).max() for state in simulation.states if state.count]
     fast = [np.abs(state.v[:, : state.count]).max() for state in simulation.states if state.count]

@@ -17,6 +17,7 @@ from psim.describe import describe
 from psim.diff import diff
 from psim.examples import examples
 from psim.export import export
+from psim.fit import fit
 from psim.graph import graph
 from psim.inspect import inspect
 from psim.new import new
@@ -66,6 +67,15 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim sweep fountain.toml --vary forces.air.coefficient=0.1,0.2,0.5 --vary simulation.integrator=heun,rk4",
             "psim sweep fountain.toml --vary 'forces.air.coefficient=linspace(0, 1, 11)' --workers 2",
             "psim sweep fountain.toml --vary 'forces.air.coefficient=uniform(0.1, 0.5)' --samples 64 --seed 1",
+        ),
+    ),
+    (
+        "fit",
+        fit,
+        _SIMULATE,
+        (
+            "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
+            "psim fit ball.toml --aim ball --target 40,0,0",
         ),
     ),
     (

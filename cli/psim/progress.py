@@ -38,6 +38,17 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
 
 
 @contextmanager
+def fit_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, float], None] | None]:
+    """A function that shows how many runs a fit has made, and the sum of squares of the last; None for nothing."""
+    if quiet or not animated():
+        yield None
+    else:
+        with _bar(name) as bar:
+            task = bar.add_task(plain(name), total=None, note="preparing")
+            yield lambda runs, chi2: bar.update(task, note=f"{runs:,} runs  sum of squares {chi2:.4g}")
+
+
+@contextmanager
 def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """A function that shows how many pictures are done; None when nothing is to be shown."""
     if quiet:

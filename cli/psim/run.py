@@ -42,6 +42,13 @@ def run(
         Path | None,
         typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
     ] = None,
+    bless: Annotated[
+        bool,
+        typer.Option(
+            "--bless",
+            help="Make the trajectory the reference of the checks that name one, if all others hold.",
+        ),
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
@@ -61,7 +68,7 @@ def run(
     quiet = quiet or as_json
     said: list[str] = []
     result = _reported(
-        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, said)
+        junit, scenario, lambda: _simulate(loaded, scenario, path, force, threads, quiet, bless, said)
     )
     warnings = list(result.warnings)
     if film is not None:
@@ -77,10 +84,20 @@ def run(
         print_path(path)
         if film is not None:
             print_path(film)
+    if bless and result.passed and not quiet:
+        _show_blessed(loaded)
     if not result.passed:
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)
+
+
+def _show_blessed(loaded: Scenario) -> None:
+    from particlesim.references import reference_paths
+    from psim.talk import say
+
+    for reference in reference_paths(loaded):
+        say(f"written: {reference}, the reference of later runs")
 
 
 def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]) -> Result:
@@ -144,6 +161,7 @@ def _simulate(
     force: bool,
     threads: int | None,
     quiet: bool,
+    bless: bool,
     said: list[str],
 ) -> Result:
     """Run; an error in the middle says where the frames before it are. What is warned of at the start goes to `said`."""
@@ -163,6 +181,7 @@ def _simulate(
                 threads=threads,
                 progress=progress,
                 warn=None if quiet else tell,
+                bless=bless,
             )
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"

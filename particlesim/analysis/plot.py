@@ -9,21 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particlesim.analysis import series
+from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, save
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import unknown_name
 from particlesim.trajectory.reader import Trajectory
-from particlesim.trajectory.target import check_target, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-ENDINGS = (".png", ".svg", ".pdf")
-
-# Okabe and Ito's palette, told apart with every common colour blindness (jfly.uni-koeln.de/color, 2008), less
-# its yellow, which is too pale for a line on white.
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-INK = "#222222"
-GRID = "#E4E4E4"
 
 
 def plot(
@@ -53,52 +45,11 @@ def plot(
         )
     if not len(trajectory):
         raise UsageError(f"{trajectory.path} has no frames yet")
-    check_image(out, overwrite)
-    figure = blank_figure()
-    axes = figure.add_subplot()
-    dress(axes)
+    check_image(out, overwrite=overwrite)
+    figure, (axes,) = new_figure()
     title = _draw(axes, trajectory, quantity, ids, group)
     _label(axes, trajectory, quantity, title if group is None else f"{title} · {group}")
     save(figure, out)
-
-
-def blank_figure(width: float = 8.0, height: float = 4.5) -> Any:
-    """An empty figure [inch] in the house style; without pyplot nothing global changes and no display is needed.
-
-    Raises UsageError when matplotlib is missing.
-    """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UsageError(
-            "plots need matplotlib, which is not installed", "pip install 'particlesim[plot]'"
-        ) from None
-    figure = Figure(figsize=(width, height), facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def dress(axes: Axes) -> None:
-    """Lines and ticks of axes in the house style."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(GRID)
-    axes.grid(color=GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, length=0, labelsize=9)
-
-
-def check_image(out: Path, overwrite: bool) -> None:
-    """Raises UsageError for an image with an unknown ending, or one that exists (unless `overwrite`)."""
-    if out.suffix.lower() not in ENDINGS:
-        raise UsageError(f"cannot draw {out.name!r}: unknown ending", f"Known endings: {', '.join(ENDINGS)}.")
-    check_target(out, overwrite=overwrite)
-
-
-def save(figure: Any, out: Path) -> None:
-    """Write a figure, whole or not at all."""
-    with replacing(out) as temporary:
-        figure.savefig(temporary, dpi=160, format=out.suffix[1:].lower())
 
 
 def _draw(

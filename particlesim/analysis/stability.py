@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.analysis.plot import COLORS, INK, blank_figure, check_image, dress, save
+from particlesim.analysis.figure import COLORS, INK, blank_figure, check_image, dress, save
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import IslandStability, Stability
 from particlesim.engine.stability import stability as of_simulation
@@ -44,7 +44,7 @@ def plot_stability(found: Stability, out: Path, *, overwrite: bool = False) -> N
     A method has a panel of its own. Raises UsageError for an output that exists (unless `overwrite`), an unknown ending,
     and when matplotlib is missing.
     """
-    check_image(out, overwrite)
+    check_image(out, overwrite=overwrite)
     methods = list(dict.fromkeys(island.method for island in found.islands))
     figure = blank_figure(1.0 + 5.0 * len(methods), 5.0)
     for number, method in enumerate(methods):

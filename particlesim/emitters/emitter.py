@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -109,6 +109,14 @@ class Emitter(Group):
                 hint="add min",
             )
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _not_pinned(cls, table: Any) -> Any:
+        if isinstance(table, dict) and "pinned" in table:
+            hint = '[[particles]] pins those that are there from the start; a plane with contact = "stick" holds what lands'
+            raise invalid("emitted particles cannot be pinned", at=("pinned",), hint=hint)
+        return table
 
     @model_validator(mode="after")
     def _dies(self) -> Emitter:

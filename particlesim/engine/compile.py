@@ -12,7 +12,8 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-import particlesim.forces  # noqa: F401
+import particlesim.forces
+import particlesim.motions  # noqa: F401
 from particlesim.engine.cache import INLINE
 from particlesim.laws import GENERICS, HELPERS, Generic
 

@@ -19,6 +19,7 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
 from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
+from particlesim.engine.driving import Driven, drive
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
@@ -67,7 +68,8 @@ class Work(NamedTuple):
 
 
 class Share(NamedTuple):
-    """What a thread does: particles [first, last), in chunks; its number among the threads, and where they meet."""
+    """What a thread does: particles [first, last), in chunks, and the motions that lead some of them; its number among the
+    threads, and where they meet."""
 
     first: int
     last: int
@@ -76,6 +78,7 @@ class Share(NamedTuple):
     threads: int
     gate: Any
     wild: Any
+    motions: tuple[Any, ...]
 
 
 class FrozenRecord(NamedTuple):
@@ -115,14 +118,42 @@ def scratch(method: Method, count: int, dtype: Any) -> Work:
     )
 
 
-def share_out(count: int, threads: int) -> list[Share]:
+def share_out(count: int, threads: int, driven: tuple[Driven, ...]) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk."""
     ranges = shares(count, threads)
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
-        Share(first, last, chunk_size(count), number, len(ranges), gate, wild)
+        Share(
+            first, last, chunk_size(count), number, len(ranges), gate, wild, led_between(driven, first, last)
+        )
         for number, (first, last) in enumerate(ranges)
     ]
+
+
+def led_between(driven: tuple[Driven, ...], first: int, last: int) -> tuple[Driven, ...]:
+    """The motions of particles [first, last); their rows are sorted."""
+    parts = []
+    for each in driven:
+        a, b = np.searchsorted(each.rows, (first, last))
+        parts.append(Driven(each.law, *(column[a:b] for column in each[1:])))
+    return tuple(parts)
+
+
+def bring(motions: Any, c: Any, share: Any, t: Any) -> Any:
+    """Bring the driven particles of a share to time t; returns when those of all shares are there."""
+    return stub()
+
+
+@inline(bring)
+def _bring(motions: Any, c: Any, share: Any, t: Any) -> Impl:
+    if len(motions) == 0:
+        return lambda motions, c, share, t: None
+
+    def impl(motions: Any, c: Any, share: Any, t: Any) -> None:
+        drive(motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, t)
+        meet(share.gate, share.threads)
+
+    return impl
 
 
 def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Any:
@@ -154,7 +185,7 @@ def _add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Imp
 def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Any:
     """Total force on the particles of a share; returns when those of all shares are known.
 
-    All positions and velocities must be in place.
+    All positions and velocities must be in place, but for those of driven particles, which are brought to time t.
     """
     return stub()
 
@@ -162,6 +193,7 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> A
 @outline(evaluate)
 def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Impl:
     def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+        bring(share.motions, c, share, t)
         for lo in range(share.first, share.last, share.chunk):
             add_forces(parts, c, work.force, t, lo, min(lo + share.chunk, share.last))
         add_bonds(bonds, c, work.force, work.pull)
@@ -352,7 +384,7 @@ def _forget(memory: Any, i: Any) -> Impl:
         return lambda memory, i: None
 
     def impl(memory: Any, i: Any) -> None:
-        memory[3][i] = 0
+        memory[-1][i] = 0
 
     return impl
 
@@ -474,6 +506,7 @@ def step_island(
             hi = min(lo + share.chunk, share.last)
             save(block_of(c, lo, hi), work.before[:, lo:hi])
         evolve(method, parts, bonds, c, work, share, t, end, h)
+        drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
         collide(parts, c, work.before, share, t, end, h)
         share.wild[8 * share.number] = 0
         for lo in range(share.first, share.last, share.chunk):
@@ -487,6 +520,7 @@ def step_island(
     end = (first_step + steps) * dt
     evaluate(parts, bonds, c, work, share, end)
     settle(parts, c, work.force, share, end)
+    drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     return steps
 
 

@@ -22,7 +22,7 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, group_uses_radius
+from particlesim.engine.islands import Fault, copied, group_uses_radius
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
@@ -65,6 +65,11 @@ class CoupledIsland:
                 dtype,
             )
             for k, group in enumerate(island.groups)
+        )
+        self._driven = tuple(
+            each._replace(rows=each.rows + first)
+            for first, state in zip(bounds, self.states, strict=False)
+            for each in state.driven
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
@@ -153,7 +158,7 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads):
+            for share in share_out(count, threads, self._driven):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -297,12 +302,4 @@ def _stretch(c: Columns, a: int, b: int) -> Columns:
         thermal=heat,
         clock=clock,
         memory=tuple(column[a:b] for column in c.memory),
-    )
-
-
-def copied(c: Columns) -> Columns:
-    """Columns with position, velocity and memory copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
     )

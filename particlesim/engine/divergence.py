@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.emitters import Emitter
+from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Fault, IndependentIsland
@@ -40,6 +41,22 @@ NOISE = 1e-9
 """Part of the energies at the start that rounding may feign."""
 LIGHT = 299_792_458.0
 """Speed of light [m/s]."""
+
+WHY = {
+    NOT_FINITE: (
+        "feels a force that is not finite at t = {t:.9g} s",
+        "keep it away from where a force has no value",
+    ),
+    TOO_SHORT: (
+        "needs steps below the least at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+    ),
+    TOO_MANY: (
+        f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
+        "allow more error (tolerance), use a method of higher order, or a smaller dt",
+    ),
+}
+"""What is told of a particle whose own steps could not go on, and what to do about it."""
 
 
 class Sign(NamedTuple):
@@ -111,7 +128,7 @@ class Guard:
 
 def _closed(structure: Island) -> bool:
     """Whether nothing feeds energy to an island."""
-    return all(
+    return not any(structure.motions) and all(
         not isinstance(group, Emitter)
         and group.dynamics.type == "second_order"
         and all(_conserves(law) for law in forces)
@@ -135,19 +152,40 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
     """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
     island = simulation.islands[number]
     row = fault.row + sum(state.count for state in island.states[: fault.member])
-    sign = _first_sign(simulation, number, row, first, fault.step)
-    time = fault.step * simulation.scenario.grid.dt
-    if sign is None:
-        columns, bonds, rows = island.replay(row, first, fault.step - first)
-        index = row - rows.start
-        sign = Sign(fault.step, row, _particle(columns, index, time), index, bonds, columns)
-        what = f"is no longer finite after the step from t = {time:.9g} s"
-    else:
-        what = (
-            f"ran away at t = {sign.particle.t:.9g} s, faster than {TOO_FAST:g} times what forces could give it, and "
-            f"numbers were no longer finite after the step from t = {time:.9g} s"
-        )
-    return _report(simulation, number, sign, "not finite", time, what)
+    dt = simulation.scenario.grid.dt
+    time = fault.step * dt
+    columns, bonds, rows = island.replay(row, first, fault.step - first)
+    if fault.stop is not None:
+        what, hint = WHY[fault.stop.why]
+        sign = Sign(fault.step, row, fault.stop.particle, row - rows.start, bonds, columns)
+        text = f"particle {{who}} {what.format(t=fault.stop.time)}; it was"
+        return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
+    over = f"no longer finite after the step from t = {time:.9g} s"
+    early = _first_sign(simulation, number, row, first, fault.step)
+    if early is None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        return _report(simulation, number, sign, "not finite", time, f"particle {{who}} is {over}; it was")
+    text = (
+        f"particle {{who}} ran away at t = {early.particle.t:.9g} s, faster than {TOO_FAST:g} times what forces could "
+        f"give it, and numbers were {over}; it was"
+    )
+    return _report(simulation, number, early, "not finite", time, text)
+
+
+def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
+    """The post-mortem of a simulation with finite numbers whose ledger has a quantity that is not."""
+    fastest = [
+        (_speeds(columns).max(initial=0.0), number)
+        for number, island in enumerate(simulation.islands)
+        for columns in island.columns()
+    ]
+    number = max(fastest)[1]
+    text = f"the ledger's {quantity} is no longer finite at t = {simulation.time:.9g} s; particle {{who}} was"
+    hint = f"try a smaller step than dt = {simulation.scenario.grid.dt:.6g} s, or smaller forces"
+    return _report(
+        simulation, number, _fastest_now(simulation, number), "not finite", simulation.time, text, hint
+    )
 
 
 def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> DivergenceError:
@@ -157,17 +195,23 @@ def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> Di
     if isinstance(island, CoupledIsland) and island.kept_from < simulation.step:
         sign = _first_sign(simulation, number, 0, island.kept_from, simulation.step)
     if sign is None:
-        columns = island.island_columns() if isinstance(island, CoupledIsland) else island.columns()[0]
-        index = int(np.argmax(_speeds(columns)))
-        bonds = island.bonds if isinstance(island, CoupledIsland) else ()
-        sign = Sign(simulation.step, index, _particle(columns, index, simulation.time), index, bonds, columns)
+        sign = _fastest_now(simulation, number)
     names = " and ".join(repr(state.name) for state in island.states)
     if cause == "energy":
         why = f"the energy of {names} had grown {size:.3g}-fold with nothing to feed it"
     else:
         why = f"speeds in {names} had grown a thousandfold since the last frame, to {size:.3g} m/s"
-    what = f"was the first to run away, at t = {sign.particle.t:.9g} s: by t = {simulation.time:.9g} s {why}"
-    return _report(simulation, number, sign, cause, simulation.time, what)
+    text = f"particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; by t = {simulation.time:.9g} s {why}; it was"
+    return _report(simulation, number, sign, cause, simulation.time, text)
+
+
+def _fastest_now(simulation: Simulation, number: int) -> Sign:
+    """The particle of an island that is fastest at present."""
+    island = simulation.islands[number]
+    columns = island.island_columns() if isinstance(island, CoupledIsland) else island.columns()[0]
+    row = int(np.argmax(_speeds(columns)))
+    bonds = island.bonds if isinstance(island, CoupledIsland) else ()
+    return Sign(simulation.step, row, _particle(columns, row, simulation.time), row, bonds, columns)
 
 
 def _first_sign(simulation: Simulation, number: int, row: int, first: int, last: int) -> Sign | None:
@@ -177,11 +221,12 @@ def _first_sign(simulation: Simulation, number: int, row: int, first: int, last:
         return None
     start = island.replay(row, first, 0)[0]
     after = island.replay(row, first, 1)[0]
-    change = np.sqrt(sum((getattr(after, v) - getattr(start, v)) ** 2 for v in ("vx", "vy", "vz")))
-    speed, rate = _speeds(start).max(initial=0.0), np.nan_to_num(change / dt, posinf=0.0).max(initial=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = after._replace(**{v: getattr(after, v) - getattr(start, v) for v in ("vx", "vy", "vz")})
+    speed, kick = (float(_speeds(c).max(initial=0.0)) for c in (start, change))
 
     def too_fast(step: int) -> bool:
-        allowed = TOO_FAST * (speed + rate * dt * (step - first))
+        allowed = TOO_FAST * (speed + (kick if math.isfinite(kick) else 0.0) * (step - first))
         return bool((_speeds(island.replay(row, first, step - first)[0]) > allowed).any())
 
     if not too_fast(last):
@@ -196,6 +241,7 @@ def _first_sign(simulation: Simulation, number: int, row: int, first: int, last:
 
 
 def _speeds(c: Columns) -> NDArray[np.float64]:
+    """Speeds of all particles [m/s], infinite where they are no numbers."""
     with np.errstate(over="ignore", invalid="ignore"):
         vx, vy, vz = (column.astype(float) for column in (c.vx, c.vy, c.vz))
         return np.asarray(np.nan_to_num(np.hypot(np.hypot(vx, vy), vz), nan=np.inf))
@@ -214,9 +260,15 @@ def _particle(c: Columns, i: int, time: float) -> Particle:
 
 
 def _report(
-    simulation: Simulation, number: int, sign: Sign, cause: str, noticed: float, what: str
+    simulation: Simulation,
+    number: int,
+    sign: Sign,
+    cause: str,
+    noticed: float,
+    text: str,
+    hint: str | None = None,
 ) -> DivergenceError:
-    """Message, hint and data of a post-mortem."""
+    """Message, hint and data of a post-mortem. `text` says what happened to {who}, up to where it was."""
     island, structure = simulation.islands[number], simulation.graph.islands[number]
     member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
     state, p = island.states[member], sign.particle
@@ -238,13 +290,13 @@ def _report(
         stable,
     )
     where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-    message = f"particle {found.particle} of {found.group!r} {what}; it was at {where}"
+    message = text.replace("{who}", f"{found.particle} of {found.group!r}") + f" at {where}"
     if name is not None:
         message += f", and the strongest force on it was {name} with {size:.6g} N"
     if stable is not None and math.isfinite(stable):
         limit = f"{stable:.3g} s" if stable > 0 else "none"
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
-    hint = f"try a smaller step than dt = {dt:.6g} s"
+    hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and 0 < stable < dt:
         hint += f": {advice(stable)}"
     return DivergenceError(message, hint, found)
@@ -258,7 +310,7 @@ def _stable_step(simulation: Simulation, number: int, member: int, p: Particle) 
     try:
         model = IslandModel(simulation.scenario, structure, island, p.t)
         system = model.linearise().together if structure.coupled else model.single(member, p)
-        return largest_step(structure.method, system)
+        return math.inf if structure.method.adaptive else largest_step(structure.method, system)
     except (ArithmeticError, np.linalg.LinAlgError, ValueError):
         return None  # numbers too wild to tell
 
@@ -301,5 +353,4 @@ def _pull(bond: Any, c: Columns, row: int) -> NDArray[np.float64]:
 
 
 def _length(vector: Any) -> float:
-    with np.errstate(all="ignore"):
-        return float(np.sqrt(np.square(np.array(vector, dtype=float)).sum()))
+    return math.hypot(*map(float, vector))

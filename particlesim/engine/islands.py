@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.adaptive import step_range_adaptive
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
@@ -19,6 +20,7 @@ from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
+from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -31,12 +33,22 @@ WORTH_THREADS = 500_000
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on.
     """
 
     member: int
     row: int
     step: int
+    stop: Stop | None = None
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+
+    why: int
+    time: float
+    particle: Particle
 
 
 @dataclass
@@ -68,6 +80,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
 
@@ -97,14 +110,15 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
             return None, None, None
-        faults = np.zeros(self.state.count, np.bool_)
+        faults = self._no_faults(self.state.count)
         if self.state.count:
             columns = self.columns()[0]
 
             def work(a: int, b: int) -> None:
-                step_range(self.program, columns, first, last - first, self.dt, a, b, self._block, faults)
+                self._step(columns, first, last - first, a, b, self._block, faults)
 
             team.over_range(
                 self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
@@ -113,6 +127,21 @@ class IndependentIsland:
             return born, None, self._find(np.flatnonzero(faults), first, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
+
+    def _no_faults(self, number: int) -> NDArray[Any]:
+        """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
+        return np.zeros(number, np.int8 if self._adaptive else np.bool_)
+
+    def _step(
+        self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
+    ) -> None:
+        """Steps from `first` on for particles [a, b)."""
+        if self._adaptive:
+            step_range_adaptive(
+                self.program, columns, first, steps, self.dt, a, b, block, True, faults, np.zeros(1)
+            )
+        else:
+            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults)
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
         """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.
@@ -123,20 +152,20 @@ class IndependentIsland:
         part = slice(low, min(low + self._block, self.state.count))
         return self._stepped(part, first, steps)[0], (), part
 
-    def _stepped(self, part: slice, first: int, steps: int) -> tuple[Columns, NDArray[np.bool_]]:
+    def _stepped(self, part: slice, first: int, steps: int) -> tuple[Columns, NDArray[Any]]:
         """A copy of some particles after some steps, each for itself, and which of them broke down (and stayed)."""
         columns = snapshot(self.columns()[0], part)
-        n = part.stop - part.start
-        faults = np.zeros(n, np.bool_)
-        step_range(self.program, columns, first, steps, self.dt, 0, n, 1, faults)
+        number = part.stop - part.start
+        faults = self._no_faults(number)
+        self._step(columns, first, steps, 0, number, 1, faults)
         return columns, faults
 
     def _find(self, blocks: NDArray[np.intp], first: int, last: int) -> Fault:
         """The first step and particle at which a number stopped being finite; blocks are back at step `first`."""
-        earliest = Fault(0, int(blocks[0]), last)
+        row, end = int(blocks[0]), last
         for block in blocks[:64]:
             part = slice(int(block), min(int(block) + self._block, self.state.count))
-            low, high = first, earliest.step
+            low, high = first, end
             faults = self._stepped(part, first, high - first)[1]
             if not faults.any():
                 continue
@@ -144,8 +173,18 @@ class IndependentIsland:
                 middle = (low + high) // 2
                 there = self._stepped(part, first, middle - first)[1]
                 low, high, faults = (low, middle, there) if there.any() else (middle, high, faults)
-            earliest = Fault(0, part.start + int(faults.argmax()), high)
-        return Fault(0, earliest.row, earliest.step - 1)
+            row, end = part.start + int((faults != 0).argmax()), high
+        return Fault(0, row, end - 1, self._stop(row, first, end - 1) if self._adaptive else None)
+
+    def _stop(self, row: int, first: int, step: int) -> Stop:
+        """Why, when and where a particle's own steps could not go on: that step once more."""
+        columns, _, part = self.replay(row, first, step - first)
+        number, i = part.stop - part.start, row - part.start
+        fault, moment = np.zeros(number, np.int8), np.zeros(1)
+        step_range_adaptive(self.program, columns, step, 1, self.dt, i, i + 1, 1, False, fault, moment)
+        p = self.state.particle(row, moment[0])
+        place = {name: float(getattr(columns, name)[i]) for name in ("x", "y", "z", "vx", "vy", "vz")}
+        return Stop(int(fault[i]), float(moment[0]), p._replace(**place))
 
 
 def snapshot(c: Columns, part: slice) -> Columns:
@@ -237,6 +276,15 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def copied(c: Columns) -> Columns:
+    """Columns with all that a step changes copied."""
+    return c._replace(
+        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        memory=tuple(column.copy() for column in c.memory),
+        clock=None if c.clock is None else Clock(*(column.copy() for column in c.clock)),
+    )
 
 
 def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:

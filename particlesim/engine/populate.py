@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.driving import Driven
 from particlesim.engine.program import needs_clock
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
 from particlesim.layouts import CHUNK
+from particlesim.motions import Motion
 from particlesim.scenario.scenario import Scenario
+from particlesim.selection import selected
 
 
 def populate(scenario: Scenario, island: Island, group: Group, first_id: int) -> GroupState:
@@ -19,16 +25,17 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
 
     Raises UsageError for a file that cannot be read, or that has no particle of a pinned index.
     """
-    planes = island.planes[island.groups.index(group)]
+    member = island.groups.index(group)
+    planes, motions = island.planes[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
-    layout = group.layout.open(scenario.folder) if isinstance(group, Particles) else None
+    layout = scenario.opened(group) if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     state = GroupState(
         group.name,
         count,
         dtype=dtype,
         memory=island.method.memory,
-        clocked=needs_clock(group, planes),
+        clocked=needs_clock(group, planes, bool(motions)),
         warm=group.temperature is not None,
         cooling=group.cooling,
     )
@@ -51,7 +58,8 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     state.count = count
     if state.clocked:
         state.stop[:] = np.inf
-    _pin(state, group)
+    if isinstance(group, Particles):
+        _pin(state, group, motions)
     return state
 
 
@@ -62,20 +70,50 @@ def _capacity(scenario: Scenario, group: Group) -> int:
     return max(1, min(total, group.limit or total, 1 << 16))
 
 
-def _pin(state: GroupState, group: Group) -> None:
-    if not isinstance(group, Particles):
+def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None:
+    """Hold the particles that are pinned, and put those that are led where their paths begin."""
+    if not motions and not group.has_pins():
         return
-    pinned = group.pins()
-    if group.pinned is True:
-        state.pin(slice(None))
-    elif pinned:
-        beyond = [index for index in pinned if index >= state.count]
-        if beyond:
+    x = state.x[:, : state.count].astype(float)
+    pinned = _existing(state, group.pins(x), "pinned")
+    led = [
+        pinned if m.particles is None else _existing(state, selected(m.particles, group.layout, x), m.label)
+        for m in motions
+    ]
+    for m, rows in zip(motions, led, strict=True):
+        if rows.size == 0:
             raise UsageError(
-                f"{group.name!r} has {state.count} particles; there is no particle {beyond[0]} to pin",
-                f"pinned takes indices from 0 to {state.count - 1}",
+                f"{m.label} leads no particle of {group.name!r}: none is in its region",
+                "regions are compared with the places at the start",
             )
-        state.pin(list(pinned))
-    if pinned or group.pinned is True:
-        fixed = np.isinf(state.start[: state.count])
-        state.v[:, : state.count][:, fixed] = 0
+    every, times = np.unique(np.concatenate([np.empty(0, np.int64), *led]), return_counts=True)
+    if (times > 1).any():
+        raise UsageError(
+            f"particle {every[times.argmax()]} of {group.name!r} is led by two motions",
+            "name different particles for each, with particles = ...",
+        )
+    held = np.union1d(pinned, every)
+    state.pin(held)
+    state.v[:, held] = 0
+    state.driven = tuple(
+        Driven(m.record(), rows, *np.ascontiguousarray(x[:, rows]))
+        for m, rows in zip(motions, led, strict=True)
+    )
+    if state.driven:
+        state.drive(0.0)
+        wild = ~(np.isfinite(state.x[:, every]).all(axis=0) & np.isfinite(state.v[:, every]).all(axis=0))
+        if wild.any():
+            raise UsageError(
+                f"the path of particle {every[wild.argmax()]} of {group.name!r} is not finite at t = 0",
+                "position and velocity must be finite from the start",
+            )
+
+
+def _existing(state: GroupState, rows: NDArray[np.int64], what: str) -> NDArray[np.int64]:
+    """Rows, which must be those of particles: the number of particles in a file is not known before it is read."""
+    if rows.size and rows[-1] >= state.count:
+        raise UsageError(
+            f"{what}: {state.name!r} has {state.count} particles; there is no particle {rows[-1]} to pin",
+            f"indices go from 0 to {state.count - 1}",
+        )
+    return rows

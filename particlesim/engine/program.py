@@ -78,7 +78,7 @@ def group_program(
     return as_precision(program, dtype)
 
 
-def needs_clock(group: Group, planes: Sequence[Plane]) -> bool:
-    """Whether particles of a group may be born, die, stick or be pinned."""
-    pinned = isinstance(group, Particles) and (group.pinned is True or bool(group.pins()))
+def needs_clock(group: Group, planes: Sequence[Plane], led: bool) -> bool:
+    """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
+    pinned = isinstance(group, Particles) and (led or group.has_pins())
     return isinstance(group, Emitter) or pinned or any(plane.contact != "bounce" for plane in planes)

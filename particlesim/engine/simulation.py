@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.divergence import Guard, not_finite
+from particlesim.engine.divergence import Guard, not_finite, overflowed
 from particlesim.engine.islands import Births, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
 from particlesim.engine.topology import topology
+from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
@@ -256,6 +257,10 @@ class Simulation:
         Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
         """
         self._guard.look(self._energies if self._energies_of == self.step else None)
+
+    def overflow(self, quantity: str) -> DivergenceError:
+        """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
+        return overflowed(self, quantity)
 
     def close(self) -> None:
         """End the team of threads."""

@@ -40,6 +40,7 @@ class IslandStability:
     """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
     (`step`); 0: none is stable, infinite: no limit.
 
+    Adaptive methods have no limit: they choose steps that are short enough.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s]; `how` is that of `Linearised`.
     """
@@ -167,18 +168,23 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
     structure, grid = model.structure, simulation.scenario.grid
     method = structure.method
     found = model.linearise()
+    names = tuple(group.name for group in structure.groups)
+    values = eigenvalues(found.together).ravel()
+    if method.adaptive:
+        free = dict.fromkeys(found.forces, math.inf)
+        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values)
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
     return IslandStability(
-        tuple(group.name for group in structure.groups),
+        names,
         method,
         {label: largest_step(method, system) for label, system in found.forces.items()},
         largest_step(method, found.together),
         total,
         found.how,
-        eigenvalues(found.together).ravel(),
+        values,
     )
 
 
@@ -186,6 +192,8 @@ def _surely_stable(simulation: Simulation, number: int) -> bool:
     """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
     model = _model(simulation, number)
     method, grid = model.structure.method, simulation.scenario.grid
+    if method.adaptive:
+        return True
     limits = model.box()
     if limits is None:
         if model.structure.coupled:

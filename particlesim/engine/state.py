@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.driving import Driven, drive_to
 from particlesim.groups import Cooling
 from particlesim.laws import KILL, LEAVE, STICK, Particle
 
@@ -54,6 +55,7 @@ class GroupState:
         self.clocked = clocked
         self.warm = warm
         self.count = 0
+        self.driven: tuple[Driven, ...] = ()
         self._allocate(capacity, memory)
 
     def _allocate(self, capacity: int, memory: int) -> None:
@@ -161,6 +163,7 @@ class GroupState:
             setattr(view, name, column[part] if column.size else column)
         view.memory = tuple(column[part] for column in self.memory)
         view.count = part.stop - part.start
+        view.driven = member.driven
         return view
 
     def reserve(self, wanted: int) -> None:
@@ -173,9 +176,14 @@ class GroupState:
             if now.size:
                 now[: self.count] = before[: self.count]
 
-    def pin(self, which: slice | list[int]) -> None:
-        """Particles that nothing moves: their clock never starts."""
+    def pin(self, which: NDArray[np.int64]) -> None:
+        """Particles that no force moves: their clock never starts."""
         self.start[: self.count][which] = np.inf
+
+    def drive(self, time: float) -> None:
+        """Put particles that are led along paths where they are at a time."""
+        if self.driven:
+            drive_to(self.driven, self.x, self.v, time)
 
     def kick(self, impulse: tuple[float, float, float]) -> None:
         """Δv = j/m for every particle that is free to move; methods that remember the velocity start anew."""
@@ -198,6 +206,8 @@ class GroupState:
         cause[outcome == LEAVE] = OUTSIDE
         deaths = Deaths(self.id[:n][dead], self.stop[:n][dead], cause[dead])
         keep = ~dead
+        place = np.cumsum(keep) - 1
+        self.driven = tuple(each._replace(rows=place[each.rows]) for each in self.driven)
         for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]

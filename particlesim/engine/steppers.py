@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from numba import types
 
 from particlesim.engine.compile import inline, stub
+from particlesim.integrators.adaptive import EmbeddedRecord
 from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
 from particlesim.laws import force, moved_to, velocity
 
@@ -47,7 +48,7 @@ class Rate(NamedTuple):
 
 
 def restart(memory: Any) -> Any:
-    """A method's memory after something else changed the velocity: forgotten."""
+    """A method's memory after something else changed the velocity: its last number is 0, which means that it does not hold."""
     return stub()
 
 
@@ -55,7 +56,7 @@ def restart(memory: Any) -> Any:
 def _restart(memory: Any) -> Impl:
     if len(memory) == 0:
         return lambda memory: memory
-    return lambda memory: (memory[0], memory[1], memory[2], memory[3] - memory[3])
+    return lambda memory: (*memory[:-1], memory[-1] - memory[-1])
 
 
 def derivative(dynamics: Any, forces: Any, p: Any) -> Any:
@@ -241,7 +242,7 @@ def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: An
             return compose(method.kicks, method.drifts, forces, p, h), memory
 
         return composition
-    if method.instance_class is RungeKuttaRecord:
+    if method.instance_class in (RungeKuttaRecord, EmbeddedRecord):
 
         def runge_kutta(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
             slopes = stages(method.a, method.c, dynamics, forces, p, h, ())

@@ -12,8 +12,10 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from particlesim.forces.operations import (
     FUNCTIONS,
@@ -23,6 +25,8 @@ from particlesim.forces.operations import (
     Divide,
     GeneralPower,
     IfLess,
+    Maximum,
+    Minimum,
     Multiply,
     Negate,
     Node,
@@ -61,10 +65,10 @@ _BINARY: dict[type[ast.operator], Callable[..., Node]] = {
 _PROBE = Particle(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
-def parse(text: str, constants: Mapping[str, float]) -> Node:
+def parse(text: str, constants: Mapping[str, float], variables: Mapping[str, Node] = VARIABLES) -> Node:
     """The tree of records of an expression.
 
-    Names are `VARIABLES`, pi, e, and the given constants. Raises ExpressionError with the place inside the text.
+    Names are the variables, pi, e, and the given constants. Raises ExpressionError with the place inside the text.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"longer than {MAX_LENGTH} characters", 0, 1)
@@ -84,7 +88,7 @@ def parse(text: str, constants: Mapping[str, float]) -> Node:
         raise ExpressionError("not an expression", indent + _place(error, stripped)) from None
     except (RecursionError, MemoryError):
         raise ExpressionError("nested too deeply", 0, len(text)) from None
-    return _Builder(stripped, indent, constants).build(tree)
+    return _Builder(stripped, indent, constants, variables).build(tree)
 
 
 def _place(error: SyntaxError, text: str) -> int:
@@ -103,10 +107,13 @@ def _lines(text: str) -> list[str]:
 class _Builder:
     """Turns Python's tree into records, and refuses whatever is not on the list."""
 
-    def __init__(self, text: str, indent: int, constants: Mapping[str, float]) -> None:
+    def __init__(
+        self, text: str, indent: int, constants: Mapping[str, float], variables: Mapping[str, Node]
+    ) -> None:
         self.lines = _lines(text)
         self.indent = indent
         self.constants = {**BUILTIN_CONSTANTS, **constants}
+        self.variables = variables
         self.depth = 0
 
     def build(self, node: ast.expr) -> Node:
@@ -154,11 +161,11 @@ class _Builder:
     def _name(self, node: ast.Name) -> Node:
         if node.id in self.constants:
             return Constant(float(self.constants[node.id]))
-        if node.id in VARIABLES:
-            return VARIABLES[node.id]
+        if node.id in self.variables:
+            return self.variables[node.id]
         if node.id in FUNCTIONS:
             raise self._error(node, f"{node.id} is a function", f"write what it acts on: {node.id}(x)")
-        known = [*VARIABLES, *self.constants]
+        known = [*self.variables, *self.constants]
         raise self._error(node, f"unknown name {node.id!r}", _nearest(node.id, known, "names", known))
 
     def _binary(self, node: ast.BinOp) -> Node:
@@ -249,3 +256,29 @@ def reads(node: Node, variable: type) -> bool:
     return isinstance(node, variable) or any(
         isinstance(part, tuple) and reads(part, variable) for part in node
     )
+
+
+def on_arrays(node: Node, variables: Callable[[Node], npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """The value of an expression for many particles at once; `variables` gives the numbers of a variable.
+
+    As in compiled code, what is no real number is a NaN, and division by zero gives an infinity.
+    """
+    with np.errstate(all="ignore"):
+        return np.asarray(_on_arrays(node, variables), np.float64)
+
+
+def _on_arrays(node: Node, variables: Callable[[Node], npt.NDArray[np.float64]]) -> Any:
+    if isinstance(node, Constant):
+        return np.float64(node.number)
+    if not any(isinstance(part, tuple) for part in node):
+        return variables(node)
+    parts = [_on_arrays(part, variables) if isinstance(part, tuple) else part for part in node]
+    if isinstance(node, IfLess):
+        a, b, yes, no = parts
+        return np.where(a < b, yes, no)
+    if isinstance(node, Minimum | Maximum):
+        return np.where(parts[0] < parts[1], *(parts if isinstance(node, Minimum) else parts[::-1]))
+    known = (
+        Constant(part) if isinstance(old, tuple) else part for old, part in zip(node, parts, strict=True)
+    )
+    return value(type(node)(*known), _PROBE)  # the law itself, on arrays

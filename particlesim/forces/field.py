@@ -71,7 +71,7 @@ class Field(Force):
                 allowed='force = ["-k*x", "0", "0"], or potential = "k*x**2/2"',
             )
         for name in self.constants:
-            _check_constant(name)
+            check_constant(name)
         for path, text in self._texts():
             try:
                 node = parse(text, self.constants)
@@ -110,7 +110,7 @@ class Field(Force):
         return any(self._velocity(node) for node in self._nodes())
 
 
-def _check_constant(name: str) -> None:
+def check_constant(name: str) -> None:
     """Refuse a constant that no expression could name, or that would hide something else."""
     place = ("constants", name)
     if name in VARIABLES:

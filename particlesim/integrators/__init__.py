@@ -3,13 +3,21 @@
 To add a method, write its file, add one line to `METHODS` and its name to the options of its family.
 """
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from particlesim.integrators.adaptive import Adaptive, AdaptiveName, EmbeddedRungeKutta
+from particlesim.integrators.adaptive_euler import ADAPTIVE_EULER
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.dop853 import DOP853
 from particlesim.integrators.explicit_euler import EXPLICIT_EULER
 from particlesim.integrators.heun import HEUN
 from particlesim.integrators.midpoint import MIDPOINT
 from particlesim.integrators.options import FixedStep, FixedStepName, Options
 from particlesim.integrators.rk3 import RK3
 from particlesim.integrators.rk4 import RK4
+from particlesim.integrators.rk45 import RK45
 from particlesim.integrators.stormer_verlet import STORMER_VERLET
 from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
 from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
@@ -27,13 +35,16 @@ METHODS: dict[str, Method] = {
         STORMER_VERLET,
         VELOCITY_VERLET,
         YOSHIDA4,
+        ADAPTIVE_EULER,
+        RK45,
+        DOP853,
     )
 }
 
-MethodName = FixedStepName
+MethodName = Literal[FixedStepName, AdaptiveName]
 """The names of all methods."""
 
-AnyOptions = FixedStep
+AnyOptions = Annotated[FixedStep | Adaptive, Field(discriminator="method")]
 """A method by its name, with its options."""
 
 AnyIntegrator = MethodName | AnyOptions
@@ -50,9 +61,11 @@ def method_for(integrator: AnyIntegrator) -> Method:
 
 __all__ = [
     "METHODS",
+    "Adaptive",
     "AnyIntegrator",
     "AnyOptions",
     "Composition",
+    "EmbeddedRungeKutta",
     "FixedStep",
     "Method",
     "MethodName",

@@ -6,10 +6,12 @@ stages, for particles that pull on each other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple, Self
 
 from particlesim.integrators.options import FixedStep, Options
+from particlesim.integrators.trees import Condition, order_conditions
 
 
 class RungeKuttaRecord(NamedTuple):
@@ -48,6 +50,8 @@ class Method:
     reversible: bool = False
     first_order: str | None = None
 
+    adaptive: ClassVar[bool] = False
+    """Whether it chooses its steps by their error."""
     options: ClassVar[type[Options]] = FixedStep
     """The model of what a scenario may say of it; its fields beside `method` are fields here."""
 
@@ -79,19 +83,20 @@ class Method:
         """The coefficients as kernels take them."""
         raise NotImplementedError
 
-    def _check_order(self, conditions: list[tuple[int, float, float]]) -> None:
-        """Raise ValueError when a condition (order, value, target) of the method's order or below is missed."""
-        for order, value, target in conditions:
-            if order <= self.order and not _equal(value, target):
-                raise ValueError(f"{self.name}: a condition of order {order} gives {value}, not {target}")
+    def _check_order(self, conditions: Sequence[Condition]) -> None:
+        """Raise ValueError when a condition of the method's order or below is missed."""
+        for c in conditions:
+            if c.order <= self.order and not _equal(c.value, c.target):
+                raise ValueError(
+                    f"{self.name}: a condition of order {c.order} gives {c.value}, not {c.target}"
+                )
 
 
 @dataclass(frozen=True)
 class RungeKutta(Method):
     """Explicit Runge–Kutta method with Butcher tableau a (strictly lower triangular, row by row), b, c.
 
-    Raises ValueError at import when a row of `a` does not sum to its `c`, or when `b` misses the order conditions up to
-    order 4 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, table II.2.1).
+    Raises ValueError at import when a row of `a` does not sum to its `c`, or when `b` misses the conditions of its order.
     """
 
     a: tuple[tuple[float, ...], ...] = ()
@@ -105,23 +110,8 @@ class RungeKutta(Method):
         for i, row in enumerate(self.a):
             if not _equal(sum(row), self.c[i]):
                 raise ValueError(f"{self.name}: row {i} of a sums to {sum(row)}, c is {self.c[i]}")
-        self._check_order(self._order_conditions())
-
-    def _order_conditions(self) -> list[tuple[int, float, float]]:
-        s = range(len(self.b))
-        a = [[*row, *[0.0] * (len(self.b) - len(row))] for row in self.a]
-        b, c = self.b, self.c
-        ac = [sum(a[i][j] * c[j] for j in s) for i in s]
-        return [
-            (1, sum(b), 1.0),
-            (2, sum(b[i] * c[i] for i in s), 1 / 2),
-            (3, sum(b[i] * c[i] ** 2 for i in s), 1 / 3),
-            (3, sum(b[i] * ac[i] for i in s), 1 / 6),
-            (4, sum(b[i] * c[i] ** 3 for i in s), 1 / 4),
-            (4, sum(b[i] * c[i] * ac[i] for i in s), 1 / 8),
-            (4, sum(b[i] * a[i][j] * c[j] ** 2 for i in s for j in s), 1 / 12),
-            (4, sum(b[i] * a[i][j] * ac[j] for i in s for j in s), 1 / 24),
-        ]
+        (conditions,) = order_conditions(self.a, (self.b,), self.order)
+        self._check_order(conditions)
 
     @property
     def evaluations(self) -> int:
@@ -129,8 +119,8 @@ class RungeKutta(Method):
 
     def record(self) -> RungeKuttaRecord:
         return RungeKuttaRecord(
-            tuple(tuple(_none_if_zero(x) for x in row) for row in self.a),
-            tuple(_none_if_zero(x) for x in self.b),
+            tuple(tuple(none_if_zero(x) for x in row) for row in self.a),
+            tuple(none_if_zero(x) for x in self.b),
             self.c,
         )
 
@@ -175,13 +165,13 @@ class Composition(Method):
             )
         self._check_order(self._order_conditions())
 
-    def _order_conditions(self) -> list[tuple[int, float, float]]:
+    def _order_conditions(self) -> list[Condition]:
         s = range(len(self.kicks))
         b, c = self.kicks, [sum(self.drifts[:i]) for i in s]
         a = [[b[j] * (c[i] - c[j]) if j < i else 0.0 for j in s] for i in s]
         bx = [b[i] * (1 - c[i]) for i in s]  # weights of the position
         row = [sum(a[i]) for i in s]
-        return [
+        conditions = [
             (2, sum(b[i] * c[i] for i in s), 1 / 2),
             (2, sum(bx), 1 / 2),
             (3, sum(b[i] * c[i] ** 2 for i in s), 1 / 3),
@@ -193,6 +183,7 @@ class Composition(Method):
             (4, sum(bx[i] * c[i] ** 2 for i in s), 1 / 12),
             (4, sum(bx[i] * row[i] for i in s), 1 / 24),
         ]
+        return [Condition(order, value, target) for order, value, target in conditions]
 
     @property
     def evaluations(self) -> int:
@@ -200,7 +191,7 @@ class Composition(Method):
 
     def record(self) -> CompositionRecord:
         return CompositionRecord(
-            tuple(_none_if_zero(x) for x in self.kicks), tuple(_none_if_zero(x) for x in self.drifts)
+            tuple(none_if_zero(x) for x in self.kicks), tuple(none_if_zero(x) for x in self.drifts)
         )
 
 
@@ -232,5 +223,5 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _none_if_zero(x: float) -> float | None:
+def none_if_zero(x: float) -> float | None:
     return None if x == 0 else x

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.errors import UsageError
 from particlesim.model import Model
 from particlesim.streams import Streams
 
@@ -30,6 +31,14 @@ class Placed(NamedTuple):
     temperature: Floats | None = None
 
 
+class LayoutError(UsageError):
+    """A mistake in one key of a layout that only reading its file shows."""
+
+    def __init__(self, message: str, hint: str | None = None, *, key: str = "path") -> None:
+        super().__init__(message, hint)
+        self.key = key
+
+
 class Layout(Model):
     """Initial particles of a group."""
 
@@ -37,6 +46,8 @@ class Layout(Model):
     """Whether its particles are one body, whose mass the group states."""
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring."""
+
+    type: str
 
     def open(self, folder: Path | None) -> Layout:
         """The layout ready to be sampled; one that names a file (relative to `folder`) reads it here."""
@@ -53,6 +64,15 @@ class Layout(Model):
     def triangles(self) -> NDArray[np.int64]:
         """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
         return np.empty((0, 3), np.int64)
+
+    @classmethod
+    def has_surface(cls) -> bool:
+        """Whether layouts of this type can have triangles."""
+        return cls.triangles is not Layout.triangles
+
+    def places(self) -> dict[str, NDArray[np.int64]]:
+        """Parts that have a name, such as "left": indices of their particles."""
+        return {}
 
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""

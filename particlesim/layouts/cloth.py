@@ -68,10 +68,10 @@ class Cloth(Mesh):
         nx, ny = self.resolution
         return grid_triangles(np.arange(nx * ny, dtype=np.int64).reshape(ny, nx))
 
-    def pins(self) -> Ints:
+    def places(self) -> dict[str, Ints]:
         nx, ny = self.resolution
         index = np.arange(nx * ny, dtype=np.int64).reshape(ny, nx)
-        places = {
+        return {
             "left": index[:, 0],
             "right": index[:, -1],
             "bottom": index[0],
@@ -82,5 +82,3 @@ class Cloth(Mesh):
             "top_right": index[-1, -1:],
             "corners": index[:: ny - 1, :: nx - 1].ravel(),
         }
-        names = (self.pinned,) if isinstance(self.pinned, str) else self.pinned or ()
-        return np.unique(np.concatenate([index[:0, 0], *(places[name] for name in names)]))

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, StringConstraints
 
 from particlesim.errors import UsageError
-from particlesim.layouts.base import Floats, Layout, Placed
+from particlesim.layouts.base import Floats, Layout, LayoutError, Placed
+from particlesim.layouts.csv_file import line_of, read_csv
 from particlesim.model import Name
+from particlesim.names import did_you_mean
 from particlesim.streams import Streams
+
+if TYPE_CHECKING:
+    from particlesim.trajectory.frame import Frame
 
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "mass", "radius", "temperature")
 """Columns that a CSV file or a structured NPY file may have, in SI units; x, y and z are needed."""
@@ -44,33 +50,34 @@ class File(Layout):
         return opened
 
     def _read(self, path: Path) -> dict[str, Floats]:
-        if path.is_dir():
-            raise UsageError(
-                f"{path} is a directory, not a file of particles", "name a .csv, .npy or .vtkhdf file"
-            )
-        if not path.is_file():
-            raise UsageError(
-                f"{path} does not exist", "the path of a layout is relative to the scenario's folder"
-            )
+        kinds = {".csv": read_csv, ".npy": _read_npy}
+        kinds |= dict.fromkeys((".vtkhdf", ".h5", ".hdf5"), self._read_trajectory)
         suffix = path.suffix.lower()
-        if suffix == ".csv":
-            return _read_csv(path)
-        if suffix == ".npy":
-            return _read_npy(path)
-        if suffix in (".vtkhdf", ".h5", ".hdf5"):
-            return self._read_trajectory(path)
-        raise UsageError(
-            f"{path}: unknown kind of file {suffix!r}", "particles are read from .csv, .npy and .vtkhdf"
-        )
+        try:
+            _check_file(path)
+            if suffix not in kinds:
+                raise UsageError(
+                    f"{path}: unknown kind of file {suffix!r}",
+                    "particles are read from .csv, .npy and .vtkhdf",
+                )
+            return kinds[suffix](path)
+        except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            raise UsageError(
+                f"{path} cannot be read: {reason}", "check the path and its permissions"
+            ) from None
 
     def _read_trajectory(self, path: Path) -> dict[str, Floats]:
         from particlesim.trajectory import reader
 
         with reader.open(path) as trajectory:
             if not -len(trajectory) <= self.frame < len(trajectory):
-                raise UsageError(f"{path} has {len(trajectory)} frames, there is no frame {self.frame}")
+                last = len(trajectory) - 1
+                raise LayoutError(
+                    f"{path} has no frame {self.frame}", f"its frames are 0 to {last}", key="frame"
+                )
             frame = trajectory[self.frame]
-            chosen = slice(None) if self.group is None else frame.of(self.group)
+            chosen = slice(None) if self.group is None else self._of_group(frame, self.group)
             position = np.asarray(frame.position, dtype=float)[chosen]
             columns = dict(zip("xyz", position.T, strict=True))
             if "velocity" in trajectory.fields:
@@ -80,6 +87,12 @@ class File(Layout):
                 if name in trajectory.fields:
                     columns[name] = np.asarray(frame[name], dtype=float)[chosen]
         return columns
+
+    def _of_group(self, frame: Frame, group: str) -> NDArray[np.bool_]:
+        try:
+            return frame.of(group)
+        except UsageError as error:
+            raise LayoutError(error.message, error.hint, key="group") from None
 
     def number(self) -> int | None:
         return None if self._columns is None else len(self._columns["x"])
@@ -97,27 +110,26 @@ class File(Layout):
         )
 
 
-def _read_csv(path: Path) -> dict[str, Floats]:
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
-        header = [name.strip() for name in lines.readline().split(",")]
-        try:
-            table = np.loadtxt(lines, delimiter=",", ndmin=2)
-        except ValueError as error:
-            raise UsageError(
-                f"{path}: {error}", "every line after the header holds one number per column"
-            ) from None
-    if table.size == 0:
-        raise UsageError(f"{path} holds no particles")
-    if table.shape[1] != len(header):
-        raise UsageError(f"{path}: {len(header)} columns are named, {table.shape[1]} are filled")
-    return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(header)}
+def _check_file(path: Path) -> None:
+    """Refuse what is no file, before anything waits for it to be read. Raises UsageError."""
+    if path.is_dir():
+        raise UsageError(
+            f"{path} is a directory, not a file of particles", "name a .csv, .npy or .vtkhdf file"
+        )
+    if not path.exists():
+        raise UsageError(
+            f"{path} does not exist", "the path of a layout is relative to the scenario's folder"
+        )
+    if not path.is_file():
+        raise UsageError(f"{path} is a pipe or a device, not a file", "name a .csv, .npy or .vtkhdf file")
 
 
 def _read_npy(path: Path) -> dict[str, Floats]:
     try:
         array = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise UsageError(f"{path} is no NPY file: {error}") from None
+    except (ValueError, EOFError) as error:  # its own words speak of pickles, which may run code
+        hint = "numpy.save(name, array) writes one; arrays of Python objects are not read"
+        raise UsageError(f"{path} is no NPY file of numbers", hint) from error
     if array.dtype.names:
         return {name: np.asarray(array[name], dtype=float).ravel() for name in array.dtype.names}
     if array.ndim != 2 or array.shape[1] not in (3, 6) or array.dtype.kind not in "fiu":
@@ -133,17 +145,23 @@ def _checked(path: Path, columns: dict[str, Floats]) -> dict[str, Floats]:
     missing = [name for name in "xyz" if name not in columns]
     if unknown or missing:
         what = f"unknown column {unknown[0]!r}" if unknown else f"no column {missing[0]!r}"
-        raise UsageError(f"{path}: {what}", "columns: x, y, z, and any of " + ", ".join(COLUMNS[3:]))
+        hint = did_you_mean(unknown[0], COLUMNS) if unknown else None
+        raise UsageError(f"{path}: {what}", hint or "columns: x, y, z, and any of " + ", ".join(COLUMNS[3:]))
     for name, column in columns.items():
-        bad = np.flatnonzero(~np.isfinite(column))
+        least = {"mass": np.nextafter(0, 1), "radius": 0, "temperature": 0}.get(name, -np.inf)
+        bad = np.flatnonzero(~np.isfinite(column) | (column < least))
         if bad.size:
+            k = int(bad[0])
+            allowed = {"mass": "greater than 0", "radius": "0 or more", "temperature": "0 or more"}
+            rule = allowed[name] if name in allowed and np.isfinite(column[k]) else "finite"
             raise UsageError(
-                f"{path}: {name} of particle {bad[0]} is {column[bad[0]]}", "every number must be finite"
+                f"{_place(path, k)}: {name} of particle {k} is {column[k]:g}", f"it must be {rule}"
             )
-        if (name == "mass" and (column <= 0).any()) or (
-            name in ("radius", "temperature") and (column < 0).any()
-        ):
-            raise UsageError(f"{path}: {name} of particle {int(column.argmin())} is {column.min()}")
     if len(columns["x"]) == 0:
         raise UsageError(f"{path} holds no particles")
     return columns
+
+
+def _place(path: Path, particle: int) -> str:
+    """The file, with the line of a particle where it has lines."""
+    return f"{path}:{line_of(path, particle)}" if path.suffix.lower() == ".csv" else str(path)

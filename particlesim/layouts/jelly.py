@@ -62,7 +62,7 @@ class Jelly(Mesh):
         ]
         return np.concatenate([grid_triangles(side) for side in sides])
 
-    def pins(self) -> Ints:
+    def places(self) -> dict[str, Ints]:
         nx, ny, nz = self.resolution
         index = np.arange(nx * ny * nz, dtype=np.int64).reshape(nz, ny, nx)
         places = {
@@ -74,5 +74,4 @@ class Jelly(Mesh):
             "front": index[-1],
             "corners": index[:: nz - 1, :: ny - 1, :: nx - 1],
         }
-        names = (self.pinned,) if isinstance(self.pinned, str) else self.pinned or ()
-        return np.unique(np.concatenate([index[:0, 0, 0], *(places[name].ravel() for name in names)]))
+        return {name: part.ravel() for name, part in places.items()}

@@ -30,6 +30,11 @@ class Mesh(Layout):
     def number(self) -> int:
         return int(np.prod(self.shape()))
 
+    def pins(self) -> Ints:
+        places, pinned = self.places(), getattr(self, "pinned", None)
+        names = (pinned,) if isinstance(pinned, str) else pinned or ()
+        return np.unique(np.concatenate([np.empty(0, np.int64), *(places[name] for name in names)]))
+
     def edges(self, kind: str) -> Ints:
         """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
         return grid_edges(self.shape(), steps(len(self.shape()), kind))

@@ -49,6 +49,6 @@ class Rope(Mesh):
         position = start * (1 - along) + end * along
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
 
-    def pins(self) -> Ints:
-        ends = {"start": [0], "end": [self.count - 1], "both": [0, self.count - 1], None: []}
-        return np.array(ends[self.pinned], dtype=np.int64)
+    def places(self) -> dict[str, Ints]:
+        ends = np.array([0, self.count - 1], dtype=np.int64)
+        return {"start": ends[:1], "end": ends[1:], "both": ends}

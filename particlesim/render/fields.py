@@ -29,8 +29,8 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Coloring:
-    """`kind`: "none", "group", or "value"; `name` is what the legend shows, `field` what is read, `axis` its
-    component."""
+    """`kind`: "none", "group", "strain" (of springs), or "value"; `name` is what the legend shows, `field` what is
+    read, `axis` its component."""
 
     kind: str
     name: str = ""
@@ -50,6 +50,13 @@ def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
     unit = units.get(color_by, "")
     if color_by == "group" and "group" in fields:
         return Coloring("group", "group", "group")
+    if color_by == "strain":
+        if not any(len(each.pairs) for each in getattr(source, "topology", {}).values()):
+            raise UsageError(
+                "cannot colour by 'strain': the trajectory has no springs",
+                f"Possible here: {', '.join(colorable(fields)[1:])}.",
+            )
+        return Coloring("strain", "strain")
     if color_by in fields:
         return Coloring("value", color_by.replace("_", " "), color_by, unit=unit)
     if color_by in ("x", "y", "z"):
@@ -88,6 +95,11 @@ def color_indices(frame: Frame, coloring: Coloring, low: float, high: float, cou
     values = values_of(frame, coloring)
     if values is None:
         return np.zeros(len(frame.position), np.uint16)
+    return quantized(values, low, high, count)
+
+
+def quantized(values: Array, low: float, high: float, count: int) -> Array:
+    """Index into a palette of `count` colours that spans low to high, uint16, the shape of `values`."""
     with np.errstate(over="ignore", invalid="ignore"):  # values far outside of the range
         share = (values - low) * ((count - 1) / (high - low))
     share = np.nan_to_num(share, nan=0.0, posinf=count - 1, neginf=0.0)

@@ -45,7 +45,7 @@ class Overlay:
             text = self._fitted(title, round(self.size * 1.35), width - 2 * self.margin)
             self.title_height = text.shape[0] + self.size // 2
             self.parts.append((self.margin, self.margin, text))
-        if settings.legend and count and coloring.kind == "value":
+        if settings.legend and count and coloring.kind in ("value", "strain"):
             bar = self._bar(coloring, span, palette, max(width // 5, min(120, width - 2 * self.margin)))
             self.parts.append((height - self.margin - bar.shape[0], width - self.margin - bar.shape[1], bar))
         elif settings.legend and coloring.kind == "group" and groups:

@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.render import colormaps, project, raster, shade
+from particlesim.render.bodies import Bodies
 from particlesim.render.camera import Viewpoint, choose_viewpoint
-from particlesim.render.fields import choose_coloring, color_indices
+from particlesim.render.cast import NO_BOX, Act, Buffers, Cast
+from particlesim.render.fields import choose_coloring, color_indices, quantized, values_of
 from particlesim.render.lighting import (
     choose_light,
     choose_theme,
@@ -21,18 +23,28 @@ from particlesim.render.lighting import (
     readable,
     tone_curve,
 )
+from particlesim.render.maps import depth_map
 from particlesim.render.overlay import Overlay
 from particlesim.render.project import BAND
+from particlesim.render.samples import (
+    clear_samples,
+    nearest_depth,
+    raster_balls,
+    raster_triangles,
+    raster_tubes,
+)
 from particlesim.render.scene import Frame, FrameSource, PlaneShape
+from particlesim.render.shade_solids import shade_samples
+from particlesim.render.solids import box_triangles, box_tubes
 from particlesim.render.stage import (
     Array,
     Axes,
-    Layers,
     Light,
     Paths,
     Planes,
     ShadowMap,
     SkyMap,
+    Solids,
     Triple,
     View,
     axes_of,
@@ -51,6 +63,8 @@ SKY_SIZE = 512
 MAP_REACH = 1.25
 """Half width of shadow and sky map in half extents of the scene's diagonal."""
 
+_AS_IT_IS = np.empty(0, np.int32)
+_NOTHING = np.empty((0, 0), np.float32)
 _NO_PATHS = Paths(np.empty((0, 0), np.float32), np.empty((0, 0), np.int32), np.empty((0, 0), np.float32))
 
 
@@ -76,7 +90,8 @@ class Renderer:
         last = len(source) - 1 if last is None else last
         self.settings, self.team = settings, team
         self.coloring = choose_coloring(source, settings.color_by)
-        self.scene = survey(source, self.coloring, first, last)
+        self.bodies = Bodies(source, settings)
+        self.scene = survey(source, self._values, first, last)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
         self.range = (float(low), float(high))
@@ -84,6 +99,7 @@ class Renderer:
         self.width, self.height = (side * self.samples for side in settings.size)
         self.use_radius = "radius" in source.fields and settings.look == "spheres"
         self.radius = self._drawn_radius()
+        self.line_radius = self._drawn_line_radius()
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
@@ -99,7 +115,7 @@ class Renderer:
         )
         self.curve = tone_curve()
         wanted = settings.trails
-        few = self.scene.count <= AUTOMATIC and last > first
+        few = self.scene.count <= AUTOMATIC and last > first and not self.bodies
         draws = wanted is True or (wanted == "auto" and few)
         self.trails = collect_trails(source, first, last, self._colors) if draws else None
         self.bad_positions = 0
@@ -120,6 +136,19 @@ class Renderer:
         )
         return float(share) * self.scale
 
+    def _drawn_line_radius(self) -> float:
+        """Radius [m] of the tubes that springs are drawn as."""
+        if self.settings.line_radius is not None:
+            return self.settings.line_radius
+        rest = self.bodies.lines.rest
+        typical = float(np.median(rest)) if len(rest) else 0.0
+        return float(np.clip(0.08 * typical, 0.0015 * self.scale, 0.006 * self.scale))
+
+    @property
+    def _least_tube(self) -> float:
+        """Smallest drawn radius of a tube [samples]."""
+        return 0.5 * self.samples * max(self.height / self.samples / 1080, 0.8)
+
     def _palette_srgb(self, groups: int) -> Array:
         if self.coloring.kind == "none":
             return np.array([colormaps.PLAIN])
@@ -130,6 +159,8 @@ class Renderer:
     @property
     def least(self) -> float:
         """Smallest drawn radius [samples]: a lone ball stays a ball, a million dots stay apart."""
+        if self.bodies:  # they give the scene its scale: what is small beside them is
+            return 0.75 * self.samples
         at_1080 = np.interp(np.log10(max(self.scene.count, 1)), [0.3, 1.8, 4.0], [11.0, 6.0, 1.0])
         return float(max(at_1080 * self.height / 1080, 0.75 * self.samples))
 
@@ -139,58 +170,98 @@ class Renderer:
         viewpoint = self.viewpoint.turned(turn) if turn else self.viewpoint
         view = viewpoint.view(self.center, self.scale, self.width, self.height)
         planes = _towards(self.planes, view)
-        particles = self._place(frame, view, planes)
-        shadow, sky = self._maps(particles)
-        dots = self.settings.look == "dots"
-        order = project.far_to_near(particles.sphere, particles.box) if dots else np.empty(0, np.int32)
-        first, items = project.bin_bands(particles.box, order, view.height)
-        segments = self._trail_segments(frame, view)
+        cast = self._place(frame, view, planes)
+        shadow, sky = self._maps(cast)
+        act = Act(view, planes, shadow, sky, cast, self._haze(viewpoint), self._trail_segments(frame, view))
+        spheres = project.bin_bands(cast.box, self._order(cast), view.height)
+        triangles = project.bin_bands(cast.triangle_box, _AS_IT_IS, view.height)
+        tubes = project.bin_bands(cast.tube_box, _AS_IT_IS, view.height)
         width, height = self.settings.size
         out = np.empty((height, width, 3), np.uint8)
 
-        haze = self._haze(viewpoint)
-
         def band(b: int) -> None:
             row0 = b * BAND
-            rows = min(BAND, view.height - row0)
-            layers, image, paths = self._buffers(view.width)
-            mine = items[first[b] : first[b + 1]]
-            raster.clear_layers(layers)
-            if not dots:
-                raster.raster_spheres(particles.sphere, particles.box, mine, row0, view, layers)
-            if segments is None:
-                paths = _NO_PATHS
+            image = self._buffers(view.width).image
+            mine = [items[first[b] : first[b + 1]] for first, items in (spheres, triangles, tubes)]
+            if self.bodies:
+                self._paint_solids(act, row0, mine)
             else:
-                shade.draw_paths(*segments, row0, rows, paths)
-            shade.shade_band(
-                row0, view, planes, self.light, self.theme, shadow, sky, particles.sphere, particles.color,
-                self.palette, layers, paths, image,
-            )  # fmt: skip
-            if dots:
-                spheres = np.empty((len(mine), 4), np.float32)
-                project.gather(particles.sphere, mine, spheres)
-                shade.draw_dots(row0, view, haze, spheres, mine, particles.color, self.palette, image)
+                self._paint_particles(act, row0, mine[0])
+            rows = min(BAND, view.height - row0)
             top, bottom = row0 // self.samples, (row0 + rows) // self.samples
             shade.develop(
                 image, bottom - top, self.samples, self.settings.exposure, self.curve, out[top:bottom]
             )
 
-        self.team.each(band, len(first) - 1)
+        self.team.each(band, len(spheres[0]) - 1)
         self.overlay.draw(out, float(frame.time))
         return out
+
+    def _order(self, cast: Cast) -> Array:
+        """In which order particles are drawn: dots from far to near, spheres in any."""
+        if self.settings.look == "dots":
+            return np.asarray(project.far_to_near(cast.sphere, cast.box))
+        return _AS_IT_IS
+
+    def _paint_particles(self, act: Act, row0: int, spheres: Array) -> None:
+        """The samples of one band where there is nothing but particles."""
+        cast, view, buffers = act.cast, act.view, self._buffers(act.view.width)
+        raster.clear_layers(buffers.layers)
+        dots = self.settings.look == "dots"
+        if not dots:
+            raster.raster_spheres(cast.sphere, cast.box, spheres, row0, view, buffers.layers)
+        shade.shade_band(
+            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
+            self.palette, buffers.layers, self._paths(act, row0), buffers.image,
+        )  # fmt: skip
+        if dots:
+            self._paint_dots(act, row0, spheres, _NOTHING)
+
+    def _paint_solids(self, act: Act, row0: int, items: list[Array]) -> None:
+        """The samples of one band with surfaces and tubes: `items` are its spheres, triangles and tubes."""
+        cast, view, buffers = act.cast, act.view, self._buffers(act.view.width)
+        spheres, triangles, tubes = items
+        seen, solids, n = buffers.samples, cast.solids, len(cast.sphere)
+        clear_samples(seen)
+        dots = self.settings.look == "dots"
+        if not dots:
+            raster_balls(cast.sphere, cast.box, spheres, row0, view, seen)
+        raster_triangles(cast.sphere, solids, n, cast.triangle_box, triangles, row0, view, seen)
+        base, least = n + len(solids.corner), self._least_tube
+        raster_tubes(cast.sphere, solids, least, base, cast.tube_box, tubes, row0, view, seen)
+        shade_samples(
+            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
+            self.palette, solids, least, seen, self._paths(act, row0), buffers.image,
+        )  # fmt: skip
+        if dots:
+            nearest_depth(seen, buffers.layers.near)
+            self._paint_dots(act, row0, spheres, buffers.layers.near)
+
+    def _paint_dots(self, act: Act, row0: int, items: Array, solid: Array) -> None:
+        buffers, cast = self._buffers(act.view.width), act.cast
+        spheres = np.empty((len(items), 4), np.float32)
+        project.gather(cast.sphere, items, spheres)
+        shade.draw_dots(
+            row0, act.view, act.haze, spheres, items, cast.color, self.palette, solid, buffers.image
+        )
+
+    def _paths(self, act: Act, row0: int) -> Paths:
+        """The trails of one band."""
+        if act.trails is None:
+            return _NO_PATHS
+        paths = self._buffers(act.view.width).paths
+        shade.draw_paths(*act.trails, row0, min(BAND, act.view.height - row0), paths)
+        return paths
 
     def _haze(self, viewpoint: Viewpoint) -> tuple[float, float, float, float, float]:
         """Colour and depth range of the fog on dots: from the scene's near side to its far side."""
         away = float(np.linalg.norm(viewpoint.eye - self.center)) / self.scale
         return (*self.theme.bottom, away - 1.0, 0.5)
 
-    def _place(self, frame: Frame, view: View, planes: Planes) -> Particles:
+    def _place(self, frame: Frame, view: View, planes: Planes) -> Cast:
         position = np.ascontiguousarray(frame.position)
         n = len(position)
-        radius = np.full(n, self.radius / self.scale, np.float32)
-        if self.use_radius and self.settings.particle_radius is None:
-            own = np.asarray(frame["radius"], np.float64) / self.scale
-            np.copyto(radius, own.astype(np.float32), where=np.isfinite(own) & (own > 0))
+        radius, sized = self._radii(frame, n)
         world, sphere = np.empty((n, 3), np.float32), np.empty((n, 4), np.float32)
         box = np.empty((n, 4), np.int32)
         chunks = -(-n // CHUNK)
@@ -204,29 +275,71 @@ class Renderer:
         self.team.each(piece, chunks)
         with self._lock:
             self.bad_positions += sum(bad)
-        return Particles(world, sphere, box, self._colors(frame))
+        hidden = self.bodies.concealed(frame, sized)
+        box[hidden] = NO_BOX
+        color = self._colors(frame)
+        solids, whole = self._solids(frame, world, color)
+        triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
+        box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
+        triangle_box[~whole] = NO_BOX
+        wide, least = solids.radius, self._least_tube
+        box_tubes(world, sphere, solids.end, 0, len(tube_box), view, planes, wide, least, tube_box)
+        return Cast(world, sphere, box, color, hidden, solids, whole, triangle_box, tube_box)
+
+    def _radii(self, frame: Frame, n: int) -> tuple[Array, Array]:
+        """Drawn radii [scene units], shape [n], and which particles have a size of their own."""
+        radius = np.full(n, self.radius / self.scale, np.float32)
+        if self.settings.particle_radius is not None or not self.use_radius:
+            return radius, np.full(n, self.settings.particle_radius is not None)
+        own = np.asarray(frame["radius"], np.float64) / self.scale
+        sized = np.isfinite(own) & (own > 0)
+        np.copyto(radius, own.astype(np.float32), where=sized)
+        return radius, sized
+
+    def _solids(self, frame: Frame, world: Array, color: Array) -> tuple[Solids, Array]:
+        """Surfaces and tubes, and which triangles are whole."""
+        bodies = self.bodies
+        corner, whole = bodies.surface(frame)
+        end, strain = bodies.line_ends(frame)
+        if self.coloring.kind == "strain":
+            tint = quantized(strain, *self.range, len(self.palette))
+            end_color = np.repeat(tint[:, None], 2, axis=1)
+        else:
+            end_color = color[end]
+        normal = bodies.normals(world, corner, whole, self.team)
+        solids = Solids(
+            corner, bodies.fans.shade, bodies.closed, normal, end, end_color, self.line_radius / self.scale
+        )
+        return solids, whole
 
     def _colors(self, frame: Frame) -> Array:
+        if self.coloring.kind == "strain":
+            return quantized(self.bodies.strain_at(frame), *self.range, len(self.palette))
         return color_indices(frame, self.coloring, *self.range, len(self.palette))
 
-    def _maps(self, particles: Particles) -> tuple[ShadowMap, SkyMap]:
+    def _values(self, frame: Frame) -> Array | None:
+        """What the colours show in a frame, or None when that is no number."""
+        if self.coloring.kind == "strain":
+            return self.bodies.strains(frame)
+        return values_of(frame, self.coloring)
+
+    def _maps(self, cast: Cast) -> tuple[ShadowMap, SkyMap]:
         """Depth seen from the light, and the blurred heights seen from above."""
         flat = np.full((1, 1), np.inf, np.float32)
         light = self.light
-        dots_alone = self.settings.look == "dots" and not len(
-            self.planes.point
-        )  # nothing shows their shadows
-        if not self.settings.shadows or not len(particles.world) or dots_alone:
+        # Nothing shows the shadows of dots alone.
+        dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self.bodies
+        if not self.settings.shadows or not len(cast.world) or dots_alone:
             axes = _map_axes(light.direction)
             return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
         reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
         reach = max(reach, 0.3) + 2 * self.radius / self.scale
-        typical = max(self.radius / self.scale, 1e-3)
+        typical = 0.01 if self.bodies else max(self.radius / self.scale, 1e-3)
         size = 2048 if typical * 512 / reach < 2.5 and self.height > 600 else 1024
         axes = _map_axes(light.direction)
-        shadow = ShadowMap(self._depth_map(particles, axes, size, reach), axes, 0.5 * size / reach)
+        shadow = ShadowMap(depth_map(cast, axes, size, reach, self.team), axes, 0.5 * size / reach)
         axes, scale = _map_axes(light.up), 0.5 * SKY_SIZE / reach
-        depth = self._depth_map(particles, axes, SKY_SIZE, reach)
+        depth = depth_map(cast, axes, SKY_SIZE, reach, self.team)
         blur = int(np.clip(round(1.2 * typical * scale), 2, 24))
         mean, square = np.empty_like(depth), np.empty_like(depth)
         base = self._lowest()
@@ -244,27 +357,6 @@ class Renderer:
             else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
         )
 
-    def _depth_map(self, particles: Particles, axes: Axes, size: int, reach: float) -> Array:
-        n, scale = len(particles.world), 0.5 * size / reach
-        disc, box = np.empty((n, 4), np.float32), np.empty((n, 4), np.int32)
-
-        def piece(c: int) -> None:
-            span = c * CHUNK, min((c + 1) * CHUNK, n)
-            project.to_map(particles.world, particles.sphere, *span, axes, scale, size, disc, box)
-
-        self.team.each(piece, -(-n // CHUNK))
-        first, items = project.bin_bands(box, np.empty(0, np.int32), size)
-        depth = np.empty((size, size), np.float32)
-
-        def band(b: int) -> None:
-            mine = items[first[b] : first[b + 1]]
-            discs = np.empty((len(mine), 4), np.float32)
-            project.gather(disc, mine, discs)
-            raster.raster_depth(discs, b * BAND, scale, depth)
-
-        self.team.each(band, len(first) - 1)
-        return depth
-
     def _trail_segments(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
         if self.trails is None:
             return None
@@ -274,27 +366,13 @@ class Renderer:
         )
         return segments if len(segments[0]) else None
 
-    def _buffers(self, width: int) -> tuple[Layers, Array, Paths]:
+    def _buffers(self, width: int) -> Buffers:
         """This thread's samples of one band."""
         scratch: Any = self._scratch
         if not hasattr(scratch, "buffers"):
-            shape = (BAND, width)
-            floats, ints = (np.empty((5, *shape), np.float32), np.empty((3, *shape), np.int32))
-            scratch.buffers = (
-                Layers(floats[0], ints[0], floats[1], ints[1]),
-                np.empty((*shape, 3), np.float32),
-                Paths(floats[2], ints[2], floats[3]),
-            )
-        buffers: tuple[Layers, Array, Paths] = scratch.buffers
+            scratch.buffers = Buffers.of(width, bool(self.bodies))
+        buffers: Buffers = scratch.buffers
         return buffers
-
-
-class Particles:
-    """A frame's particles: `world` and `sphere` (camera axes and drawn radius) in scene units, samples,
-    colours."""
-
-    def __init__(self, world: Array, sphere: Array, box: Array, color: Array) -> None:
-        self.world, self.sphere, self.box, self.color = world, sphere, box, color
 
 
 def _towards(planes: Planes, view: View) -> Planes:

@@ -36,8 +36,9 @@ class Frame(Protocol):
 class FrameSource(Protocol):
     """A trajectory: `times` [s] in rising order, shape [frames], and the names of the recorded `fields`.
 
-    Two optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
-    in the legend, and `groups`, the names that the integers of the field "group" stand for.
+    Three optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
+    in the legend; `groups`, the names that the integers of the field "group" stand for; `topology`, the springs
+    and surfaces by name (see `particlesim.trajectory.topology.Topology`).
     """
 
     @property

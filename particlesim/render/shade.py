@@ -26,18 +26,18 @@ RGB = Triple
 
 
 @inlined
-def _row(array: Float32s, k: int) -> Triple:
+def row_of(array: Float32s, k: int) -> Triple:
     """A row of three as scalars: a slice would count references, in an atomic that the threads share."""
     return array[k, 0], array[k, 1], array[k, 2]
 
 
 @inlined
-def _ball(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
+def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
     return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
 
 
 @inlined
-def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
+def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
     3."""
     depth, a = shadow.depth, shadow.axes
@@ -60,7 +60,7 @@ def _lit(shadow: ShadowMap, x: float, y: float, z: float) -> float:
 
 
 @inlined
-def _open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
+def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     """Share of the sky that a point sees.
 
     With mean μ and mean square s of the heights around, and the point at height h < μ, a share
@@ -107,7 +107,7 @@ def _lines(x: float, footprint: float, width: float) -> float:
 def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
     """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
     and down."""
-    u, v = _row(planes.u, k), _row(planes.v, k)
+    u, v = row_of(planes.u, k), row_of(planes.v, k)
     inv = 1.0 / planes.spacing
     gu = (px * u[0] + py * u[1] + pz * u[2]) * inv
     gv = (px * v[0] + py * v[1] + pz * v[2]) * inv
@@ -143,7 +143,7 @@ def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
     for k in range(len(planes.point)):
-        n, p = _row(planes.normal, k), _row(planes.point, k)
+        n, p = row_of(planes.normal, k), row_of(planes.point, k)
         slope = n[0] * dx + n[1] * dy + n[2] * dz
         if not planes.facing[k] or slope > -1e-7:
             continue
@@ -161,7 +161,7 @@ def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple)
     for j in range(len(planes.point)):
         if j == k:
             continue
-        n, q = _row(planes.normal, j), _row(planes.point, j)
+        n, q = row_of(planes.normal, j), row_of(planes.point, j)
         away = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
         step = abs(n[0] * along[0] + n[1] * along[1] + n[2] * along[2]) + abs(
             n[0] * down[0] + n[1] * down[1] + n[2] * down[2]
@@ -174,7 +174,7 @@ def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple)
 
 
 @inlined
-def _behind(
+def behind(
     view: View,
     planes: Planes,
     light: Light,
@@ -192,7 +192,7 @@ def _behind(
     k, t = _hit(planes, view.eye, dx, dy, dz)
     if k < 0:
         return r, g, b
-    n, e = _row(planes.normal, k), view.eye
+    n, e = row_of(planes.normal, k), view.eye
     p = (e[0] + t * dx, e[1] + t * dy, e[2] + t * dz)
     far = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
     fade = exp(-(max(sqrt(far) - 1.2, 0.0) ** 2) * 0.16)
@@ -212,8 +212,8 @@ def _behind(
     direction = light.direction
     lambert = max(n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2], 0.0)
     if lambert > 0.0:
-        lambert *= _lit(shadow, p[0] + 2e-3 * n[0], p[1] + 2e-3 * n[1], p[2] + 2e-3 * n[2])
-    ambient = crease * _open_sky(sky, p[0], p[1], p[2])
+        lambert *= light_share(shadow, p[0] + 2e-3 * n[0], p[1] + 2e-3 * n[1], p[2] + 2e-3 * n[2])
+    ambient = crease * open_sky(sky, p[0], p[1], p[2])
     up = 0.5 + 0.5 * (n[0] * light.up[0] + n[1] * light.up[1] + n[2] * light.up[2])
     line = _grid(planes, k, p[0], p[1], p[2], along, down)
     ground, grid = backdrop.ground, backdrop.line
@@ -231,7 +231,7 @@ def _behind(
 
 
 @inlined
-def _sphere(
+def shade_sphere(
     view: View,
     light: Light,
     shadow: ShadowMap,
@@ -268,7 +268,7 @@ def _sphere(
     if lambert > 0.0:
         # Tested a little outside the sphere and towards the light, so that it does not shade itself.
         off, to = 0.3 * r, 2.0 / shadow.scale
-        lit = _lit(
+        lit = light_share(
             shadow,
             px + off * wx + to * direction[0],
             py + off * wy + to * direction[1],
@@ -289,7 +289,7 @@ def _sphere(
     rim = 1.0 - min(max(facing, 0.0), 1.0)
     rim = rim * rim * rim
     up = 0.5 + 0.5 * (wx * light.up[0] + wy * light.up[1] + wz * light.up[2])
-    ambient = _open_sky(sky, px, py, pz)
+    ambient = open_sky(sky, px, py, pz)
     shine += 0.16 * rim * up * ambient
     return (
         albedo[0]
@@ -335,14 +335,14 @@ def shade_band(
             near, far = near_id[y, x], far_id[y, x]
             cr, cg, cb, cover = 0.0, 0.0, 0.0, 0.0
             if near >= 0:
-                cr, cg, cb, cover = _sphere(
-                    view, light, shadow, sky, _ball(sphere, near), _row(palette, color[near]), vx, vy
+                cr, cg, cb, cover = shade_sphere(
+                    view, light, shadow, sky, ball_of(sphere, near), row_of(palette, color[near]), vx, vy
                 )
             trail = float(trail_alpha[y, x]) if trails else 0.0
             over = trail > 0.0 and trail_depth[y, x] < near_depth[y, x]
             r, g, b = 0.0, 0.0, 0.0
             if cover < 1.0:
-                r, g, b = _behind(
+                r, g, b = behind(
                     view,
                     planes,
                     light,
@@ -356,22 +356,22 @@ def shade_band(
                     a[0][2] * vx + a[1][2] * vy + a[2][2],
                 )
                 if trail > 0.0 and not over:
-                    r, g, b = _mix(r, g, b, _row(palette, trail_color[y, x]), trail)
+                    r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)
                 if far >= 0:
-                    fr, fg, fb, fc = _sphere(
-                        view, light, shadow, sky, _ball(sphere, far), _row(palette, color[far]), vx, vy
+                    fr, fg, fb, fc = shade_sphere(
+                        view, light, shadow, sky, ball_of(sphere, far), row_of(palette, color[far]), vx, vy
                     )
                     # Behind an outline more spheres than these two may lie: the second counts in full sooner.
                     fc = min(1.5 * fc, 1.0)
                     r, g, b = r + fc * (fr - r), g + fc * (fg - g), b + fc * (fb - b)
             r, g, b = r + cover * (cr - r), g + cover * (cg - g), b + cover * (cb - b)
             if over:
-                r, g, b = _mix(r, g, b, _row(palette, trail_color[y, x]), trail)
+                r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)
             image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
 
 
 @inlined
-def _mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
+def mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 
@@ -384,28 +384,32 @@ def draw_dots(
     items: Array,
     color: Array,
     palette: Float32s,
+    solid: Float32s,
     image: Float32s,
 ) -> None:
     """Blend round dots over `image`: `spheres` are those of `items`, far to near.
 
+    `solid` [rows, width] is the view depth behind which nothing is seen; without rows everything is.
+
     `haze` is r, g, b and the depth range over which dots sink into it by at most a third.
     """
     rows, width = min(BAND, view.height - row0), view.width
+    hides = len(solid) > 0
     for k in range(len(items)):
         z = np.float64(spheres[k, 2])
         f = view.focal / z
         cx, cy = 0.5 * width + spheres[k, 0] * f, 0.5 * view.height - spheres[k, 1] * f - row0
         rad = spheres[k, 3] * f
         fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
-        c = _row(palette, color[items[k]])
-        r, g, b = _mix(c[0], c[1], c[2], (haze[0], haze[1], haze[2]), fog)
+        c = row_of(palette, color[items[k]])
+        r, g, b = mix(c[0], c[1], c[2], (haze[0], haze[1], haze[2]), fog)
         reach, falloff = rad + 0.5, 0.28 / (rad * rad)
         for y in range(max(int(cy - reach), 0), min(int(cy + reach) + 1, rows)):
             dy = y + 0.5 - cy
             for x in range(max(int(cx - reach), 0), min(int(cx + reach) + 1, width)):
                 dx = x + 0.5 - cx
                 d2 = dx * dx + dy * dy
-                if d2 < reach * reach:
+                if d2 < reach * reach and not (hides and solid[y, x] < z):
                     cover = min(reach - sqrt(d2), 1.0)
                     tone = cover * (1.08 - d2 * falloff)
                     image[y, x, 0] += r * tone - cover * image[y, x, 0]

@@ -113,3 +113,29 @@ class Paths(NamedTuple):
     alpha: Float32s
     color: Ints
     depth: Float32s
+
+
+class Solids(NamedTuple):
+    """Surfaces and tubes of a frame. Their points are the particles, in camera axes beside the drawn radius.
+
+    `corner` [t, 3]: rows of the particles at each triangle's corners; `shade` [t, 3]: rows of `normal` [k, 3], world
+    axes, for the same corners; `closed` [t]: whether it belongs to the skin of a body, which has one side only.
+    `end` [l, 2]: rows of the particles at a tube's ends; `end_color` [l, 2]: palette index there; `radius` [scene units]
+    of all tubes. Samples number spheres first, then triangles, then tubes.
+    """
+
+    corner: Ints
+    shade: Ints
+    closed: npt.NDArray[np.bool_]
+    normal: Float32s
+    end: Ints
+    end_color: npt.NDArray[np.uint16]
+    radius: float
+
+
+class Samples(NamedTuple):
+    """What is seen in the `SUBSAMPLES` points of each sample of a band: 1 / view depth (0: nothing) and number, shape
+    [rows, width, SUBSAMPLES]."""
+
+    inverse: Float32s
+    id: Ints

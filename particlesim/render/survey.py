@@ -7,11 +7,11 @@ finite, or hardly so, are left out, and a few particles that escape far from the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from particlesim.render.fields import Coloring, values_of
 from particlesim.render.scene import Frame, FrameSource, sample_indices
 from particlesim.render.stage import Array
 
@@ -47,8 +47,9 @@ class Survey:
         return max(half, floor) or 1.0
 
 
-def survey(source: FrameSource, coloring: Coloring, first: int, last: int) -> Survey:
-    """Sample the frames from `first` to `last`."""
+def survey(source: FrameSource, values_of: Callable[[Frame], Array | None], first: int, last: int) -> Survey:
+    """Sample the frames from `first` to `last`. `values_of` gives the coloured values of a frame, one for each particle
+    or for each of other things, or None."""
     points, values, radii = [np.empty((0, 3))], [np.empty(0)], [np.empty(0)]
     count = 0
     for step in sample_indices(last - first + 1, FRAMES):
@@ -59,9 +60,10 @@ def survey(source: FrameSource, coloring: Coloring, first: int, last: int) -> Su
         good = (np.abs(position) < FARTHEST).all(axis=1)
         points.append(position[good])
         radii.append(_radii(source, frame, some)[good])
-        value = values_of(frame, coloring)
+        value = values_of(frame)
         if value is not None:
-            values.append(value[some][good])
+            few = value[some]
+            values.append(few[good] if len(value) == len(frame.position) else few)
     every = np.concatenate(points)
     low, high = _robust_bounds(every)
     inside = ((every >= low) & (every <= high)).all(axis=1)

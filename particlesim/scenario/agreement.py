@@ -6,13 +6,19 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from particlesim.checks import FIELD_QUANTITIES, TOTALS, Check
+from particlesim.checks import Check, Initial
 from particlesim.crossfield import Invalid
+from particlesim.emitters import Emitter
+from particlesim.forces.expression import reads
+from particlesim.forces.operations import Temperature
 from particlesim.laws import has_law, potential
 from particlesim.names import did_you_mean
+from particlesim.quantities import FIELD_QUANTITIES, TOTALS, VECTOR_FIELDS
 from particlesim.scenario.timegrid import TOLERANCE, TimeGrid
+from particlesim.trajectory.fields import FIELDS
 
 if TYPE_CHECKING:
+    from particlesim.groups import Group
     from particlesim.scenario.scenario import Scenario
 
 
@@ -58,27 +64,76 @@ def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
     at = ("checks", k)
     totals = quantities(scenario)
     name = check.quantity
-    if name not in totals and name not in FIELD_QUANTITIES:
+    whole = name in VECTOR_FIELDS and check.reference is not None
+    if name not in totals and name not in FIELD_QUANTITIES and not whole:
         yield _unknown(name, k, totals)
         return
     groups = [group.name for group in scenario.groups]
     if check.group is not None and check.group not in groups:
         hint = did_you_mean(check.group, groups)
         yield Invalid(f"unknown group {check.group!r}", (*at, "group"), allowed=", ".join(groups), hint=hint)
-    if name in FIELD_QUANTITIES and check.statistic is None:
+    if name in FIELD_QUANTITIES and check.statistic is None and not check.of_each:
         allowed = '"min", "max", "mean" or "percentile"'
         yield Invalid(
             f"{name} is a number for every particle; a check needs a statistic of it",
             (*at, "quantity"),
             allowed=f"statistic = {allowed}",
         )
-    if name in totals and check.statistic is not None:
-        yield Invalid(f"{name} is one number; there is no statistic of it", (*at, "statistic"))
-    if name in totals and name != "count" and check.group is not None:
-        yield Invalid(f"{name} is a sum over all groups", (*at, "group"))
+    if name in totals:
+        yield from _total(check, k)
     looked = [group for group in scenario.groups if check.group in (None, group.name)]
     if name == "temperature" and looked and all(group.temperature is None for group in looked):
         yield Invalid("no particle here has a temperature", (*at, "quantity"))
+    if check.expression is not None:
+        yield from _expression(check, k, looked)
+    if check.reference is not None:
+        yield from _reference(scenario, check, k)
+
+
+def _total(check: Check, k: int) -> Iterator[Invalid]:
+    """What does not go with a quantity of the whole simulation."""
+    at, name = ("checks", k), check.quantity
+    if check.statistic is not None:
+        yield Invalid(f"{name} is one number; there is no statistic of it", (*at, "statistic"))
+    if name != "count":
+        for key in ("group", "region"):
+            if getattr(check, key) is not None:
+                yield Invalid(
+                    f"{name} is a sum over all {'groups' if key == 'group' else 'of space'}", (*at, key)
+                )
+
+
+def _expression(check: Check, k: int, looked: list[Group]) -> Iterator[Invalid]:
+    """What particles do not have, and an expression reads."""
+    node, at = check.expected(), ("checks", k, "expression")
+    for group in looked:
+        if isinstance(group, Emitter) and reads(node, Initial):
+            yield Invalid(
+                f"the particles of {group.name!r} are emitted, they are not there at the start",
+                at,
+                hint="name a group of [[particles]] with group",
+            )
+        if group.temperature is None and reads(node, Temperature):
+            yield Invalid(f"the particles of {group.name!r} have no temperature", at)
+
+
+def _reference(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
+    """A reference holds fields, and those only that are recorded."""
+    at, field = ("checks", k), check.quantity.partition(".")[0]
+    if field not in FIELDS or check.statistic is not None:
+        yield Invalid(
+            "a reference is compared particle by particle, in a field of theirs",
+            (*at, "statistic" if field in FIELDS else "quantity"),
+            allowed=", ".join((*VECTOR_FIELDS, *FIELD_QUANTITIES)),
+        )
+    elif field not in (recorded := ("position", *scenario.recorded_fields())):
+        names = [name for name in recorded if name not in ("position", "group")]
+        fields = ", ".join(f'"{name}"' for name in (*names, field))
+        yield Invalid(
+            f"{field} is not recorded, so a reference does not hold it",
+            (*at, "quantity"),
+            hint=f"to record it: fields = [{fields}] under [output]",
+        )
 
 
 def _unknown(name: str, k: int, totals: tuple[str, ...]) -> Invalid:

@@ -57,6 +57,5 @@ def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | N
         raise diagnose(error, source, Scenario) from None
     if mistakes:
         raise scenario_error(source, mistakes)
-    return scenario.loaded_from(
-        folder, tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
-    )
+    told = tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
+    return scenario.loaded_from(folder, told, source)

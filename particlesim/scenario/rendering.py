@@ -17,13 +17,15 @@ from particlesim.units import Degrees, Hertz, Metres, Number, Vector
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "blackbody"]
+Style = Literal["surface", "lines", "points", "hidden"]
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
 
 
-def colorable(fields: Collection[str]) -> tuple[str, ...]:
-    """What `color_by` may be for a trajectory with these fields."""
+def colorable(fields: Collection[str], *, springs: bool = False) -> tuple[str, ...]:
+    """What `color_by` may be for a trajectory with these fields, and perhaps with springs."""
     speed = ("speed",) if {"velocity", "speed"} & set(fields) else ()
-    own = sorted({*fields, *speed, "x", "y", "z"} - {"position", "id"})
+    strain = ("strain",) if springs else ()
+    own = sorted({*fields, *speed, *strain, "x", "y", "z"} - {"position", "id"})
     return ("auto", "none", *own)
 
 
@@ -64,8 +66,9 @@ class RenderSettings(Model):
     camera: Camera = Field(Camera(), description="Viewpoint; automatic where left out.")
     color_by: str = Field(
         "auto",
-        description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'none', or "
-        "'auto': the speed if velocity is recorded, else one colour.",
+        description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'strain', "
+        "'none', or 'auto': the speed if velocity is recorded, else one colour. The strain of a line is that of "
+        "its spring; in a point of a surface it is the root mean square over the springs that meet there.",
     )
     colormap: ColormapName = Field(
         "viridis", description="Colours from the low to the high end of the range."
@@ -78,8 +81,22 @@ class RenderSettings(Model):
         description="Drawn radius [m]. Left out: the recorded radius where there is one (spheres), else "
         "chosen by the extent of the scene and the number of particles.",
     )
+    styles: dict[str, Style] = Field(
+        {},
+        description="How groups and sets of springs are drawn, by their names: 'surface' (a cloth, or the "
+        "skin of a body), 'lines' (its springs, and spheres for particles with a radius), 'points' (its "
+        "particles by the `look`), or 'hidden'. What is not named is a surface if it has one, else lines if "
+        "it has springs, else points.",
+    )
+    line_radius: Annotated[Metres, Gt(0)] | None = Field(
+        None,
+        description="Radius of the lines that springs are drawn as [m]. Left out: chosen by the springs' "
+        "length and the extent of the scene.",
+    )
     trails: bool | Literal["auto"] = Field(
-        "auto", description="Draw each particle's recent path; 'auto': when there are at most 64 particles."
+        "auto",
+        description="Draw each particle's recent path; 'auto': when there are at most 64 particles and "
+        "no springs.",
     )
     ground: bool = Field(True, description="Draw the planes of the scenario.")
     shadows: bool = Field(True, description="Cast shadows and darken corners.")

@@ -13,18 +13,25 @@ from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter, Schedule
+from particlesim.errors import UsageError
 from particlesim.forces import AnyForce, Force
 from particlesim.forces.field import Field
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import method_for
+from particlesim.layouts import Layout
+from particlesim.layouts.base import LayoutError
 from particlesim.layouts.file import File
 from particlesim.model import Line, Model, Prose
+from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
+from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
+from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
+from particlesim.selection import mistakes as selection_mistakes
 from particlesim.streams import Streams
 
 Keys = tuple[str | int, ...]
@@ -54,6 +61,8 @@ class Scenario(Model):
     """What acts on particles."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
+    motions: tuple[Motion, ...] = ()
+    """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
     """Half-spaces that hold particles back."""
     impulses: tuple[Impulse, ...] = ()
@@ -65,6 +74,7 @@ class Scenario(Model):
 
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
+    _source: Source | None = PrivateAttr(default=None)
     _grid: TimeGrid = PrivateAttr()
 
     @property
@@ -87,11 +97,28 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
-    def loaded_from(self, folder: Path | None, overrides: tuple[str, ...]) -> Scenario:
-        """The scenario with relative paths starting from a folder, and the overrides already in it."""
+    def loaded_from(
+        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+    ) -> Scenario:
+        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
         copy = self.model_copy()
-        copy._folder, copy._overrides = folder, overrides
+        copy._folder, copy._overrides, copy._source = folder, overrides, source
         return copy
+
+    def opened(self, group: Particles) -> Layout:
+        """The layout of a group; one that names a file has read it.
+
+        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
+        """
+        try:
+            return group.layout.open(self._folder)
+        except UsageError as error:
+            if self._source is None:
+                raise
+            key = error.key if isinstance(error, LayoutError) else "path"
+            k = next(k for k, other in enumerate(self.particles) if other is group)
+            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            raise scenario_error(self._source, [mistake]) from None
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""
@@ -141,10 +168,12 @@ class Scenario(Model):
             _times,
             _kicks,
             _pins,
+            _motions,
             _pairs,
             _pulled,
             _joined,
             _colors,
+            _styles,
             disagreements,
         ):
             mistakes += check(self)
@@ -227,6 +256,7 @@ def _references(scenario: Scenario) -> Iterator[Invalid]:
         if springs.on is not None:
             places.append((("springs", k, "on"), springs.on))
         places += [(("springs", k, "between", j), name) for j, name in enumerate(springs.between or ())]
+    places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
     for path, name in places:
         if name not in known:
             yield _unknown_group(path, name, known)
@@ -308,17 +338,49 @@ def _kicks(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def _pins(scenario: Scenario) -> Iterator[Invalid]:
+    """Pins hold particles that exist."""
     for k, group in enumerate(scenario.particles):
-        number = group.layout.number()
-        if isinstance(group.pinned, tuple) and number is not None:
-            for j, index in enumerate(group.pinned):
-                if index >= number:
-                    yield Invalid(
-                        f"there is no particle {index}",
-                        ("particles", k, "pinned", j),
-                        ((("particles", k, "layout"), f"{number} particles"),),
-                        allowed=f"0 to {number - 1}",
-                    )
+        if not isinstance(group.pinned, bool):
+            here: Keys = ("particles", k)
+            yield from selection_mistakes(group.pinned, group.layout, (*here, "pinned"), (*here, "layout"))
+
+
+def _motions(scenario: Scenario) -> Iterator[Invalid]:
+    """Motions lead particles that are there from the start, and it is said which."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    whole: dict[str, int] = {}
+    for k, motion in enumerate(scenario.motions):
+        path, group = tables[motion.on]
+        here: Keys = ("motions", k)
+        if not isinstance(group, Particles):
+            yield Invalid(
+                f"a motion leads particles that are there from the start, and {motion.on!r} is emitted",
+                (*here, "on"),
+                ((path, "emitted here"),),
+            )
+        elif group.dynamics.type == "tracer":
+            yield Invalid(
+                "tracers move with their flow; no motion leads them", (*here, "on"), ((path, "here"),)
+            )
+        elif motion.particles is not None:
+            at = (*here, "particles")
+            yield from selection_mistakes(motion.particles, group.layout, at, (*path, "layout"))
+        elif not group.has_pins():
+            yield Invalid(
+                f"which particles of {motion.on!r} are led? It pins none",
+                here,
+                ((path, "nothing is pinned here"),),
+                hint="pin some in the group, or name them here: particles = [0]",
+            )
+        elif motion.on in whole:
+            yield Invalid(
+                f"all pinned particles of {motion.on!r} are led already",
+                here,
+                ((("motions", whole[motion.on]), "here"),),
+                hint="name different particles for each, with particles = ...",
+            )
+        else:
+            whole[motion.on] = k
 
 
 def _joined(scenario: Scenario) -> Iterator[Invalid]:
@@ -359,7 +421,8 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
 def _colors(scenario: Scenario) -> Iterator[Invalid]:
     """Videos show what the trajectory holds."""
     name, fields = scenario.render.color_by, scenario.recorded_fields()
-    if name not in (*fields, "position", "id") and name not in (known := colorable(fields)):
+    springs = any(True for _ in _bond_tables(scenario))
+    if name not in (*fields, "position", "id") and name not in (known := colorable(fields, springs=springs)):
         hint = did_you_mean(name, known)
         if hint is None and name in get_args(FieldName):
             hint = f"to record it: fields = [..., {name!r}] under [output]"
@@ -369,6 +432,35 @@ def _colors(scenario: Scenario) -> Iterator[Invalid]:
             allowed=", ".join(known),
             hint=hint,
         )
+
+
+def _styles(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos draw what there is: groups and sets of springs that exist, surfaces and springs where there are some."""
+    tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
+    sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    joined = {name for _, names, _ in _bond_tables(scenario) for name in names}
+    for name, style in scenario.render.styles.items():
+        at = ("render", "styles", name)
+        if name not in tables and name not in sets:
+            known = [*tables, *sets]
+            hint = did_you_mean(name, known)
+            yield Invalid(
+                f"no group and no springs are called {name!r}", at, allowed=", ".join(known), hint=hint
+            )
+        elif name in tables:
+            path, group = tables[name]
+            skin = isinstance(group, Particles) and group.layout.has_surface()
+            if style == "surface" and not skin:
+                yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
+            if style == "lines" and name not in joined:
+                yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+        elif style in ("surface", "points"):
+            yield Invalid(
+                "springs are lines or hidden",
+                at,
+                ((sets[name], "these springs"),),
+                allowed='"lines", "hidden"',
+            )
 
 
 def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:

@@ -71,3 +71,16 @@ def test_a_report_that_cannot_be_written(psim) -> None:
     assert ended.code == 2
     assert "nowhere" in ended.err
     assert not Path("outputs").exists()
+
+
+def test_bless(psim) -> None:
+    reference = '\n[[checks]]\nquantity = "position"\nreference = "right.vtkhdf"\n'
+    Path("tiny.toml").write_text(TINY + reference)
+    missing = psim("run", "tiny.toml")
+    assert missing.code == 2
+    assert "psim run --bless" in missing.err
+    blessed = psim("run", "tiny.toml", "--bless")
+    assert blessed.code == 0
+    assert "written: right.vtkhdf" in blessed.err.replace(str(Path().resolve()) + "/", "")
+    assert psim("run", "tiny.toml", "--force").code == 0
+    assert psim("run", "tiny.toml", "--force", "--set", "simulation.dt=0.005").code == 1

@@ -63,6 +63,7 @@ def island(method: str, precision: str = "double", **springs: Any) -> ps.Scenari
                 },
             ],
             "forces": [{"type": "gravity"}, {"type": "linear_drag", "coefficient": 1e-5}],
+            "motions": [{"on": "cloth", "path": ["x + 0.002*sin(700*t)", "y", "z - 0.1*t*y"]}],
             "planes": [{"normal": [0, 0, 1], "on": ["cloud"], "restitution": 0.5}],
             "impulses": [{"at": 0.0041, "impulse": [1e-5, 0, 0], "on": ["cloud"]}],
         }

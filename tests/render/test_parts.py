@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pydantic import ValidationError
 from particlesim.errors import UsageError
 from particlesim.render import Camera, PlaneShape, RenderSettings, colormaps, project, raster
 from particlesim.render.camera import FILL, choose_viewpoint, room_corners
-from particlesim.render.fields import choose_coloring, color_indices
+from particlesim.render.fields import choose_coloring, color_indices, values_of
 from particlesim.render.lighting import grid_spacing, readable, tone_curve
 from particlesim.render.overlay import format_time, round_ticks, text_mask
 from particlesim.render.survey import survey
@@ -104,7 +105,7 @@ def test_tone_curve_is_exact_below_the_knee_and_never_falls():
 
 def scene_of(points):
     source = single(points)
-    return survey(source, choose_coloring(source, "none"), 0, 0)
+    return survey(source, lambda frame: None, 0, 0)
 
 
 @pytest.mark.parametrize("shape", [(2, 1, 1), (10, 0.001, 10), (8, 5, 0), (0, 7, 0), (1e-7, 1e-7, 1e-7)])
@@ -263,7 +264,7 @@ def test_values_reach_from_percentile_to_percentile():
     values = np.concatenate([np.linspace(10, 20, 2000), [1e6]])
     frame = ArrayFrame(0.0, np.zeros((2001, 3)), {"heat": values})
     source = ArraySource([frame])
-    low, high = survey(source, choose_coloring(source, "heat"), 0, 0).values
+    low, high = survey(source, partial(values_of, coloring=choose_coloring(source, "heat")), 0, 0).values
     assert low == pytest.approx(10, abs=0.3)
     assert 19.5 < high < 22
 

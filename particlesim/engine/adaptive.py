@@ -1,0 +1,542 @@
+"""The block kernel of adaptive methods: every particle takes as many steps of its own inside a grid step as its error asks.
+
+The particles of a block that are still under way are packed into columns of their own, the *desk*, so that the loop that
+tries a step for each of them vectorises whatever is left of the block. A second loop accepts or rejects, lets particles meet
+colliders, and takes those off the desk that have arrived. The last step ends exactly at the end of the grid step; the
+step that a particle would have taken stays in its memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from particlesim.engine.cache import kernel
+from particlesim.engine.columns import (
+    KEPT,
+    Thermal,
+    block_of,
+    fetch,
+    keep,
+    note,
+    put_back,
+    span,
+    store,
+    temperature,
+    type_of,
+)
+from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.engine.contact import Simple, meet, overlapped, trace
+from particlesim.engine.independent import refresh
+from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
+from particlesim.laws import PASS, Particle
+
+Impl = Callable[..., Any]
+
+NOT_FINITE, TOO_SHORT, TOO_MANY = 1, 2, 3
+"""Why a particle's steps ended: its force is not finite, the step fell below the least, or there was no end of steps."""
+
+MOST_STEPS = 10_000_000
+"""Own steps of a particle within one grid step: seconds of work, after which a run had better say so."""
+RESOLVED = 16 * 2.0**-52
+"""Shortest step over the time that it leads to: shorter ones are lost in the rounding of the clock."""
+SAFETY = 0.9
+SMALLEST = 1e-4
+"""Errors below this do not count as history (Hairer and Wanner)."""
+
+
+DESK = 256
+"""Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
+
+# Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
+# (x, y, z, vx, vy, vz each), mass, its inverse, radius.
+STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
+# Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
+# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was rejected;
+# temperature at birth, and birth.
+NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+
+
+class Desk(NamedTuple):
+    """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
+    `thermal`, None when no law reads the temperature."""
+
+    row: Any
+    body: Any
+    clock: Any
+    thermal: Any
+
+
+class Heated(NamedTuple):
+    """Dynamics of particle k of a desk whose temperature changes within the step."""
+
+    dynamics: Any
+    thermal: Any
+    k: int
+
+
+@inline(derivative)
+def _heated_derivative(dynamics: Any, forces: Any, p: Any) -> Impl | None:
+    if getattr(dynamics, "instance_class", None) is not Heated:
+        return None
+
+    def impl(dynamics: Any, forces: Any, p: Any) -> Any:
+        warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
+        q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
+        return derivative(dynamics.dynamics, forces, q)
+
+    return impl
+
+
+def response(dynamics: Any, d: Any, k: Any) -> Any:
+    """How particle k of a desk responds to force; with its temperature if a law reads it."""
+    return stub()
+
+
+@inline(response)
+def _response(dynamics: Any, d: Any, k: Any) -> Impl:
+    if isinstance(d.types[3], types.NoneType):
+        return lambda dynamics, d, k: dynamics
+    return lambda dynamics, d, k: Heated(dynamics, d.thermal, k)
+
+
+# The desk
+
+
+def new_desk(c: Any) -> Any:
+    """An empty desk for particles of some columns."""
+    return stub()
+
+
+@inline(new_desk)
+def _new_desk(c: Any) -> Impl:
+    def impl(c: Any) -> Any:
+        clock = np.empty((CLOCK, DESK))
+        return Desk(
+            np.empty(DESK, np.int64), np.empty((BODY, DESK), c.x.dtype), clock, warmth_of(c.thermal, clock)
+        )
+
+    return impl
+
+
+def warmth_of(thermal: Any, clock: Any) -> Any:
+    """The rows of a desk that hold temperatures at birth, with the law of cooling; None without."""
+    return stub()
+
+
+@inline(warmth_of)
+def _warmth_of(thermal: Any, clock: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, clock: None
+    return lambda thermal, clock: Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
+
+
+def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Any:
+    """Temperature at birth and birth of particle i of a block to column k of a desk."""
+    return stub()
+
+
+@inline(bring_heat)
+def _bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, i, clock, k: None
+
+    def impl(thermal: Any, i: Any, clock: Any, k: Any) -> None:
+        clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
+
+    return impl
+
+
+@inlined
+def at(d: Any, k: Any, s: Any, t: Any) -> Any:
+    """Particle k of a desk with one of its states, as the laws see it at time t."""
+    b = d.body
+    x = b[s, k]
+    return Particle(
+        x,
+        b[s + 1, k],
+        b[s + 2, k],
+        b[s + 3, k],
+        b[s + 4, k],
+        b[s + 5, k],
+        b[MASS, k],
+        b[RADIUS, k],
+        temperature(d.thermal, k, t, x),
+        t,
+        b[INVERSE, k],
+    )
+
+
+@inlined
+def rate_at(d: Any, k: Any, s: Any) -> Any:
+    """A slope of particle k of a desk."""
+    b = d.body
+    return Rate(b[s, k], b[s + 1, k], b[s + 2, k], b[s + 3, k], b[s + 4, k], b[s + 5, k])
+
+
+@inlined
+def put(d: Any, k: Any, s: Any, r: Any) -> None:
+    """A state or slope of particle k of a desk."""
+    b = d.body
+    b[s, k], b[s + 1, k], b[s + 2, k] = r.x, r.y, r.z
+    b[s + 3, k], b[s + 4, k], b[s + 5, k] = r.vx, r.vy, r.vz
+
+
+@inlined
+def slope_here(program: Any, d: Any, k: Any) -> None:
+    """Set the slope of particle k of a desk at its present state."""
+    p = at(d, k, STATE, d.clock[NOW, k])
+    put(d, k, SLOPE, derivative(response(program.dynamics, d, k), program.forces, p))
+
+
+# One try
+
+
+@inlined
+def scales(method: Any, p: Any, q: Any) -> Any:
+    """Inverse squares of the errors of position and velocity that a step from p to q may have."""
+    x2 = max(p.x * p.x + p.y * p.y + p.z * p.z, q.x * q.x + q.y * q.y + q.z * q.z)
+    v2 = max(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz, q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+    one = type_of(p.x, 1)
+    x, v = method.position + method.tolerance * np.sqrt(x2), method.velocity + method.tolerance * np.sqrt(v2)
+    return one / (x * x), one / (v * v)
+
+
+@inlined
+def size2(r: Any, sx: Any, sv: Any) -> Any:
+    """Square of a rate's length in units of the allowed errors."""
+    return sx * (r.x * r.x + r.y * r.y + r.z * r.z) + sv * (r.vx * r.vx + r.vy * r.vy + r.vz * r.vz)
+
+
+def combined(h: Any, first: Any, second: Any) -> Any:
+    """The error of a step from the squared sizes of one estimate, or of two."""
+    return stub()
+
+
+@inline(combined)
+def _combined(h: Any, first: Any, second: Any) -> Impl:
+    if isinstance(second, types.NoneType):
+        return lambda h, first, second: h * np.sqrt(first)
+
+    def two(h: Any, first: Any, second: Any) -> Any:
+        below = first + type_of(first, 0.01) * second
+        return h * first / np.sqrt(below if below > 0 else type_of(first, 1))
+
+    return two
+
+
+def error_of(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
+    """The error of a step from p to q in units of what is allowed: E of `particlesim.integrators.adaptive`."""
+    return stub()
+
+
+@inline(error_of)
+def _error_of(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Impl:
+    if len(method.types[method.fields.index("errors")]) == 1:
+
+        def one(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
+            sx, sv = scales(method, p, q)
+            return combined(h, size2(weigh(method.errors[0], slopes), sx, sv), None)
+
+        return one
+
+    def two(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
+        sx, sv = scales(method, p, q)
+        first = size2(weigh(method.errors[0], slopes), sx, sv)
+        return combined(h, first, size2(weigh(method.errors[1], slopes), sx, sv))
+
+    return two
+
+
+def attempt(program: Any, d: Any, n: Any) -> Any:
+    """Try a step with each of the n particles of a desk. No branches: this loop vectorises."""
+    return stub()
+
+
+@inline(attempt)
+def _attempt(program: Any, d: Any, n: Any) -> Impl:
+    def impl(program: Any, d: Any, n: Any) -> None:
+        method, forces = program.method, program.forces
+        for k in range(n):
+            p = at(d, k, STATE, d.clock[NOW, k])
+            h = type_of(p.x, d.clock[TAKEN, k])
+            dynamics = response(program.dynamics, d, k)
+            slopes = stages(method.a[1:], method.c[1:], dynamics, forces, p, h, (rate_at(d, k, SLOPE),))
+            q = moved(p, h, weigh(method.b, slopes), d.clock[NOW, k] + d.clock[TAKEN, k])
+            last = derivative(dynamics, forces, q)
+            d.clock[ERROR, k] = error_of(method, (*slopes, last), h, p, q)
+            put(d, k, AHEAD, q)
+            put(d, k, BEYOND, last)
+
+    return impl
+
+
+# The choice of steps
+
+
+@inlined
+def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
+    """h_new/h after a try of a certain error; `previous` is 0 where there is no history, `again` after a rejection."""
+    if not error < np.inf:
+        return float(method.shrink)
+    wish = SAFETY * max(error, 1e-300) ** -method.alpha
+    if previous > 0:
+        wish *= previous**method.beta
+    most = 1.0 if again or error > 1 else method.grow
+    return float(min(max(wish, method.shrink), most))
+
+
+def first_step(program: Any, d: Any, k: Any, most: Any) -> Any:
+    """A first step for particle k of a desk [s], at most `most`: from the sizes of state, slope, and change of the slope
+    (Hairer, Nørsett, Wanner I, section II.4)."""
+    return stub()
+
+
+@outline(first_step)
+def _first_step(program: Any, d: Any, k: Any, most: Any) -> Impl:
+    def impl(program: Any, d: Any, k: Any, most: Any) -> float:
+        p, a = at(d, k, STATE, d.clock[NOW, k]), rate_at(d, k, SLOPE)
+        sx, sv = scales(program.method, p, p)
+        size, speed = float(np.sqrt(size2(p, sx, sv))), float(np.sqrt(size2(a, sx, sv)))
+        h = min(0.01 * size / speed, most) if size > 0 and speed > 0 else 1e-3 * most
+        q = moved(p, type_of(p.x, h), a, d.clock[NOW, k] + h)
+        b = derivative(response(program.dynamics, d, k), program.forces, q)
+        bend = Rate(b.x - a.x, b.y - a.y, b.z - a.z, b.vx - a.vx, b.vy - a.vy, b.vz - a.vz)
+        curve = max(float(np.sqrt(size2(bend, sx, sv))) / h, speed)
+        wish = min(100 * h, (0.01 / curve) ** program.method.alpha) if curve > 0 else most
+        return min(wish, most) if wish > 0 else most  # a slope that is not finite is found by the first try
+
+    return impl
+
+
+# Steps of a block
+
+
+def sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Any:
+    """Put all particles of a block that move between t and end on the desk; returns how many."""
+    return stub()
+
+
+@inline(sit_down)
+def _sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, t: Any, end: Any) -> int:
+        n = 0
+        whole = end - t
+        for i in range(c.x.size):
+            begin, length = span(c.clock, i, t, end, whole)
+            if length > 0:
+                d.row[n] = i
+                d.clock[NOW, n] = begin
+                d.clock[STOP, n] = end if length >= whole else begin + length
+                d.clock[STEP, n] = c.memory[0][i]
+                d.clock[PREVIOUS, n] = c.memory[1][i]
+                d.clock[TRIES, n] = d.clock[AGAIN, n] = 0
+                bring_heat(c.thermal, i, d.clock, n)
+                p = fetch(c, i, begin)
+                put(d, n, STATE, p)
+                d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
+                n += 1
+        for k in range(n):
+            slope_here(program, d, k)
+        for k in range(n):
+            if not d.clock[STEP, k] > 0:
+                d.clock[STEP, k] = first_step(program, d, k, whole)
+            aim(d, k, whole)
+        return n
+
+    return impl
+
+
+@inlined
+def aim(d: Any, k: Any, most: Any) -> None:
+    """Settle the length of the next try: what is proposed, or all that is left if that is hardly more."""
+    left = d.clock[STOP, k] - d.clock[NOW, k]
+    d.clock[STEP, k] = min(d.clock[STEP, k], most)
+    d.clock[TAKEN, k] = left if left <= 1.01 * d.clock[STEP, k] else d.clock[STEP, k]
+
+
+def land(program: Any, c: Any, d: Any, k: Any) -> Any:
+    """Particle k of a desk has taken its step: contacts, and whether it is done."""
+    return stub()
+
+
+@inline(land)
+def _land(program: Any, c: Any, d: Any, k: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, k: Any) -> bool:
+        now, taken = d.clock[NOW, k], d.clock[TAKEN, k]
+        arrived = taken >= d.clock[STOP, k] - now
+        then = d.clock[STOP, k] if arrived else now + taken
+        q = at(d, k, AHEAD, then)
+        touched, r, outcome = touch(program, d, k, q)
+        d.clock[NOW, k] = then
+        put(d, k, STATE, r)
+        if touched:
+            d.clock[PREVIOUS, k] = 0
+            slope_here(program, d, k)
+        else:
+            for s in range(6):
+                d.body[SLOPE + s, k] = d.body[BEYOND + s, k]
+        note(c.clock, d.row[k], outcome, r.t)
+        return arrived or outcome != PASS
+
+    return impl
+
+
+def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
+    """Contacts of particle k of a desk, whose step ends as q: whether there was one, the particle, the outcome."""
+    return stub()
+
+
+@inline(touch)
+def _touch(program: Any, d: Any, k: Any, q: Any) -> Impl:
+    contacts = program.types[3]
+    if contacts.instance_class is Simple:
+        if len(contacts.types[0]) == 0:
+            return lambda program, d, k, q: (False, q, PASS)
+
+        def simple(program: Any, d: Any, k: Any, q: Any) -> Any:
+            r, outcome = meet(program.contacts.colliders, q)
+            still = (r.x == q.x) & (r.y == q.y) & (r.z == q.z)
+            still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
+            return not still, r, outcome
+
+        return simple
+
+    def careful(program: Any, d: Any, k: Any, q: Any) -> Any:
+        outcome = PASS
+        inside = overlapped(program.contacts, q)
+        if inside:
+            p = at(d, k, STATE, d.clock[NOW, k])
+            h = type_of(p.x, d.clock[TAKEN, k])
+            q, _, outcome = trace(
+                program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
+            )
+        return inside, q, outcome
+
+    return careful
+
+
+@inlined
+def leave(c: Any, d: Any, k: Any) -> None:
+    """Write particle k of a desk back to the block."""
+    i = d.row[k]
+    store(c, i, rate_at(d, k, STATE))
+    c.memory[0][i], c.memory[1][i] = d.clock[STEP, k], d.clock[PREVIOUS, k]
+
+
+@inlined
+def move(d: Any, k: Any, n: Any) -> None:
+    """Column n of a desk to column k."""
+    d.row[k] = d.row[n]
+    for s in range(BODY):
+        d.body[s, k] = d.body[s, n]
+    for s in range(CLOCK):
+        d.clock[s, k] = d.clock[s, n]
+
+
+def judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Any:
+    """Accept or reject the try of particle k of a desk: 0 it goes on, −1 it has arrived, else why it cannot go on."""
+    return stub()
+
+
+@inline(judge)
+def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, k: Any, most: Any) -> int:
+        w, method = d.clock, program.method
+        error, taken = w[ERROR, k], w[TAKEN, k]
+        wish = taken * factor(method, error, w[PREVIOUS, k], w[AGAIN, k] > 0)
+        w[TRIES, k] += 1
+        if error <= 1:
+            w[AGAIN, k] = 0
+            if taken >= w[STEP, k]:
+                w[STEP, k] = wish
+                w[PREVIOUS, k] = max(error, SMALLEST)
+            else:  # a try that was cut short by the end of the grid step says nothing against the step that was meant
+                w[STEP, k] = max(w[STEP, k], wish)
+            if land(program, c, d, k):
+                return -1
+        else:
+            w[AGAIN, k], w[STEP, k] = 1, wish
+            if wish < max(method.least, RESOLVED * w[STOP, k]):
+                r = rate_at(d, k, SLOPE)
+                still = (
+                    (r.x - r.x) + (r.y - r.y) + (r.z - r.z) + (r.vx - r.vx) + (r.vy - r.vy) + (r.vz - r.vz)
+                )
+                return TOO_SHORT if still == 0 else NOT_FINITE
+        aim(d, k, most)
+        return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
+
+    return impl
+
+
+def step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> Any:
+    """All steps of a block from t to `end`. Returns 0, or why a particle cannot go on; moment[0] is then when."""
+    return stub()
+
+
+@inline(step_block)
+def _step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> int:
+        n = sit_down(program, c, d, t, end)
+        while n > 0:
+            attempt(program, d, n)
+            k = 0
+            while k < n:
+                verdict = judge(program, c, d, k, end - t)
+                if verdict > 0:
+                    moment[0] = d.clock[NOW, k]
+                    leave(c, d, k)
+                    return verdict
+                if verdict < 0:
+                    leave(c, d, k)
+                    n -= 1
+                    move(d, k, n)
+                else:
+                    k += 1
+        return 0
+
+    return impl
+
+
+@kernel
+def step_range_adaptive(
+    program: Any,
+    columns: Any,
+    first_step: Any,
+    steps: Any,
+    dt: Any,
+    first: Any,
+    last: Any,
+    block: Any,
+    restore: Any,
+    faults: Any,
+    moment: Any,
+) -> None:
+    """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
+
+    When a particle cannot go on, faults[k] says why for the first particle k of its block, and moment[0] when. With
+    `restore` the block is put back to its state at the beginning; without, the particle stays where it could not go on.
+    """
+    some = min(block, DESK)
+    kept = np.empty((KEPT, some))
+    desk = new_desk(columns)
+    for lo in range(first, last, some):
+        c = block_of(columns, lo, min(last, lo + some))
+        for i in range(c.x.size):
+            keep(c, kept, i)
+        verdict = 0
+        for s in range(steps):
+            t, end = (first_step + s) * dt, (first_step + s + 1) * dt
+            verdict = step_block(program, c, desk, t, end, moment)
+            if verdict != 0:
+                break
+        if verdict == 0:
+            refresh(program, c, (first_step + steps) * dt)
+        else:
+            faults[lo] = verdict
+            if restore:
+                for i in range(c.x.size):
+                    put_back(c, kept, i)

@@ -1,0 +1,162 @@
+"""Measured trajectories from a CSV file.
+
+The header names the columns, with units where they are not those of the SI: `time [ms], id, x [mm], y [mm], sigma_y [mm]`.
+An empty cell was not measured.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.errors import UsageError
+from particlesim.names import did_you_mean
+from particlesim.units import Metres, MetresPerSecond, Seconds, Unit
+
+Floats = NDArray[np.float64]
+
+COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
+_POSITION, _VELOCITY = (get_args(kind)[1] for kind in (Metres, MetresPerSecond))
+_UNITS: dict[str, Unit] = {
+    "time": get_args(Seconds)[1],
+    **dict.fromkeys(COMPONENTS[:3], _POSITION),
+    **dict.fromkeys(COMPONENTS[3:], _VELOCITY),
+}
+_UNITS |= {f"sigma_{name}": _UNITS[name] for name in COMPONENTS}
+COLUMNS = (*_UNITS, "id")
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Rows of a data file: times [s], particle ids (None without such a column), and what was measured.
+
+    `values` and `sigma` have shape [rows, 6]: position [m] and velocity [m/s], NaN where nothing was measured; the standard
+    errors in `sigma` are None when the file gives none.
+    """
+
+    path: Path
+    times: Floats
+    ids: NDArray[np.int64] | None
+    values: Floats
+    sigma: Floats | None
+
+    @property
+    def count(self) -> int:
+        """Numbers that were measured."""
+        return int(np.isfinite(self.values).sum())
+
+
+def read_measurements(path: Path) -> Measurements:
+    """The measurements in a CSV file.
+
+    Raises UsageError, with the line, for a file that cannot be read, unknown columns or units, and cells that are no
+    numbers.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.reader(file))
+    except UnicodeDecodeError:
+        raise UsageError(f"{path} is no text", "Measurements are read from CSV files.") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
+    except csv.Error as error:
+        raise UsageError(f"{path} is no CSV file: {error}") from None
+    lines = [(number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)]
+    if not lines:
+        raise UsageError(f"{path} is empty", f"The first line names the columns: {', '.join(COLUMNS)}.")
+    names, factors = _header(path, *lines[0])
+    if len(lines) < 2:
+        raise UsageError(f"{path} has a header and no measurements")
+    table = np.array([_row(path, number, row, names, factors) for number, row in lines[1:]])
+    columns = dict(zip(names, table.T, strict=True))
+    missing = np.full(len(table), np.nan)
+    values = np.column_stack([columns.get(name, missing) for name in COMPONENTS])
+    if not np.isfinite(values).any():
+        raise UsageError(f"{path} measures nothing", f"Give at least one of {', '.join(COMPONENTS)}.")
+    return Measurements(
+        path, columns["time"], _ids(path, lines, columns), values, _sigma(path, lines, columns, values)
+    )
+
+
+def _header(path: Path, line: int, cells: list[str]) -> tuple[list[str], list[float]]:
+    """Names of the columns, and what their numbers are multiplied with to be in SI units."""
+    names, factors = [], []
+    for cell in cells:
+        name, bracket, unit = (part.strip() for part in cell.partition("["))
+        if name not in COLUMNS:
+            known = f"The columns are {', '.join(COLUMNS)}, with units in brackets: x [mm]."
+            raise UsageError(f"{path}:{line}: unknown column {name!r}", did_you_mean(name, COLUMNS) or known)
+        if name in names:
+            raise UsageError(f"{path}:{line}: the column {name!r} stands there twice")
+        names.append(name)
+        factors.append(_factor(path, line, name, unit.removesuffix("]").strip()) if bracket else 1.0)
+    for name in ("time",):
+        if name not in names:
+            raise UsageError(f"{path}:{line}: there is no column 'time'", "Every measurement has a time.")
+    return names, factors
+
+
+def _factor(path: Path, line: int, name: str, unit: str) -> float:
+    if name == "id":
+        raise UsageError(f"{path}:{line}: an id has no unit")
+    try:
+        return _UNITS[name].parse(f"1 {unit}")
+    except ValueError as error:
+        raise UsageError(f"{path}:{line}: column {name!r}: {error}") from None
+
+
+def _row(path: Path, line: int, cells: list[str], names: list[str], factors: list[float]) -> list[float]:
+    if len(cells) != len(names):
+        raise UsageError(f"{path}:{line}: {len(cells)} cells, the header names {len(names)} columns")
+    row = []
+    for name, factor, cell in zip(names, factors, cells, strict=True):
+        try:
+            value = float(cell) if cell.strip() else math.nan
+        except ValueError:
+            raise UsageError(
+                f"{path}:{line}: {name} is {cell.strip()!r}, which is no number",
+                "Leave the cell empty where nothing was measured; units stand in the header.",
+            ) from None
+        if math.isinf(value) or (math.isnan(value) and (cell.strip() or name in ("time", "id"))):
+            raise UsageError(f"{path}:{line}: {name} is {cell.strip() or 'missing'}, it must be finite")
+        if name == "time" and value < 0:
+            raise UsageError(f"{path}:{line}: the time is negative", "Runs begin at time 0.")
+        row.append(value * factor)
+    return row
+
+
+def _ids(
+    path: Path, lines: list[tuple[int, list[str]]], columns: dict[str, Floats]
+) -> NDArray[np.int64] | None:
+    if "id" not in columns:
+        return None
+    ids = columns["id"]
+    wrong = np.flatnonzero((ids < 0) | (ids != np.floor(ids)))
+    if wrong.size:
+        raise UsageError(
+            f"{path}:{lines[1 + wrong[0]][0]}: {ids[wrong[0]]:g} is no id", "Ids are whole numbers from 0 on."
+        )
+    return ids.astype(np.int64)
+
+
+def _sigma(
+    path: Path, lines: list[tuple[int, list[str]]], columns: dict[str, Floats], values: Floats
+) -> Floats | None:
+    if not any(name.startswith("sigma_") for name in columns):
+        return None
+    missing = np.full(len(values), np.nan)
+    sigma = np.column_stack([columns.get(f"sigma_{name}", missing) for name in COMPONENTS])
+    wrong = np.argwhere(np.isfinite(values) & ~(sigma > 0))
+    if wrong.size:
+        row, component = wrong[0]
+        raise UsageError(
+            f"{path}:{lines[1 + row][0]}: {COMPONENTS[component]} has no standard error above 0",
+            f"With one column sigma_..., every measured number needs its own: sigma_{COMPONENTS[component]}.",
+        )
+    return sigma

@@ -1,0 +1,91 @@
+"""Aiming finds every direction that hits."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from particlesim.errors import UsageError
+from particlesim.fit import aim
+
+SPEED = 15.0
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    path = tmp_path / "ball.toml"
+    path.write_text(
+        f"""
+        [simulation]
+        duration = 4.0
+        dt = 0.02
+        integrator = "rk4"
+        [[particles]]
+        name = "ball"
+        layout = {{ type = "points", position = [[0, 0, 0]], velocity = [[{SPEED}, 0, 0]] }}
+        mass = 0.5
+        [[forces]]
+        type = "gravity"
+        acceleration = [0, -10, 0]
+        [[forces]]
+        name = "wind"
+        type = "linear_drag"
+        coefficient = 0
+        """
+    )
+    return path
+
+
+@pytest.mark.parametrize("target", [(20.0, 0.0, 0.0), (8.0, 3.0, 6.0), (10.0, -5.0, 0.0)])
+def test_without_air_both_angles_are_those_of_the_parabola(ball, target):
+    """tan θ = (v² ± √(v⁴ − g (g d² + 2 h v²)))/(g d)."""
+    distance, height, g = math.hypot(target[0], target[2]), target[1], 10.0
+    found = aim(ball, "ball", target)
+    root = math.sqrt(SPEED**4 - g * (g * distance**2 + 2 * height * SPEED**2))
+    expected = [math.degrees(math.atan((SPEED**2 + sign * root) / (g * distance))) for sign in (-1, 1)]
+    # RK4 is exact for a parabola
+    assert [shot.elevation for shot in found.shots] == pytest.approx(expected, abs=1e-6)
+    assert [shot.azimuth for shot in found.shots] == pytest.approx([0, 0], abs=1e-6)
+    for shot in found.shots:
+        assert math.hypot(*shot.velocity) == pytest.approx(SPEED)
+        assert shot.time == pytest.approx(distance / (SPEED * math.cos(math.radians(shot.elevation))))
+
+
+def test_wind_from_the_side_is_allowed_for(ball):
+    wind = {"forces.wind.coefficient": 0.05, "forces.wind.flow": [{"type": "uniform", "velocity": [0, 0, 4]}]}
+    found = aim(ball, "ball", (12.0, 0.0, 0.0), overrides=wind)
+    assert len(found.shots) == 2
+    for shot in found.shots:
+        assert shot.miss < 1e-7
+        assert shot.velocity[2] < 0  # against the wind
+
+
+def test_out_of_range(ball):
+    with pytest.raises(UsageError, match="out of range: the nearest"):
+        aim(ball, "ball", (60.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("group", "target", "overrides", "words"),
+    [
+        ("bal", (1, 0, 0), {}, "no group 'bal'"),
+        ("ball", (1, 0), {}, "three finite numbers"),
+        ("ball", (1, math.nan, 0), {}, "three finite numbers"),
+        ("ball", (1, 0, 0), {"particles.ball.layout.velocity": [[0, 0, 0]]}, "without speed"),
+        ("ball", (1, 0, 0), {"particles.ball.pinned": True}, "does not fly"),
+        (
+            "ball",
+            (1, 0, 0),
+            {
+                "particles.ball.layout.position": [[0, 0, 0], [1, 1, 1]],
+                "particles.ball.layout.velocity": [[1, 0, 0]],
+            },
+            "not one particle",
+        ),
+    ],
+)
+def test_what_cannot_be_aimed(ball, group, target, overrides, words):
+    with pytest.raises(UsageError, match=words):
+        aim(ball, group, target, overrides=overrides)

@@ -1,0 +1,212 @@
+"""Fits recover what made the data, within the errors that they state."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import particlesim as ps
+from particlesim.errors import UsageError
+from particlesim.fit import fit, parse_range, read_measurements
+from particlesim.fit.predict import predict
+
+BALL = """
+[simulation]
+duration = 1.0
+dt = 0.02
+integrator = "rk4"
+
+[[particles]]
+name = "ball"
+layout = { type = "points", position = [[0, 1, 0]], velocity = [[3, 4, 0]] }
+mass = 0.5
+
+[[forces]]
+type = "gravity"
+
+[[forces]]
+name = "air"
+type = "linear_drag"
+coefficient = 0.2
+"""
+RANGES = [parse_range("forces.air.coefficient=0,2"), parse_range("particles.ball.layout.velocity.0.1")]
+TRUE = (0.3, 4.2)
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    path = tmp_path / "ball.toml"
+    path.write_text(BALL)
+    return path
+
+
+def write(path: Path, times: np.ndarray, states: np.ndarray, sigma: float | None = None) -> Path:
+    """Positions in the plane as measurements."""
+    header = "time,x,y" + ("" if sigma is None else ",sigma_x,sigma_y")
+    errors = "" if sigma is None else f",{sigma!r},{sigma!r}"
+    rows = [
+        f"{float(t)!r},{float(s[0])!r},{float(s[1])!r}{errors}" for t, s in zip(times, states, strict=True)
+    ]
+    path.write_text("\n".join([header, *rows]))
+    return path
+
+
+def truth(ball: Path) -> tuple[np.ndarray, np.ndarray]:
+    times = np.linspace(0.05, 0.97, 12)
+    scenario = ps.load(
+        ball, {"forces.air.coefficient": TRUE[0], "particles.ball.layout.velocity": [[3, TRUE[1], 0]]}
+    )
+    return times, predict(scenario, times, None)
+
+
+def test_predictions_between_steps_are_of_fourth_order(ball):
+    # x'' = −(c/m) x' has x = v (m/c) (1 − e^(−ct/m)); with RK4, the largest error is that of the interpolation.
+    times = np.linspace(0.013, 0.99, 40)
+    rate = 0.2 / 0.5
+    exact = 3 / rate * -np.expm1(-rate * times)
+    errors = [
+        np.abs(predict(ps.load(ball, {"simulation.dt": dt}), times, None)[:, 0] - exact).max()
+        for dt in (0.1, 0.05)
+    ]
+    # x'''' h⁴/384 with x'''' = v (c/m)³
+    assert errors[0] < 3 * rate**3 * 0.1**4 / 384 * 2
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.5)
+
+
+def test_exact_data_give_back_their_parameters(ball, tmp_path):
+    times, states = truth(ball)
+    found = fit(ball, read_measurements(write(tmp_path / "m.csv", times, states)), RANGES)
+    assert [p.value for p in found.parameters] == pytest.approx(TRUE, rel=1e-7)
+    assert found.converged
+    assert found.scenario.forces[1].coefficient == found.parameters[0].value
+    assert np.nanmax(np.abs(found.residuals)) < 1e-7
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["sigma", "no sigma"])
+def test_stated_errors_cover_the_truth(ball, tmp_path, known):
+    """Of 100 data sets, 68 % have the truth within one standard error: 68 ± 14 at three standard deviations."""
+    times, states = truth(ball)
+    random = np.random.default_rng(5)
+    inside = np.zeros(2)
+    chi2 = []
+    for _ in range(100):
+        noisy = states + random.normal(0, 0.01, states.shape)
+        data = read_measurements(write(tmp_path / "m.csv", times, noisy, 0.01 if known else None))
+        found = fit(ball, data, RANGES)
+        inside += [abs(p.value - t) < p.error for p, t in zip(found.parameters, TRUE, strict=True)]
+        chi2.append(found.chi2 / found.freedom)
+    assert ((inside > 54) & (inside < 82)).all(), inside
+    if known:
+        assert np.mean(chi2) == pytest.approx(1, abs=3 * math.sqrt(2 / 22 / 100))
+
+
+def test_several_starts_find_the_best_of_several_minima(tmp_path):
+    """The phase of an oscillation fits again and again, best at the true frequency."""
+    path = tmp_path / "spring.toml"
+    path.write_text(
+        """
+        [simulation]
+        duration = 4.0
+        dt = 0.01
+        integrator = "velocity_verlet"
+        [[particles]]
+        name = "ball"
+        layout = { type = "points", position = [[1, 0, 0]] }
+        mass = 1.0
+        [[forces]]
+        name = "spring"
+        type = "point_spring"
+        stiffness = 4.0
+        """
+    )
+    times = np.linspace(0, 4, 30)
+    states = predict(ps.load(path, {"forces.spring.stiffness": 40.0}), times, None)
+    data = read_measurements(write(tmp_path / "m.csv", times, states))
+    ranges = [parse_range("forces.spring.stiffness=1,100")]
+    assert fit(path, data, ranges).parameters[0].value != pytest.approx(40, rel=1e-2)
+    found = fit(path, data, ranges, starts=12, seed=1)
+    assert found.parameters[0].value == pytest.approx(40, rel=1e-6)
+    assert len(found.starts) == 12
+    assert found.starts[0] < 1e-10 < found.starts[-1]
+
+
+def test_what_the_data_do_not_determine_is_told(ball, tmp_path):
+    times, states = truth(ball)
+    data = read_measurements(write(tmp_path / "m.csv", times, states))
+    sideways = parse_range("particles.ball.layout.position.0.2")
+    assert fit(ball, data, [*RANGES, sideways]).undetermined == (sideways.key,)
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("forces.wind.coefficient", "no entry 'wind'"),
+        ("forces.air.coeficient", "no number"),
+        ("forces.air.type", "is text"),
+        ("particles.ball.layout.velocity", "is a list"),
+        ("forces.air.coefficient=0.5,2", "outside of its bounds"),
+    ],
+)
+def test_what_cannot_be_varied(ball, tmp_path, argument, words):
+    data = read_measurements(write(tmp_path / "m.csv", *truth(ball)))
+    with pytest.raises(UsageError, match=words):
+        fit(ball, data, [parse_range(argument)])
+
+
+@pytest.mark.parametrize("text", ["", "=1,2", "a=1", "a=2,1", "a=x,y", "a=1,2,3"])
+def test_ranges_that_are_none(text):
+    with pytest.raises(UsageError, match="--vary"):
+        parse_range(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("time,x\n", "no measurements"),
+        ("t,x\n0,1", ":1: unknown column 't'"),
+        ("x\n1", ":1: there is no column 'time'"),
+        ("time,x,x\n0,1,1", "stands there twice"),
+        ("time,x [kg]\n0,1", ":1: column 'x': expected a length"),
+        ("time,x [mn]\n0,1", "unknown unit"),
+        ("time,x\n0,1\n1,a", ":3: x is 'a'"),
+        ("time,x\n0,1\n1", ":3: 1 cells"),
+        ("time,x\n-1,1", ":2: the time is negative"),
+        ("time,x\n0,nan", ":2: x is nan"),
+        ("time,x\n0,", "measures nothing"),
+        ("time,x,id\n0,1,0.5", ":2: 0.5 is no id"),
+        ("time,x,sigma_x\n0,1,0", ":2: x has no standard error above 0"),
+    ],
+)
+def test_data_that_are_none(tmp_path, text, words):
+    path = tmp_path / "m.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError) as caught:
+        read_measurements(path)
+    assert words in caught.value.message
+
+
+def test_units_in_the_header(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("time [ms],x [mm],vy [km/h]\n\n20,5,36\n40,,18\n")
+    data = read_measurements(path)
+    assert data.times.tolist() == [0.02, 0.04]
+    assert data.values[0, [0, 4]].tolist() == [0.005, 10.0]
+    assert data.count == 3
+
+
+def test_data_that_do_not_fit_the_scenario(ball, tmp_path):
+    times, states = truth(ball)
+    late = read_measurements(write(tmp_path / "m.csv", times + 1, states))
+    with pytest.raises(UsageError, match="the scenario ends at 1 s") as caught:
+        fit(ball, late, RANGES)
+    assert caught.value.hint == "--set simulation.duration=1.97"
+    (tmp_path / "m.csv").write_text("time,id,x\n0.1,7,1\n0.2,7,1\n0.3,7,2")
+    with pytest.raises(UsageError, match="there is no particle 7"):
+        fit(ball, read_measurements(tmp_path / "m.csv"), RANGES)
+    (tmp_path / "m.csv").write_text("time,x\n0.1,1\n")
+    with pytest.raises(UsageError, match="cannot determine"):
+        fit(ball, read_measurements(tmp_path / "m.csv"), RANGES)

@@ -1,0 +1,268 @@
+"""Surfaces and lines: coverage, depth, normals, creases, shadows, strain, what breaks, threads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from particlesim.errors import UsageError
+from particlesim.layouts import Cloth, Jelly
+from particlesim.render import Camera, RenderSettings, render_frame
+from particlesim.render.bodies import Bodies
+from particlesim.render.creases import is_closed, smooth_fans
+from particlesim.streams import Streams
+from particlesim.team import Team
+from particlesim.trajectory.topology import Topology
+
+from .conftest import FLOOR, ArrayFrame, ArraySource, single
+
+CORNERS = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]], float)
+SQUARE = np.array([[0, 1, 3], [0, 3, 2]])
+
+
+def scene(position, *sets, time=0.0, **extra):
+    """One frame of particles with a topology."""
+    position = np.asarray(position, float)
+    fields = {name: extra.pop(name) for name in ("group", "radius") if name in extra}
+    frame = ArrayFrame(time, position, fields)
+    return ArraySource([frame], topology={each.name: each for each in sets}, **extra)
+
+
+def springs(pairs, rest, name="link", broke=None):
+    pairs, rest = np.array(pairs), np.array(rest, float)
+    broke = np.full(len(pairs), np.inf) if broke is None else np.array(broke, float)
+    return Topology(name, pairs, rest, broke)
+
+
+def cover(source, settings):
+    """How much of each sample differs from the background, as a share of the largest difference, [h, w]."""
+    picture = render_frame(source, 0, settings).astype(float)
+    empty = render_frame(single(np.empty((0, 3))), 0, settings)
+    change = np.abs(picture - empty).max(axis=2)
+    return change / change.max()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.2, 0.9])
+def test_a_square_covers_its_projection_without_gaps(plain, turn):
+    # Focal length 200, distance 10: a square of side 2 is 40 × 40 samples; turned about the line of sight its area stays.
+    cos, sin = np.cos(turn), np.sin(turn)
+    position = CORNERS @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    seen = cover(
+        scene(position, Topology("sheet", triangles=SQUARE), groups=("sheet",)), plain(light=(0, 0, 1))
+    )
+    assert (seen > 0.7).sum() == pytest.approx(1600, rel=0.02), "0.7 in sRGB is half the light"
+    assert seen[60, 80] > 0.9
+    y, x = np.mgrid[:120, :160] + 0.5
+    across, up = (x - 80) * cos - (y - 60) * sin, (x - 80) * sin + (y - 60) * cos
+    inside = np.maximum(np.abs(across), np.abs(up)) < 19
+    assert seen[inside].min() > 0.85, "no hole, above all not along the diagonal"
+    if turn:
+        edge = np.abs(np.maximum(np.abs(across), np.abs(up)) - 20) < 0.6
+        assert len(np.unique((8 * seen[edge]).round())) > 4, "edges are smooth"
+
+
+def test_a_line_is_as_thick_as_it_says_and_never_thinner_than_a_sample(plain):
+    position = [[-1, -0.3, 0], [1, 0.4, 0]]
+    source = scene(position, springs([[0, 1]], [2.0]))
+    thick = (cover(source, plain(line_radius=0.1, light=(0, 0, 1))) > 0.4).sum()
+    # A capsule of radius 2 samples and length 20 √(2² + 0.7²).
+    assert thick == pytest.approx(4 * 20 * np.hypot(2, 0.7) + 4 * np.pi, rel=0.06)
+    thin = cover(source, plain(line_radius=1e-6)) > 0.15
+    assert thin[:, 62:98].any(axis=0).all(), "without gaps"
+
+
+def test_what_is_near_hides_what_is_far(plain):
+    # A line through a sheet: its front half is seen, its far half is not.
+    position = np.concatenate([CORNERS, [[-0.5, 0, 2.0], [0.5, 0, -2.0]]])
+    group = np.array([0, 0, 0, 0, 1, 1])
+    settings = plain(color_by="group", line_radius=0.06)
+    sheet, line = Topology("sheet", triangles=SQUARE), springs([[4, 5]], [4.0], "rod")
+    picture = render_frame(scene(position, sheet, line, group=group, groups=("sheet", "rods")), 0, settings)
+    red = picture[60, :, 0].astype(int) - picture[60, :, 2]
+    assert (red[69:78] > 30).all(), "orange before the sheet"
+    assert (red[82:90] < 0).all(), "the sheet is blue"
+
+
+def test_spheres_dots_and_surfaces_hide_each_other(plain):
+    position = np.concatenate([CORNERS, [[-0.5, 0, 1.0], [0.5, 0, -1.0]]])
+    group = np.array([0, 0, 0, 0, 1, 1])
+    for look in ("spheres", "dots"):
+        settings = plain(color_by="group", look=look, particle_radius=0.2)
+        source = scene(position, Topology("sheet", triangles=SQUARE), group=group, groups=("sheet", "balls"))
+        picture = render_frame(source, 0, settings)
+        red = picture[60, :, 0].astype(int) - picture[60, :, 2]
+        assert red[69] > 30
+        assert red[91] < 0
+
+
+def test_normals_of_a_sphere_of_triangles_point_outwards():
+    # Area-weighted normals of a regular grid of latitude and longitude err by the square of its step.
+    n = 40
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 2 * n), np.linspace(0.3, np.pi - 0.3, n))
+    position = np.stack([np.sin(v) * np.cos(u), np.cos(v), -np.sin(v) * np.sin(u)], axis=-1).reshape(-1, 3)
+    index = np.arange(2 * n * n).reshape(n, 2 * n)
+    a, b, c, d = (x.ravel() for x in (index[1:, :-1], index[1:, 1:], index[:-1, 1:], index[:-1, :-1]))
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    source = scene(position, Topology("ball", triangles=triangles), groups=("ball",))
+    bodies = Bodies(source, RenderSettings())
+    corner, whole = bodies.surface(source[0])
+    with Team(2) as team:
+        normal = bodies.normals(position.astype(np.float32), corner, whole, team)
+    inner = np.isin(corner, index[1:-1, 1:-1])
+    cosine = np.einsum("ij,ij->i", normal[bodies.fans.shade[inner]], position[corner[inner]])
+    assert cosine.min() > 1 - (np.pi / n) ** 2
+
+
+def test_a_cube_keeps_its_edges_and_a_bent_sheet_does_not():
+    jelly = Jelly(size=(1, 1, 1), resolution=(3, 3, 3))
+    triangles = jelly.triangles()
+    corners = jelly.place(Streams(0, "jelly"), 0, 27).position.T[triangles]
+    fans = smooth_fans(triangles, corners)
+    assert fans.shade.max() + 1 == 6 * 9, "nine normals on each side, none shared between sides"
+    assert is_closed(triangles)
+    cloth = Cloth(size=(1, 1), resolution=(4, 4))
+    sheet = cloth.triangles()
+    flat = cloth.place(Streams(0, "cloth"), 0, 16).position.T
+    bent = flat + [[0, 0, 1]] * np.abs(flat[:, :1] - 0.5) * 0.3
+    assert smooth_fans(sheet, bent[sheet]).shade.max() + 1 == 16
+    assert not is_closed(sheet)
+
+
+def test_a_sheet_shades_the_floor_and_itself(plain):
+    camera = Camera(eye=(0, 5, 7), target=(0, 0.4, 0), fov=40)
+    level = CORNERS[:, [0, 2, 1]] * [0.8, 1, 0.8]
+    position = np.concatenate([level + np.array([0, 0.6, 0]), 0.4 * level + np.array([0, 1.2, 0])])
+    both = Topology("sheet", triangles=np.concatenate([SQUARE, SQUARE + 4]))
+    settings = plain(camera=camera, shadows=True, light=(0, 1, 0), size=(320, 240))
+    source = scene(position, both, groups=("sheet",))
+    dark = render_frame(source, 0, settings, planes=FLOOR).astype(int)
+    lit = render_frame(source, 0, settings.model_copy(update={"shadows": False}), planes=FLOOR).astype(int)
+    forward, up = np.array([0, -4.6, -7]) / np.hypot(4.6, 7), np.array([0, 7, -4.6]) / np.hypot(4.6, 7)
+    focal = 120 / np.tan(np.radians(20))
+
+    def ratio(p):
+        arm = np.array(p, float) - [0, 5, 7]
+        at = int(120 - focal * (arm @ up) / (arm @ forward)), int(160 + focal * arm[0] / (arm @ forward))
+        return dark[at].sum() / lit[at].sum()
+
+    assert ratio((0.0, 0, 0.78)) < 0.8, "the floor in the shadow of the larger sheet"
+    assert ratio((0.0, 0.6, 0.3)) < 0.8, "the larger sheet in the shadow of the smaller one"
+    assert ratio((0.6, 0.6, 0.6)) > 0.93, "but not in its own"
+    assert ratio((0.2, 1.2, 0.2)) > 0.93
+    assert ratio((1.6, 0, 1.0)) > 0.93
+
+
+def test_both_sides_of_a_cloth_are_lit(plain):
+    # Of two sheets that differ in which side is the front one sees the same.
+    settings = plain(light=(0, 0.5, 1))
+    front = render_frame(scene(CORNERS, Topology("s", triangles=SQUARE), groups=("s",)), 0, settings)
+    back = render_frame(scene(CORNERS, Topology("s", triangles=SQUARE[:, ::-1]), groups=("s",)), 0, settings)
+    assert np.abs(front.astype(int) - back).max() <= 1
+    behind = plain(light=(0, 0.5, -1))
+    glow = render_frame(scene(CORNERS, Topology("s", triangles=SQUARE), groups=("s",)), 0, behind)
+    assert glow[60, 80].sum() < front[60, 80].sum()
+
+
+def test_strain_colours_lines_and_surfaces(plain):
+    # Springs stretched to 1.2 and pressed to 0.9 of their rest length; a corner sees √((0.2² + 0.1²)/2).
+    position = [[0, 0, 0], [1.2, 0, 0], [0, 0.9, 0]]
+    source = scene(position, springs([[0, 1], [0, 2]], [1.0, 1.0]))
+    bodies = Bodies(source, RenderSettings())
+    assert bodies.strains(source[0]) == pytest.approx([0.2, -0.1])
+    assert bodies.strain_at(source[0]) == pytest.approx([np.sqrt(0.025), 0.2, 0.1])
+    settings = plain(color_by="strain", colormap="coolwarm", color_range=(-0.2, 0.2), line_radius=0.05)
+    picture = render_frame(source, 0, settings).astype(int)
+    stretched, pressed = picture[60, 80 + 12], picture[60 - 9, 80]
+    assert stretched[0] > stretched[2] + 40, "red"
+    assert pressed[2] > pressed[0] + 20, "blue"
+
+
+def test_strain_needs_springs(plain):
+    with pytest.raises(UsageError, match="no springs"):
+        render_frame(single(CORNERS), 0, plain(color_by="strain"))
+
+
+def test_broken_springs_and_torn_triangles_disappear(plain):
+    link = springs([[0, 1], [2, 3]], [2.0, 2.0], broke=[1.0, np.inf])
+    for time, left in ((0.5, 2), (1.0, 1), (3.0, 1)):
+        source = scene(CORNERS, link, time=time)
+        assert len(Bodies(source, RenderSettings()).line_ends(source[0])[0]) == left
+    edges = springs([[0, 1], [2, 3], [0, 2]], [2.0] * 3, "sheet.structural", broke=[np.inf, np.inf, 1.0])
+    sheet = Topology("sheet", triangles=SQUARE)
+    for time, left in ((0.5, [True, True]), (1.0, [True, False])):
+        source = scene(CORNERS, edges, sheet, time=time, groups=("sheet",))
+        assert Bodies(source, RenderSettings()).surface(source[0])[1].tolist() == left
+    area = (cover(source, plain(light=(0, 0, 1))) > 0.5).sum()
+    assert area == pytest.approx(800, rel=0.04)
+
+
+def test_particles_may_die_and_change_rows(plain):
+    # Particle 1 is gone and the others have other rows: the line 2–3 stays where it is.
+    class Frame(ArrayFrame):
+        id = np.array([7, 3, 2, 0])
+
+    link = springs([[0, 1], [2, 3]], [2.0, 2.0])
+    source = scene(CORNERS, link)
+    source.frames.append(Frame(1.0, np.concatenate([[[5.0, 5, 5]], CORNERS[[3, 2, 0]]])))
+    ends, strain = Bodies(source, RenderSettings()).line_ends(source[1])
+    assert ends.tolist() == [[2, 1]]
+    assert strain == pytest.approx([0.0])
+
+
+def test_styles_choose_what_is_drawn():
+    edges = springs([[0, 1], [1, 3]], [2.0, 2.0], "sheet.structural")
+    inner = springs([[0, 3]], [3.0], "sheet.shear")
+    sheet = Topology("sheet", triangles=SQUARE)
+
+    def drawn(**styles):
+        source = scene(CORNERS, edges, inner, sheet, groups=("sheet",))
+        bodies = Bodies(source, RenderSettings(styles=styles))
+        hidden = bodies.concealed(source[0], np.zeros(4, bool))
+        return len(bodies.triangles), len(bodies.lines.pairs), int((~hidden).sum())
+
+    assert drawn() == (2, 0, 0)
+    assert drawn(sheet="lines") == (0, 2, 1), "particle 2 is joined to nothing: a sphere"
+    assert drawn(sheet="points") == (0, 0, 4)
+    assert drawn(sheet="hidden") == (0, 0, 0)
+
+
+def test_joints_with_a_size_are_spheres(plain):
+    source = scene(CORNERS, springs([[0, 1]], [2.0]), radius=np.array([0.1, 0.0, 0.0, 0.2]))
+    bodies = Bodies(source, RenderSettings())
+    assert bodies.concealed(source[0], np.array([True, False, False, True])).tolist() == [
+        False,
+        True,
+        False,
+        False,
+    ]
+
+
+def test_same_bits_for_any_number_of_threads():
+    cloth = Cloth(size=(2, 2), resolution=(90, 90))
+    position = cloth.place(Streams(0, "cloth"), 0, 8100).position.T.copy()
+    position[:, 2] = 0.3 * np.sin(4 * position[:, 0]) * np.cos(5 * position[:, 1])
+    rope = np.stack([np.linspace(0, 2, 30), np.full(30, 1.0), np.linspace(-0.5, 0.5, 30)], axis=1)
+    pairs = 8100 + np.stack([np.arange(29), np.arange(1, 30)], axis=1)
+    everything = np.concatenate([position, rope, [[1.0, 2.3, 0.4]]])
+    source = scene(
+        everything,
+        Topology("cloth", triangles=cloth.triangles()),
+        springs(cloth.edges("structural"), np.full(2 * 90 * 89, 2 / 89), "cloth.structural"),
+        springs(pairs, np.full(29, 0.07), "rope"),
+        group=np.repeat([0, 1, 2], [8100, 30, 1]),
+        groups=("cloth", "rope", "ball"),
+        radius=np.repeat([0.0, 0.2], [8130, 1]),
+    )
+    settings = RenderSettings(size=(320, 200), color_by="strain", trails=False)
+    pictures = [render_frame(source, 0, settings, planes=FLOOR, threads=k) for k in (1, 2, 3)]
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+    assert pictures[0].std() > 10
+
+
+def test_positions_that_are_no_numbers_leave_holes(plain):
+    position = CORNERS.copy()
+    position[2, 1] = np.nan
+    source = scene(position, Topology("s", triangles=SQUARE), springs([[0, 2]], [2.0]), groups=("s",))
+    picture = render_frame(source, 0, plain(shadows=True), planes=FLOOR)
+    assert picture[60, 96].sum() > 0
