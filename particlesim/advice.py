@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from particlesim.forces.field import Field
 from particlesim.graph import method_of
+from particlesim.groups import Group
 from particlesim.integrators import Composition
 from particlesim.scenario.scenario import Scenario, acts_on
 
@@ -17,25 +18,27 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _order(scenario: Scenario) -> list[str]:
+    return [sentence for group in scenario.groups for sentence in loss_of_order(scenario, group)]
+
+
+def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     """Kicks and drifts are first order when the force depends on the velocity that a kick changes."""
-    found = []
-    for group in scenario.groups:
-        method = method_of(group, scenario.simulation.integrator)
-        if not isinstance(method, Composition) or method.order < 2:
-            continue
-        depends = [
-            label
-            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
-            if acts_on(force, group)
-            and (force.needs_velocity or (isinstance(force, Field) and force.reads_velocity()))
-        ]
-        depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
-        if depends:
-            found.append(
-                f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
-                "velocity; rk4, heun and stormer_verlet keep their order"
-            )
-    return found
+    method = method_of(group, scenario.simulation.integrator)
+    if not isinstance(method, Composition) or method.order < 2:
+        return ()
+    depends = [
+        label
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if acts_on(force, group)
+        and (force.needs_velocity or (isinstance(force, Field) and force.reads_velocity()))
+    ]
+    depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
+    if not depends:
+        return ()
+    return (
+        f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
+        "velocity; rk4, heun and stormer_verlet keep their order",
+    )
 
 
 def _projection(scenario: Scenario) -> list[str]:

@@ -67,6 +67,13 @@ class UsageError(PsimError):
     exit_code = 2
 
 
+class OutputExistsError(UsageError):
+    """An output that is there already, and would be overwritten."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} exists", "Overwrite it with overwrite=True, or choose another name.")
+
+
 class ScenarioError(UsageError):
     """A scenario that cannot be run. `diagnostics` lists every mistake with its place."""
 
@@ -81,8 +88,8 @@ class PostMortem:
 
     `particle` is an id; `time` [s], `position` [m] and `velocity` [m/s] are those of the first sign; `force` is the label of
     the force that was strongest on it, and `newtons` its size; `stable_dt` is the largest stable step there [s], infinite
-    without a limit, None where it is not known. `cause` is "not finite", "energy" or "speed", and `noticed` the time at
-    which that was seen [s]. `frame` and `frame_time` [s] are the last good frame, None before there is one.
+    without a limit, None where it is not known. `cause` is "not finite", "not solved", "energy" or "speed", and `noticed`
+    the time at which that was seen [s]. `frame` and `frame_time` [s] are the last good frame, None before there is one.
     """
 
     cause: str

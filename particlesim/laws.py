@@ -160,6 +160,18 @@ def bond_potential(f: Any, b: Any) -> float:
     return evaluate(bond_potential, f, b)
 
 
+@generic(9)
+def bond_force_dx(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by l = x₁ − x₂ [N/m], row by row."""
+    return evaluate(bond_force_dx, f, b)
+
+
+@generic(9)
+def bond_force_dv(f: Any, b: Any) -> Matrix:
+    """Jacobian of a bond's force by v₁ − v₂ [N s/m], row by row."""
+    return evaluate(bond_force_dv, f, b)
+
+
 @generic(3)
 def velocity(f: Any, p: Particle) -> Vector:
     """Velocity of a fluid at the particle's place and time [m/s]."""

@@ -6,6 +6,8 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from numbers import Integral
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +27,10 @@ from particlesim.provenance import provenance
 from particlesim.recording import columns_of, frame_of
 from particlesim.references import bless as give_blessing
 from particlesim.references import check_references
+from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
-from particlesim.trajectory.target import check_target
+from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter
 from particlesim.validity import Watch, check_ledger, infinite
 
@@ -45,7 +48,7 @@ class Progress:
     frames: int
 
 
-@dataclass
+@dataclass(repr=False, eq=False)
 class Result:
     """What a run leaves: the last frame in memory, the ledger over time, and how it went."""
 
@@ -63,6 +66,10 @@ class Result:
     checks: tuple[CheckResult, ...] = ()
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
+
+    def __repr__(self) -> str:
+        where = "" if self.path is None else f" in {str(self.path)!r}"
+        return f"<Result: {len(self.times)} frames{where}, {len(self.final)} particles at t = {self.times[-1]:g} s>"
 
     @property
     def passed(self) -> bool:
@@ -87,7 +94,7 @@ class _Log:
 
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     output: str | Path | None = None,
     *,
     overwrite: bool = False,
@@ -96,9 +103,9 @@ def run(
     bless: bool = False,
     warn: Callable[[str], None] | None = None,
 ) -> Result:
-    """Run a scenario from its start to its end.
+    """Run a scenario, or the scenario of a file, from its start to its end.
 
-    With `output`, frames go to that trajectory file (VTKHDF) while the run goes on; without it nothing is written. The
+    With `output`, frames go to that trajectory file (.vtkhdf) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
     results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
     first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
@@ -108,10 +115,14 @@ def run(
     DivergenceError when a number stops being finite, Interrupted on Ctrl-C, InputOutputError when writing fails. Frames
     recorded until then are kept.
     """
-    if threads is not None and threads < 1:
-        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
+    if isinstance(scenario, str | PathLike):
+        scenario = load(scenario)
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"run takes a Scenario or the path of one, not {type(scenario).__name__}")
+    _check_threads(threads)
     path = None if output is None else Path(output)
     if path is not None:
+        check_trajectory_name(path)
         check_target(path, overwrite=overwrite)
     check_references(scenario, path, bless=bless)
     required = needs(scenario)
@@ -128,6 +139,15 @@ def run(
     if bless and path is not None and result.passed:
         give_blessing(scenario, path)
     return replace(result, warnings=(*unstable, *result.warnings))
+
+
+def _check_threads(threads: int | None) -> None:
+    if threads is None:
+        return
+    if isinstance(threads, bool) or not isinstance(threads, Integral):
+        raise TypeError(f"threads is a whole number or None, not {threads!r}")
+    if threads < 1:
+        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
 
 
 def _recorded(

@@ -30,6 +30,7 @@ from psim.schema import schema
 from psim.stability import stability
 from psim.stop import listen
 from psim.sweep import sweep
+from psim.verify import verify
 
 app = typer.Typer(
     name="psim",
@@ -77,6 +78,12 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
             "psim fit ball.toml --aim ball --target 40,0,0",
         ),
+    ),
+    (
+        "verify",
+        verify,
+        _SIMULATE,
+        ("psim verify orbit.toml", "psim verify orbit.toml --set simulation.dt=1e-3 --json"),
     ),
     (
         "check",

@@ -42,7 +42,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def report(error: BaseException, *, as_json: bool = False) -> int:
     """Tell `error`, on stderr or as JSON on stdout; return the exit code that belongs to it."""
-    from particlesim.errors import PsimError
+    from particlesim.errors import OutputExistsError, PsimError
 
     if isinstance(error, typer.Exit):
         return int(error.exit_code)
@@ -54,6 +54,8 @@ def report(error: BaseException, *, as_json: bool = False) -> int:
     if os.environ.get("PSIM_DEBUG", "") not in ("", "0"):
         _print_traceback(error)
     told: PsimError = error if isinstance(error, PsimError) else _as_psim_error(error)
+    if isinstance(told, OutputExistsError):
+        told.hint = "Overwrite it with --force, or choose another name."
     if as_json and _print_json(told):
         return told.exit_code
     if getattr(error, "filename", None) == OUTPUT:

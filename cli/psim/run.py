@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from particlesim.runner import Result
     from particlesim.scenario.scenario import Scenario
 
-ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
-
 
 def run(
     scenario: ScenarioFile,
@@ -121,14 +119,13 @@ def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]
 def _output(scenario: Path, output: Path | None) -> Path:
     """Where the trajectory goes. Raises UsageError for a name that no reader would take for one."""
     from particlesim.errors import UsageError
+    from particlesim.trajectory.target import check_trajectory_name
     from psim.plan import default_output
 
     path = default_output(scenario) if output is None else output
-    if not path.is_dir() and path.suffix.lower() not in ENDINGS:
-        hint = f"Name it {path.with_suffix('.vtkhdf')}, so that ParaView knows what it is."
-        if path.suffix.lower() == ".mp4":
-            hint = "For a video beside the trajectory: --video."
-        raise UsageError(f"{path} does not have the ending of a trajectory", hint)
+    if path.suffix.lower() == ".mp4":
+        raise UsageError(f"{path} is a name for a video", "For a video beside the trajectory: --video.")
+    check_trajectory_name(path)
     return path
 
 

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
 from particlesim.bonds.near import near_pairs
 from particlesim.crossfield import invalid
-from particlesim.laws import bond_force, bond_potential, law
+from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, helper, law
 from particlesim.model import Model, Name
 from particlesim.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
 
@@ -164,6 +164,49 @@ def spring_force(f: SpringRecord, b: Pair) -> tuple[float, float, float]:
     return s * b.x, s * b.y, s * b.z
 
 
+@helper
+def spring_dx(b: Pair, k: float, inverse: float) -> Matrix:
+    """∂f/∂l = −k e eᵀ − (k (1 − L₀/l) + c (v·e)/l)(1 − e eᵀ) − (c/l) e (v − (v·e) e)ᵀ, with 1/l as `inverse`."""
+    ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
+    along = b.vx * ex + b.vy * ey + b.vz * ez
+    turn = b.c * inverse
+    across = k * (1 - b.rest * inverse) + turn * along
+    px = (across - k + turn * along) * ex - turn * b.vx
+    py = (across - k + turn * along) * ey - turn * b.vy
+    pz = (across - k + turn * along) * ez - turn * b.vz
+    return (
+        ex * px - across,
+        ex * py,
+        ex * pz,
+        ey * px,
+        ey * py - across,
+        ey * pz,
+        ez * px,
+        ez * py,
+        ez * pz - across,
+    )
+
+
+@helper
+def spring_dv(b: Pair, inverse: float) -> Matrix:
+    """∂f/∂v = −c e eᵀ, with 1/l as `inverse`."""
+    ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
+    px, py, pz = -b.c * ex, -b.c * ey, -b.c * ez
+    return ex * px, ex * py, ex * pz, ey * px, ey * py, ey * pz, ez * px, ez * py, ez * pz
+
+
+@law(bond_force_dx, SpringRecord)
+def spring_force_dx(f: SpringRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    return spring_dx(b, b.k, np.sqrt(square) / square if square > 0 else square)
+
+
+@law(bond_force_dv, SpringRecord)
+def spring_force_dv(f: SpringRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    return spring_dv(b, np.sqrt(square) / square if square > 0 else square)
+
+
 @law(bond_potential, SpringRecord)
 def spring_potential(f: SpringRecord, b: Pair) -> float:
     stretch = np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z) - b.rest
@@ -178,6 +221,21 @@ def string_force(f: StringRecord, b: Pair) -> tuple[float, float, float]:
     along = (b.vx * b.x + b.vy * b.y + b.vz * b.z) * inverse
     s = -(b.k * (length - b.rest) + b.c * along) * inverse
     return s * b.x, s * b.y, s * b.z
+
+
+@law(bond_force_dx, StringRecord)
+def string_force_dx(f: StringRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    inverse = length / square if length > b.rest else square - square
+    return spring_dx(b, b.k if length > b.rest else b.k - b.k, inverse)
+
+
+@law(bond_force_dv, StringRecord)
+def string_force_dv(f: StringRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    return spring_dv(b, length / square if length > b.rest else square - square)
 
 
 @law(bond_potential, StringRecord)

@@ -86,7 +86,7 @@ def _block_of(c: Any, lo: Any, hi: Any) -> Impl:
     return lambda c, lo, hi: (c[0][lo:hi], *block_of(c[1:], lo, hi))
 
 
-KEPT = 13
+KEPT = 16
 """Numbers per particle that `keep` and `put_back` may use: position, velocity, memory, clock."""
 
 
@@ -100,7 +100,7 @@ def _keep(c: Any, kept: Any, i: Any) -> Impl:
     def impl(c: Any, kept: Any, i: Any) -> None:
         _save((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
         _save(c.memory, kept, 6, i)
-        _save(c.clock, kept, 10, i)
+        _save(c.clock, kept, 13, i)
 
     return impl
 
@@ -115,7 +115,7 @@ def _put_back(c: Any, kept: Any, i: Any) -> Impl:
     def impl(c: Any, kept: Any, i: Any) -> None:
         _restore((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
         _restore(c.memory, kept, 6, i)
-        _restore(c.clock, kept, 10, i)
+        _restore(c.clock, kept, 13, i)
 
     return impl
 

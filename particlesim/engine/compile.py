@@ -97,6 +97,22 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
+def outlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator like `inlined` for what is long or called in many places: compiled as a function of its own."""
+    overload(function, jit_options={**INLINE, "forceinline": False}, strict=False)(lambda *_: function)
+    return function
+
+
+@inlined
+def times(a: Any, x: Any, y: Any, z: Any) -> Any:
+    """Matrix times vector."""
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        a[3] * x + a[4] * y + a[5] * z,
+        a[6] * x + a[7] * y + a[8] * z,
+    )
+
+
 @inline(add)
 def _add(a: Any, b: Any) -> Callable[..., Any]:
     if len(a) == 3:

@@ -59,12 +59,13 @@ class StagedVerlet(NamedTuple):
 
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n], slopes [stages, 6, n], and, for each
-    thread its own, forces of bonds [3, chunk]."""
+    thread its own, forces of bonds [3, chunk]. `system`: the equations of implicit methods, else None."""
 
     force: Any
     before: Any
     slopes: Any
     pull: Any
+    system: Any = None
 
 
 class Share(NamedTuple):
@@ -314,10 +315,13 @@ def evolve(
 @inline(evolve)
 def _evolve(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl:
-    return {StagedComposition: _composition, StagedRungeKutta: _runge_kutta, StagedVerlet: _verlet}[
-        method.instance_class
-    ]
+) -> Impl | None:
+    families: dict[type, Impl] = {
+        StagedComposition: _composition,
+        StagedRungeKutta: _runge_kutta,
+        StagedVerlet: _verlet,
+    }
+    return families.get(method.instance_class)  # those of implicit methods are in `engine.implicit`
 
 
 def _composition(
@@ -496,8 +500,8 @@ def step_island(
 ) -> int:
     """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step · dt.
 
-    As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when a
-    number stopped being finite in the next one, whose beginning is then restored.
+    As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when in the
+    next one a number stopped being finite, or no solution was found; its beginning is then restored.
     """
     h = type_of(c.x[0], dt)
     for s in range(steps):
@@ -505,10 +509,10 @@ def step_island(
         for lo in range(share.first, share.last, share.chunk):
             hi = min(lo + share.chunk, share.last)
             save(block_of(c, lo, hi), work.before[:, lo:hi])
+        share.wild[8 * share.number] = 0
         evolve(method, parts, bonds, c, work, share, t, end, h)
         drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
         collide(parts, c, work.before, share, t, end, h)
-        share.wild[8 * share.number] = 0
         for lo in range(share.first, share.last, share.chunk):
             if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
                 share.wild[8 * share.number] = 1

@@ -22,12 +22,16 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.islands import Fault, copied, group_uses_radius
+from particlesim.engine.implicit import staged_implicit
+from particlesim.engine.islands import Fault, Unsolved, copied, group_uses_radius
+from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
+from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
+from particlesim.integrators import ImplicitMethod
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -44,9 +48,13 @@ class CoupledIsland:
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
         self._method = island.method
-        self._staged = staged(self._method)
         self._join(list(states))
         dtype = self._all.dtype
+        self._staged: tuple[Any, ...]
+        if isinstance(self._method, ImplicitMethod):
+            self._staged = staged_implicit(self._method, dtype)
+        else:
+            self._staged = staged(self._method)
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -75,6 +83,8 @@ class CoupledIsland:
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
+        if isinstance(self._method, ImplicitMethod):
+            self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
         self._kept: list[NDArray[Any]] = []
         self.kept_from = 0
@@ -166,9 +176,18 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
-                found.append((mine, self._work._replace(pull=np.zeros_like(self._work.pull)), share))
+                found.append((mine, self._own_scratch(), share))
             self._shares[threads] = found
         return self._shares[threads]
+
+    def _own_scratch(self) -> Work:
+        """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+        work = self._work._replace(pull=np.zeros_like(self._work.pull))
+        if work.system is None:
+            return work
+        system = work.system
+        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
         """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
@@ -227,6 +246,8 @@ class CoupledIsland:
         team.each(work, len(shares))
         if done[0] == steps:
             return None, None, None
+        if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
+            return None, None, self._unsolved(first + done[0])
         return None, None, self._find(first + done[0])
 
     def _keep(self, first: int) -> None:
@@ -252,6 +273,14 @@ class CoupledIsland:
         columns, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
         step_island(self._staged, self.parts, bonds, columns, work, share, first, steps, self.dt)
         return columns, bonds, slice(0, self._all.count)
+
+    def _unsolved(self, step: int) -> Fault:
+        """Where the equations of a step miss most."""
+        system = self._work.system
+        row = int(np.abs(system.residual).sum(axis=0).argmax())
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        unsolved = Unsolved(self._method.label, float(system.report[1]), int(system.report[2]))
+        return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""

@@ -160,6 +160,15 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         sign = Sign(fault.step, row, fault.stop.particle, row - rows.start, bonds, columns)
         text = f"particle {{who}} {what.format(t=fault.stop.time)}; it was"
         return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
+    if (missed := fault.unsolved) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        text = (
+            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {missed.iterations} iterations "
+            f"{missed.residual:.3g} of the residual was left, most of it at particle {{who}}, which was"
+        )
+        hint = "try a smaller dt, a larger tolerance, or more iterations"
+        return _report(simulation, number, sign, "not solved", time, text, hint)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(simulation, number, row, first, fault.step)
     if early is None:

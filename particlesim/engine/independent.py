@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import particlesim.engine.newton  # noqa: F401
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
     KEPT,

@@ -15,11 +15,13 @@ from particlesim.engine.adaptive import step_range_adaptive
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
+from particlesim.engine.newton import unsolved
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
+from particlesim.integrators import ImplicitMethod
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -33,13 +35,24 @@ WORTH_THREADS = 500_000
 class Fault:
     """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
 
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on.
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
     """
 
     member: int
     row: int
     step: int
     stop: Stop | None = None
+    unsolved: Unsolved | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+
+    method: str
+    residual: float
+    iterations: int
 
 
 @dataclass(frozen=True)
@@ -80,6 +93,7 @@ class IndependentIsland:
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
+        self._method = island.method
         self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
@@ -174,7 +188,19 @@ class IndependentIsland:
                 there = self._stepped(part, first, middle - first)[1]
                 low, high, faults = (low, middle, there) if there.any() else (middle, high, faults)
             row, end = part.start + int((faults != 0).argmax()), high
-        return Fault(0, row, end - 1, self._stop(row, first, end - 1) if self._adaptive else None)
+        step = end - 1
+        if self._adaptive:
+            return Fault(0, row, step, stop=self._stop(row, first, step))
+        return Fault(0, row, step, unsolved=self._unsolved(row, first, step))
+
+    def _unsolved(self, row: int, first: int, step: int) -> Unsolved | None:
+        """What was left of the equations of an implicit step, where they were not solved."""
+        if not isinstance(self._method, ImplicitMethod):
+            return None
+        columns, _, part = self.replay(row, first, step - first)
+        time, end = step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row - part.start, time, end, self.dt)
+        return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
 
     def _stop(self, row: int, first: int, step: int) -> Stop:
         """Why, when and where a particle's own steps could not go on: that step once more."""

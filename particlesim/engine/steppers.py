@@ -235,7 +235,7 @@ def advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any
 
 
 @inline(advance)
-def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl:
+def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl | None:
     if method.instance_class is CompositionRecord:
 
         def composition(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
@@ -249,7 +249,8 @@ def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: An
             return moved(p, h, weigh(method.b, slopes), p.t + h), memory
 
         return runge_kutta
-    assert method.instance_class is VerletRecord
+    if method.instance_class is not VerletRecord:
+        return None  # implicit methods are in `engine.newton`
 
     def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
         fx, fy, fz = force(forces, p)

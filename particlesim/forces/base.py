@@ -47,3 +47,7 @@ class Force(Model):
     def needs_temperature(self) -> bool:
         """Whether the law reads the particle's temperature."""
         return False
+
+    def kink(self) -> str | None:
+        """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""
+        return None

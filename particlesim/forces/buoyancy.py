@@ -94,6 +94,13 @@ class Buoyancy(Force):
     def needs_radius(self) -> bool:
         return self.volume is None
 
+    def kink(self) -> str | None:
+        return (
+            None
+            if self.surface is None
+            else "its second derivative jumps where a sphere begins to leave the fluid"
+        )
+
 
 class ImmersedVolumeRecord(NamedTuple):
     """Weight of the displaced fluid, ρ_f V g [N]."""

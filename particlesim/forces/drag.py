@@ -139,6 +139,11 @@ class Drag(Force):
     def needs_radius(self) -> bool:
         return self.area is None or self.coefficient == "schiller_naumann"
 
+    def kink(self) -> str | None:
+        if self.coefficient != "schiller_naumann":
+            return None
+        return "the coefficient of Schiller and Naumann jumps at a Reynolds number of 1000"
+
 
 class DragRecord(NamedTuple):
     """½, and the records of density, drag coefficient, cross-section and flows."""

@@ -21,9 +21,14 @@ from particlesim.forces.operations import (
     VX,
     VY,
     VZ,
+    Abs,
+    IfLess,
+    Maximum,
+    Minimum,
     Node,
     Radius,
     Ray,
+    Sign,
     Temperature,
     slope,
     value,
@@ -88,7 +93,8 @@ class Field(Force):
             return [(("force", k), text) for k, text in enumerate(self.force)]
         return [(("potential",), self.potential or "0")]
 
-    def _nodes(self) -> list[Node]:
+    def nodes(self) -> list[Node]:
+        """The expressions as trees of records."""
         return [parse(text, self.constants) for _, text in self._texts()]
 
     @staticmethod
@@ -96,18 +102,30 @@ class Field(Force):
         return any(reads(node, v) for v in (VX, VY, VZ))
 
     def record(self) -> FieldRecord | PotentialRecord:
-        nodes = self._nodes()
+        nodes = self.nodes()
         return FieldRecord(*nodes) if self.force is not None else PotentialRecord(nodes[0])
 
     def needs_radius(self) -> bool:
-        return any(reads(node, Radius) for node in self._nodes())
+        return any(reads(node, Radius) for node in self.nodes())
 
     def needs_temperature(self) -> bool:
-        return any(reads(node, Temperature) for node in self._nodes())
+        return any(reads(node, Temperature) for node in self.nodes())
+
+    def kink(self) -> str | None:
+        return (
+            "its formula has a condition, abs, sign, min or max" if any(map(_kinked, self.nodes())) else None
+        )
 
     def reads_velocity(self) -> bool:
         """Whether a component depends on the velocity."""
-        return any(self._velocity(node) for node in self._nodes())
+        return any(self._velocity(node) for node in self.nodes())
+
+
+def _kinked(node: Node) -> bool:
+    """Whether an expression is not smooth."""
+    if isinstance(node, IfLess | Abs | Sign | Minimum | Maximum):
+        return True
+    return any(isinstance(part, tuple) and _kinked(part) for part in node)
 
 
 def check_constant(name: str) -> None:

@@ -9,10 +9,14 @@ from pydantic import Field
 
 from particlesim.integrators.adaptive import Adaptive, AdaptiveName, EmbeddedRungeKutta
 from particlesim.integrators.adaptive_euler import ADAPTIVE_EULER
+from particlesim.integrators.backward_euler import BACKWARD_EULER
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.bdf2 import BDF2
 from particlesim.integrators.dop853 import DOP853
 from particlesim.integrators.explicit_euler import EXPLICIT_EULER
 from particlesim.integrators.heun import HEUN
+from particlesim.integrators.implicit import BackwardEuler, Implicit, ImplicitMethod, ImplicitName
+from particlesim.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from particlesim.integrators.midpoint import MIDPOINT
 from particlesim.integrators.options import FixedStep, FixedStepName, Options
 from particlesim.integrators.rk3 import RK3
@@ -20,6 +24,7 @@ from particlesim.integrators.rk4 import RK4
 from particlesim.integrators.rk45 import RK45
 from particlesim.integrators.stormer_verlet import STORMER_VERLET
 from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
+from particlesim.integrators.trapezoidal import TRAPEZOIDAL
 from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
 from particlesim.integrators.yoshida4 import YOSHIDA4
 
@@ -38,13 +43,17 @@ METHODS: dict[str, Method] = {
         ADAPTIVE_EULER,
         RK45,
         DOP853,
+        BACKWARD_EULER,
+        TRAPEZOIDAL,
+        IMPLICIT_MIDPOINT,
+        BDF2,
     )
 }
 
-MethodName = Literal[FixedStepName, AdaptiveName]
+MethodName = Literal[FixedStepName, AdaptiveName, "backward_euler", ImplicitName]
 """The names of all methods."""
 
-AnyOptions = Annotated[FixedStep | Adaptive, Field(discriminator="method")]
+AnyOptions = Annotated[FixedStep | Adaptive | BackwardEuler | Implicit, Field(discriminator="method")]
 """A method by its name, with its options."""
 
 AnyIntegrator = MethodName | AnyOptions
@@ -64,9 +73,12 @@ __all__ = [
     "Adaptive",
     "AnyIntegrator",
     "AnyOptions",
+    "BackwardEuler",
     "Composition",
     "EmbeddedRungeKutta",
     "FixedStep",
+    "Implicit",
+    "ImplicitMethod",
     "Method",
     "MethodName",
     "Options",

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, OutputExistsError, UsageError
 from particlesim.scenario.rendering import RenderSettings
 
 Picture = npt.NDArray[np.uint8]
@@ -52,7 +52,7 @@ def check_place(out: Path, overwrite: bool) -> None:
     if out.is_dir():
         raise UsageError(f"'{out}' is a directory", f"Name a file, for example '{out / 'video.mp4'}'.")
     if out.exists() and not overwrite:
-        raise UsageError(f"'{out}' exists already", "Choose another name, or allow overwriting it.")
+        raise OutputExistsError(out)
     folder = out.parent
     if not folder.is_dir():
         raise UsageError(f"the folder '{folder}' does not exist", f"Create it first: mkdir -p '{folder}'.")
@@ -243,7 +243,7 @@ class PngWriter:
         check_place(names[0], overwrite)
         taken = [name for name in names if name.exists()]
         if taken and not overwrite:
-            raise UsageError(f"'{taken[0]}' exists already", "Choose another name, or allow overwriting it.")
+            raise OutputExistsError(taken[0])
         self.parts: list[Path] = []
 
     def add(self, picture: Picture) -> None:

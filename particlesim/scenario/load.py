@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +23,30 @@ def load(path: str | Path, overrides: Overrides = ()) -> Scenario:
 
     `overrides` sets values by address: {"simulation.dt": 1e-3}, or ["simulation.dt=1e-3"] with values in TOML.
     Raises ScenarioError with every mistake and its place, UsageError when the file cannot be read.
+    TypeError for something else than a path.
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(
+            f"load takes the path of a scenario, not {type(path).__name__}; loads takes text, from_table a dict"
+        )
     return _validated(read_source(path), overrides, Path(path).resolve().parent)
 
 
 def loads(text: str, overrides: Overrides = ()) -> Scenario:
     """The scenario of a TOML text. Raises ScenarioError with every mistake and its place."""
+    if not isinstance(text, str):
+        raise TypeError(
+            f"loads takes TOML text, not {type(text).__name__}; load takes a path, from_table a dict"
+        )
     return _validated(parse_source(text), overrides, None)
 
 
 def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
     """The scenario of a table such as TOML gives. Raises ScenarioError with every mistake."""
+    if not isinstance(table, Mapping):
+        raise TypeError(
+            f"from_table takes a dict, not {type(table).__name__}; load takes a path, loads TOML text"
+        )
     return _validated(source_from_dict(table), overrides, None)
 
 
@@ -42,9 +56,16 @@ def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Sce
 
 def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
     """Overrides of either form. Raises UsageError or ScenarioError for text that is none."""
+    if isinstance(overrides, str):
+        overrides = (overrides,)
+    entries = tuple(overrides) if isinstance(overrides, Iterable) else (overrides,)
+    if not all(isinstance(entry, str) for entry in entries):
+        raise TypeError(
+            'overrides are a dict such as {"simulation.dt": 1e-3}, or texts such as "simulation.dt=1e-3"'
+        )
     if isinstance(overrides, Mapping):
         return overrides_from_mapping(overrides)
-    return tuple(parse_override(text) for text in overrides)
+    return tuple(parse_override(text) for text in entries)
 
 
 def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | None) -> Scenario:

@@ -77,6 +77,14 @@ class Scenario(Model):
     _source: Source | None = PrivateAttr(default=None)
     _grid: TimeGrid = PrivateAttr()
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same, wherever each of them is from."""
+        if not isinstance(other, Scenario):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in Scenario.model_fields)
+
+    __hash__ = None  # type: ignore[assignment]  # as that of the dicts and arrays in it
+
     @property
     def folder(self) -> Path | None:
         """Folder that relative paths in the scenario start from; None for a scenario made in Python."""

@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, OutputExistsError, UsageError
+
+ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
+"""Endings of trajectories; ParaView knows the first."""
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
@@ -21,9 +24,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if path.is_dir():
         raise UsageError(f"{path} is a folder", "Give the name of a file to write.")
     if path.exists() and not overwrite:
-        raise UsageError(
-            f"{path} exists", "Overwrite it with --force (overwrite=True), or choose another name."
-        )
+        raise OutputExistsError(path)
     folder = path.parent
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent  # what is missing will be made there
@@ -32,6 +33,15 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise UsageError(
             f"cannot write into the folder {folder}", "Choose another place, or its permissions."
+        )
+
+
+def check_trajectory_name(path: Path) -> None:
+    """Refuse a name that no reader would take for a trajectory. Raises UsageError."""
+    if path.suffix.lower() not in ENDINGS and not path.is_dir():
+        raise UsageError(
+            f"{path} does not have the ending of a trajectory",
+            f"Name it {path.with_suffix(ENDINGS[0])}, so that ParaView knows what it is.",
         )
 
 

@@ -25,6 +25,7 @@ from .conftest import REPOSITORY, environment, files, real
 
 COMMANDS = (
     "run",
+    "verify",
     "check",
     "render",
     "inspect",

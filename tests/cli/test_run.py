@@ -116,8 +116,8 @@ def test_warnings_are_shown(psim, monkeypatch):
 
 
 def test_divergence_keeps_what_was_computed(psim):
-    # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s; energies pass it at once, and
-    # without a ledger the speeds themselves are found absurd at the next frame, if there is one before they overflow.
+    # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s; energies pass it at once,
+    # and without a ledger the speeds themselves are found absurd at the next frame, if there is one before they overflow.
     strong = ("--set", "forces.gravity.acceleration=[0, 1e308, 0]", "--set", "simulation.duration=5")
     ended = psim("run", "tiny.toml", *strong, "-o", "energy.vtkhdf")
     assert ended.code == 3

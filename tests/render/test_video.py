@@ -91,7 +91,7 @@ def test_existing_files_are_kept_unless_told(cloud, settings, tmp_path):
     for name in ("a.mp4", "a.webp", "a-0002.png"):
         (tmp_path / name).write_text("precious")
     for name in ("a.mp4", "a.webp", "a.png"):
-        with pytest.raises(UsageError, match="exists already"):
+        with pytest.raises(UsageError, match=" exists"):
             render_video(cloud, tmp_path / name, settings, frames=slice(0, 3))
     assert all(path.read_text() == "precious" for path in tmp_path.iterdir())
     render_video(cloud, tmp_path / "a.mp4", settings, frames=slice(0, 3), overwrite=True)

@@ -1,0 +1,508 @@
+"""The linear equations of an implicit step in an island, (D + G + B) δ = r, without a matrix.
+
+D is the inertia of every particle over the reach γ of the step, m/γ, or its drag coefficient where it has no inertia;
+G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single particles; and every spring adds to B
+
+    (c + γ k) e eᵀ + γ max(T/l, 0) (1 − e eᵀ) = q 1 + w wᵀ
+
+on the difference of its ends, with e its direction, l its length and T its tension. Compressed springs would push sideways;
+that part is dropped, so that B is positive (semi-)definite. A spring is the four numbers w and q.
+
+Threads own chunks of particles and add to those alone, piece after piece, as they do with forces.
+Source: D. Baraff, A. Witkin, SIGGRAPH 1998; K.-J. Choi, H.-S. Ko, SIGGRAPH 2002.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.bonds.spring import Pair
+from particlesim.engine.barrier import meet
+from particlesim.engine.bonding import Bonds, of_bond, of_bonds
+from particlesim.engine.columns import fetch, type_of
+from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
+from particlesim.engine.runs import (
+    FIRST,
+    HOLES,
+    HOLES_END,
+    LENGTH,
+    OFFSET,
+    OWNS_FIRST,
+    OWNS_SECOND,
+    SECOND,
+    chunk_size,
+)
+from particlesim.engine.steppers import Newtonian, Overdamped
+from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, velocity, velocity_dx
+
+Impl = Callable[..., Any]
+
+GENERAL, COUPLED_AXES = 0, 1
+"""Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
+LANES = 64
+"""Sums that run beside each other, so that they are vectors; chunks of particles are multiples of it, but for the last."""
+FLAGS = 8
+"""Flags per thread: those of two threads are on different cache lines."""
+
+
+class System(NamedTuple):
+    """Arrays of an island's equations; n particles, vectors of shape [3, n].
+
+    `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
+    on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
+    velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
+    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
+    chunks [4, chunks]; `flags`; `report`: relative residual and iterations where a solution was not found, and its particle.
+    """
+
+    inertia: Any
+    free: Any
+    own: Any
+    block: Any
+    base: Any
+    lead: Any
+    residual: Any
+    solution: Any
+    near: Any
+    direction: Any
+    product: Any
+    shadow: Any
+    other: Any
+    springs: tuple[Any, ...]
+    pull: Any
+    lanes: Any
+    partial: Any
+    flags: Any
+    report: Any
+
+
+def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
+    """Arrays for an island of `count` particles."""
+    chunk = chunk_size(count)
+
+    def rows(number: int) -> Any:
+        return np.zeros((number, count), dtype)
+
+    return System(
+        inertia=np.zeros(count, dtype),
+        free=np.zeros(count, dtype),
+        own=rows(9),
+        block=rows(6),
+        base=rows(6),
+        lead=rows(3),
+        residual=rows(3),
+        solution=rows(3),
+        near=rows(3),
+        direction=rows(3),
+        product=rows(3),
+        shadow=rows(3),
+        other=rows(3),
+        springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
+        pull=np.zeros((7, chunk), dtype),
+        lanes=np.zeros(LANES),
+        partial=np.zeros((4, -(-count // chunk))),
+        flags=np.zeros(FLAGS * 64, np.int64),
+        report=np.zeros(3),
+    )
+
+
+@inlined
+def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
+    """Put down D and G of particle i, and begin its block; returns whether G is unsymmetric, and whether it is not zero."""
+    s.inertia[i] = inertia
+    for k in range(9):
+        s.own[k, i] = g[k]
+    s.block[0, i] = inertia + g[0]
+    s.block[1, i] = inertia + g[4]
+    s.block[2, i] = inertia + g[8]
+    s.block[3, i] = (g[1] + g[3]) * type_of(inertia, 0.5)
+    s.block[4, i] = (g[2] + g[6]) * type_of(inertia, 0.5)
+    s.block[5, i] = (g[5] + g[7]) * type_of(inertia, 0.5)
+    apart = abs(g[1] - g[3]) + abs(g[2] - g[6]) + abs(g[5] - g[7])
+    size = abs(g[0]) + abs(g[4]) + abs(g[8]) + abs(g[1]) + abs(g[2]) + abs(g[5])
+    return apart > type_of(inertia, 1e-6) * (size + inertia), size + apart > 0
+
+
+def add_own(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> Any:
+    """D, G and the residual of particles [lo, hi) from the forces on single particles.
+
+    `total` are all forces, `reach` is γ; the residual is f − D (V − V₀), and what the forces gain from the lead.
+    """
+    return stub()
+
+
+@inline(add_own)
+def _add_own(
+    parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
+) -> Impl:
+    if len(parts) == 0:
+        return lambda parts, c, s, total, t, reach, lo, hi, flags: None
+
+    def impl(
+        parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
+    ) -> None:
+        part = parts[0]
+        for i in range(max(lo, part.first), min(hi, part.last)):
+            p = fetch(c, i, t)
+            inertia, g, (rx, ry, rz) = equation(
+                part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i]
+            )
+            general, coupled = write_own(s, i, type_of(reach, inertia), g)
+            free = s.free[i]
+            flags[GENERAL] |= general & (free > 0)
+            flags[COUPLED_AXES] |= coupled & (free > 0)
+            s.residual[0, i] = free * (total[0, i] + rx)
+            s.residual[1, i] = free * (total[1, i] + ry)
+            s.residual[2, i] = free * (total[2, i] + rz)
+        add_own(parts[1:], c, s, total, t, reach, lo, hi, flags)
+
+    return impl
+
+
+def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
+    """D, G, and the residual without the force, of one particle that would move with the velocity that it has."""
+    return stub()
+
+
+@inline(equation)
+def _equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Impl:
+    if dynamics.instance_class is Newtonian:
+
+        def newtonian(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
+            dx, dv = force_dx(forces, p), force_dv(forces, p)
+            inertia = p.m / reach
+            hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
+            g = combined(dx, dv, type_of(reach, 1), reach)
+            return (
+                inertia,
+                g,
+                (
+                    reach * hx - inertia * (p.vx - start[0]),
+                    reach * hy - inertia * (p.vy - start[1]),
+                    reach * hz - inertia * (p.vz - start[2]),
+                ),
+            )
+
+        return newtonian
+    assert dynamics.instance_class is Overdamped, "tracers are never coupled"
+
+    def overdamped(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
+        inertia = dynamics.gamma
+        dx, dw = force_dx(forces, p), velocity_dx(dynamics.flow, p)
+        wx, wy, wz = velocity(dynamics.flow, p)
+        hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
+        ux, uy, uz = times(dw, lead[0], lead[1], lead[2])
+        return (
+            inertia,
+            combined(dx, dw, inertia * reach, reach),
+            (
+                reach * (hx + inertia * ux) - inertia * (p.vx - wx),
+                reach * (hy + inertia * uy) - inertia * (p.vy - wy),
+                reach * (hz + inertia * uz) - inertia * (p.vz - wz),
+            ),
+        )
+
+    return overdamped
+
+
+@inlined
+def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
+    """−(γ A + weight · B) for two matrices."""
+    return (
+        -(reach * a[0] + weight * b[0]),
+        -(reach * a[1] + weight * b[1]),
+        -(reach * a[2] + weight * b[2]),
+        -(reach * a[3] + weight * b[3]),
+        -(reach * a[4] + weight * b[4]),
+        -(reach * a[5] + weight * b[5]),
+        -(reach * a[6] + weight * b[6]),
+        -(reach * a[7] + weight * b[7]),
+        -(reach * a[8] + weight * b[8]),
+    )
+
+
+@inlined
+def stiff_of(bond: Any, b: Any, reach: Any) -> Any:
+    """w and q of a spring, and its stiffness γ k along and across, all of them positive or zero."""
+    dx, dv = bond_force_dx(bond.law, b), bond_force_dv(bond.law, b)
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    zero = square - square
+    inverse = np.sqrt(square) / square if square > 0 else zero
+    ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
+    px, py, pz = times(dx, ex, ey, ez)
+    qx, qy, qz = times(dv, ex, ey, ez)
+    along = -(ex * px + ey * py + ez * pz)
+    trace = -(dx[0] + dx[4] + dx[8])
+    # Coincident ends have no direction, and pull back alike in every one.
+    across = (trace - along) * type_of(square, 0.5) if square > 0 else trace / type_of(square, 3)
+    along, across = reach * max(along, zero), reach * max(across, zero)
+    damping = max(-(ex * qx + ey * qy + ez * qz), zero)
+    across = min(across, along + damping) if square > 0 else across
+    root = np.sqrt(along + damping - across) if square > 0 else zero
+    return root * ex, root * ey, root * ez, across, along, (ex, ey, ez)
+
+
+def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Any:
+    """w and q of all springs of a thread; adds their blocks and what their forces gain from the lead."""
+    return stub()
+
+
+@inline(add_springs)
+def _add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Impl:
+    def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> None:
+        for chunk in range(bonds[0].begin.size - 1):
+            _stiff_chunk(bonds, springs, c, s, reach, chunk)
+
+    return impl
+
+
+def _stiff_chunk(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> Any:
+    return stub()
+
+
+@inline(_stiff_chunk)
+def _stiff_sets(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> Impl:
+    if len(bonds) == 0:
+        return lambda bonds, springs, c, s, reach, chunk: None
+
+    def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> None:
+        for piece in range(bonds[0].begin[chunk], bonds[0].begin[chunk + 1]):
+            _stiff_piece(bonds[0], springs[0], c, s, reach, bonds[0].table[piece])
+        _stiff_chunk(bonds[1:], springs[1:], c, s, reach, chunk)
+
+    return impl
+
+
+def _stiff_piece(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> Any:
+    return stub()
+
+
+@outline(_stiff_piece)
+def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> Impl:
+    def impl(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> None:
+        a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+        first, last = piece[OFFSET], piece[OFFSET] + n
+        xa, ya, za = c.x[a : a + n], c.y[a : a + n], c.z[a : a + n]
+        xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
+        ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
+        ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
+        lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
+        lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
+        ks = of_bonds(bond.k, first, last)
+        cs = of_bonds(bond.c, first, last)
+        rests = of_bonds(bond.rest, first, last)
+        w0, w1, w2, w3 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
+        g0, g1, g2 = s.pull[4, :n], s.pull[5, :n], s.pull[6, :n]
+        for k in range(n):
+            pair = Pair(
+                xa[k] - xb[k],
+                ya[k] - yb[k],
+                za[k] - zb[k],
+                ua[k] - ub[k],
+                va[k] - vb[k],
+                wa[k] - wb[k],
+                of_bond(ks, k),
+                of_bond(cs, k),
+                of_bond(rests, k),
+            )
+            wx, wy, wz, q, along, (ex, ey, ez) = stiff_of(bond, pair, reach)
+            ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
+            gain = (along - q) * (ux * ex + uy * ey + uz * ez)
+            w0[k], w1[k], w2[k], w3[k] = wx, wy, wz, q
+            g0[k], g1[k], g2[k] = q * ux + gain * ex, q * uy + gain * ey, q * uz + gain * ez
+        for hole in bond.holes[piece[HOLES] : piece[HOLES_END]]:
+            for row in range(7):
+                s.pull[row, hole - first] = 0
+        if piece[OWNS_FIRST]:
+            for row in range(4):
+                out, found = spring[row, first:last], s.pull[row, :n]
+                for k in range(n):
+                    out[k] = found[k]
+            _add_blocks(s, a, n, type_of(reach, -1))
+        if piece[OWNS_SECOND]:
+            _add_blocks(s, b, n, type_of(reach, 1))
+
+    return impl
+
+
+@outlined
+def _add_blocks(s: Any, at: Any, n: Any, sign: Any) -> None:
+    """Add the springs in `pull` to particles at … at + n − 1: q 1 + w wᵀ to the blocks, the gains to the residuals."""
+    wx, wy, wz, q = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
+    xx, yy, zz = s.block[0, at : at + n], s.block[1, at : at + n], s.block[2, at : at + n]
+    xy, xz, yz = s.block[3, at : at + n], s.block[4, at : at + n], s.block[5, at : at + n]
+    for k in range(n):
+        xx[k] += q[k] + wx[k] * wx[k]
+        yy[k] += q[k] + wy[k] * wy[k]
+        zz[k] += q[k] + wz[k] * wz[k]
+        xy[k] += wx[k] * wy[k]
+        xz[k] += wx[k] * wz[k]
+        yz[k] += wy[k] * wz[k]
+    free = s.free[at : at + n]
+    for axis in range(3):
+        residual, gain = s.residual[axis, at : at + n], s.pull[4 + axis, :n]
+        for k in range(n):
+            residual[k] += free[k] * (sign * gain[k])
+
+
+def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Any:
+    """y = (D + G + B) x on the particles of a share; `plain` says that G is zero. All of x must be in place."""
+    return stub()
+
+
+@outline(multiply)
+def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Impl:
+    def impl(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> None:
+        lo, hi = share.first, share.last
+        d = s.inertia[lo:hi]
+        ax, ay, az = x[0, lo:hi], x[1, lo:hi], x[2, lo:hi]
+        bx, by, bz = y[0, lo:hi], y[1, lo:hi], y[2, lo:hi]
+        if plain:
+            for i in range(d.size):
+                bx[i] = d[i] * ax[i]
+                by[i] = d[i] * ay[i]
+                bz[i] = d[i] * az[i]
+        else:
+            for row, out in enumerate((bx, by, bz)):
+                gx, gy, gz = s.own[3 * row, lo:hi], s.own[3 * row + 1, lo:hi], s.own[3 * row + 2, lo:hi]
+                own = x[row, lo:hi]
+                for i in range(d.size):
+                    out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
+        for chunk in range(bonds[0].begin.size - 1):
+            _times_chunk(bonds, springs, s.pull, x, y, chunk)
+
+    return impl
+
+
+def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> Any:
+    return stub()
+
+
+@inline(_times_chunk)
+def _times_sets(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> Impl:
+    if len(bonds) == 0:
+        return lambda bonds, springs, pull, x, y, chunk: None
+
+    def impl(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:
+        for piece in range(bonds[0].begin[chunk], bonds[0].begin[chunk + 1]):
+            _times_piece(bonds[0].table[piece], springs[0], pull, x, y)
+        _times_chunk(bonds[1:], springs[1:], pull, x, y, chunk)
+
+    return impl
+
+
+def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> Any:
+    return stub()
+
+
+@outline(_times_piece)
+def _times_run(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> Impl:
+    def impl(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
+        a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+        first, last = piece[OFFSET], piece[OFFSET] + n
+        xa, ya, za = x[0, a : a + n], x[1, a : a + n], x[2, a : a + n]
+        xb, yb, zb = x[0, b : b + n], x[1, b : b + n], x[2, b : b + n]
+        wx, wy, wz, q = (
+            spring[0, first:last],
+            spring[1, first:last],
+            spring[2, first:last],
+            spring[3, first:last],
+        )
+        px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
+        for k in range(n):
+            dx, dy, dz = xa[k] - xb[k], ya[k] - yb[k], za[k] - zb[k]
+            along = wx[k] * dx + wy[k] * dy + wz[k] * dz
+            px[k] = q[k] * dx + along * wx[k]
+            py[k] = q[k] * dy + along * wy[k]
+            pz[k] = q[k] * dz + along * wz[k]
+        if piece[OWNS_FIRST]:
+            gx, gy, gz = y[0, a : a + n], y[1, a : a + n], y[2, a : a + n]
+            for k in range(n):
+                gx[k] += px[k]
+                gy[k] += py[k]
+                gz[k] += pz[k]
+        if piece[OWNS_SECOND]:
+            gx, gy, gz = y[0, b : b + n], y[1, b : b + n], y[2, b : b + n]
+            for k in range(n):
+                gx[k] -= px[k]
+                gy[k] -= py[k]
+                gz[k] -= pz[k]
+
+    return impl
+
+
+@outlined
+def invert(s: Any, lo: Any, hi: Any) -> None:
+    """Turn the blocks of particles [lo, hi) into their inverses; 0 where a particle does not move.
+
+    A block that is not positive definite (a force that pushes away) gives way to the inertia.
+    """
+    for i in range(lo, hi):
+        xx, yy, zz, xy, xz, yz = (
+            s.block[0, i],
+            s.block[1, i],
+            s.block[2, i],
+            s.block[3, i],
+            s.block[4, i],
+            s.block[5, i],
+        )
+        cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        determinant = xx * cx + xy * cy + xz * cz
+        good = (xx > 0) & (xx * yy - xy * xy > 0) & (determinant > 0)
+        scale = s.free[i] / determinant if good else s.free[i] / s.inertia[i]
+        s.block[0, i] = scale * cx if good else scale
+        s.block[1, i] = scale * (xx * zz - xz * xz) if good else scale
+        s.block[2, i] = scale * (xx * yy - xy * xy) if good else scale
+        s.block[3, i] = scale * cy if good else scale - scale
+        s.block[4, i] = scale * cz if good else scale - scale
+        s.block[5, i] = scale * (xy * xz - xx * yz) if good else scale - scale
+
+
+@outlined
+def of_rounding(s: Any, c: Any, lo: Any, hi: Any, reach: Any) -> float:
+    """Σ tr(M) (V² + X²/γ²) over free particles [lo, hi)."""
+    total = 0.0
+    far = 1 / float(reach)
+    for i in range(lo, hi):
+        x, y, z = far * float(c.x[i]), far * float(c.y[i]), far * float(c.z[i])
+        u, v, w = float(c.vx[i]), float(c.vy[i]), float(c.vz[i])
+        trace = float(s.block[0, i]) + float(s.block[1, i]) + float(s.block[2, i])
+        total += float(s.free[i]) * trace * (x * x + y * y + z * z + u * u + v * v + w * w)
+    return total
+
+
+def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
+    """The equations at the present state, under the total forces at time t; ready when all threads have met.
+
+    Returns whether G is zero, whether the matrix is symmetric, and Σ tr(M) (V² + X²/γ²): the square of the residual that
+    errors of the size of all positions and velocities would leave.
+    """
+    return stub()
+
+
+@outline(linearise)
+def _linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Impl:
+    def impl(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
+        flags = s.flags[FLAGS * share.number : FLAGS * (share.number + 1)]
+        flags[:] = 0
+        for lo in range(share.first, share.last, share.chunk):
+            add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
+        add_springs(bonds, s.springs, c, s, reach)
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)
+        invert(s, share.first, share.last)
+        meet(share.gate, share.threads)
+        general, coupled = False, False
+        for k in range(share.threads):
+            general |= s.flags[FLAGS * k + GENERAL] != 0
+            coupled |= s.flags[FLAGS * k + COUPLED_AXES] != 0
+        rounding = 0.0
+        for k in range(s.partial.shape[1]):
+            rounding += s.partial[3, k]
+        return not coupled, not general, rounding
+
+    return impl

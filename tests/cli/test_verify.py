@@ -1,0 +1,34 @@
+"""`psim verify`: its table, its JSON, its exit codes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .conftest import TINY
+
+
+def test_a_table(psim) -> None:
+    ended = psim("verify", "tiny.toml")
+    assert ended.code == 0, ended.out
+    lines = ended.out.splitlines()
+    assert lines[0] == "tiny.toml at dt = 0.01, 0.005, 0.0025 s"
+    assert "error at dt" in lines[1]
+    assert [line.split()[:2] for line in lines[2:4]] == [["balls", "position"], ["balls", "velocity"]]
+    assert not Path("outputs").exists()
+
+
+def test_lost_order(psim) -> None:
+    drag = '\n[[forces]]\ntype = "linear_drag"\ncoefficient = 1.0\n'
+    Path("tiny.toml").write_text(TINY + drag)
+    ended = psim("verify", "tiny.toml", "--set", "simulation.integrator='velocity_verlet'")
+    assert ended.code == 1
+    assert "BELOW ITS METHOD" in ended.out
+    assert "reason: velocity_verlet is only first order" in ended.out
+    told = psim("verify", "tiny.toml", "--set", "simulation.integrator='velocity_verlet'", "--json")
+    assert told.code == told.json["exit_code"] == 1
+    assert told.json["rows"][0]["verdict"] == "below"
+
+
+def test_bad_input(psim) -> None:
+    assert psim("verify", "nothing.toml").code == 2
+    assert psim("verify", "tiny.toml", "--set", "simulation.dt=-1").code == 2
