@@ -13,29 +13,50 @@ from numpy.typing import NDArray
 from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import UsageError
-from particlesim.groups import Particles
-from particlesim.integrators import method_for
+from particlesim.groups import Group, Particles
+from particlesim.integrators import RungeKutta, method_for
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
-from particlesim.trajectory.fields import select_fields
+from particlesim.trajectory.chunks import chunk_rows, padded
+from particlesim.trajectory.fields import FIELDS, select_fields
+from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
 
 Floats = NDArray[np.float64]
 
-BASE_MEMORY = 250 << 20
-"""Python, its libraries and the compiler [bytes]."""
-GZIP_RATIO = 0.75
-"""Size of compressed single-precision columns over their plain size; measured between 0.6 and 0.8."""
-FRAME_BYTES = 500
-"""Bookkeeping of a frame in a trajectory."""
-EVENT_BYTES = 17
-"""A birth or a death in a trajectory: id, time, cause."""
+BASE_MEMORY = 192 << 20
+"""Python, its libraries and compiled kernels from the cache [bytes]; measured. Compiling takes some 80 MB more."""
+FILE_BYTES = 60_000
+"""An empty trajectory [bytes]: the scenario, where it comes from, and HDF5's own tables."""
+ROW_BYTES = 88
+"""Bookkeeping of a frame in a trajectory [bytes], beside its ledger."""
+CHUNK_BYTES = 24
+"""HDF5's index of a chunk [bytes]."""
+EVENT_BYTES = EVENT.itemsize
+"""A birth or a death."""
+TOPOLOGY_RATIO = 0.003
+"""Size of the table of vertices, 0, 1, 2, ..., over its plain size; measured."""
+GZIP = {"float": 0.93, "integer": 0.2}
+"""Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
+SPRING_BYTES = 32
+"""Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
+SPRING_STORED = 10
+"""A spring in a trajectory [bytes]: both ends and rest length, compressed, and its share of a surface."""
+CLOCK_BYTES = 26
+"""Birth, start and stop of a particle that may be born or pinned, and what became of it."""
+LEDGER_COLUMNS = 8
+"""Motion and a potential."""
+POOL = 1.125
+"""Memory of a frame's buffers over their content: they are a little larger than asked."""
 BIRTH_MEMORY = 250
 """What a particle takes while it is born: the random numbers of its attributes, and what is made of them."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """Most particles alive at once, births, steps, frames, particle-steps at most, and bytes of memory and disk."""
+    """Most particles alive at once, births, steps, frames, particle-steps at most, and bytes of memory and disk.
+
+    `disk` is an upper bound if the trajectory is `compressed`, as the size then depends on what the numbers will be.
+    """
 
     particles: int
     births: int
@@ -44,44 +65,88 @@ class Needs:
     particle_steps: float
     memory: int
     disk: int
+    compressed: bool
 
 
 def needs(scenario: Scenario) -> Needs:
-    """An upper estimate of what a run needs. Raises UsageError when a file of particles cannot be read."""
+    """What a run needs. Raises UsageError when a file of particles cannot be read."""
     grid = scenario.grid
     times = np.linspace(0, grid.duration, min(grid.frames, 500))
     alive, stepped = np.zeros(len(times)), np.zeros(len(times))
-    births = 0
-    memory = BASE_MEMORY
-    number = 8 if scenario.simulation.precision == "double" else 4
-    fields = select_fields(scenario.recorded_fields())
-    stored = sum(f.components * f.dtype(scenario.output.precision).itemsize for f in fields)
+    births = deaths = 0
+    memory = float(BASE_MEMORY)
     for group in scenario.groups:
         if isinstance(group, Particles):
-            here = np.full(len(times), float(scenario.opened(group).number() or 0))
-            held = here
-            per_particle = 8 * number + 8
+            here = held = np.full(len(times), float(scenario.opened(group).number() or 0))
         else:
             assert isinstance(group, Emitter)
             schedule = Schedule(group, scenario.streams(group))
             here = _alive(group, schedule, times)
             born = _born_between_frames(group, schedule, times, grid)
             held = here + born
-            per_particle = 8 * number + 8 + 26
-            memory += int(born.max() * BIRTH_MEMORY)
-            births += schedule.total(grid.duration)
-        remembered = method_for(group.integrator or scenario.simulation.integrator).memory
-        memory += int(
-            held.max() * (per_particle + remembered * number) * (1.5 if group in scenario.emitters else 1)
-        )
+            memory += born.max() * BIRTH_MEMORY
+            total = schedule.total(grid.duration)
+            births, deaths = births + total, deaths + max(total - int(here[-1]), 0)
+        memory += held.max() * _particle_bytes(scenario, group)
         alive += here
         stepped += held
-    ratio = GZIP_RATIO if scenario.output.compression == "gzip" else 1.0
-    disk = int(grid.frames * (alive.mean() * stored * ratio + FRAME_BYTES) + 65536)
-    disk += 2 * EVENT_BYTES * births
-    memory += int(min(3, grid.frames) * alive.max() * stored)
-    particle_steps = float(stepped.mean() * grid.steps)
-    return Needs(int(alive.max()), births, grid.steps, grid.frames, particle_steps, memory, disk)
+    most = int(alive.max())
+    memory += _spring_bytes(scenario) + 2 * POOL * most * sum(_stored(scenario).values())
+    disk = _file_size(scenario, alive, births + deaths)
+    work = float(stepped.mean() * grid.steps)
+    compressed = scenario.output.compression == "gzip"
+    return Needs(most, births, grid.steps, grid.frames, work, int(memory), int(disk), compressed)
+
+
+def _particle_bytes(scenario: Scenario, group: Group) -> float:
+    """Memory of a particle of a group while it is stepped."""
+    number = 8 if scenario.simulation.precision == "double" else 4
+    method = method_for(group.integrator or scenario.simulation.integrator)
+    size = 7 * number + 8  # position, velocity, mass; id
+    size += number * group.has_radius() + 8 * (group.temperature is not None)
+    size += method.memory * number
+    if isinstance(group, Emitter):
+        return 1.5 * (size + CLOCK_BYTES)  # room to grow
+    assert isinstance(group, Particles)
+    if group.pinned:
+        size += CLOCK_BYTES
+    if any(group.name in bonds.groups for bonds in scenario.bonds):
+        stages = method.evaluations if isinstance(method, RungeKutta) else 0
+        size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes
+    return size
+
+
+def _spring_bytes(scenario: Scenario) -> float:
+    """Memory of all springs whose number is known before positions are."""
+    number = 8 if scenario.simulation.precision == "double" else 4
+    own = [2 * number * (b.law.by_mass or b.law.breaks) + b.law.breaks for b in scenario.bonds]
+    return float(
+        sum((b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True))
+    )
+
+
+def _stored(scenario: Scenario) -> dict[str, int]:
+    """Bytes of a particle in a frame, by field."""
+    fields = select_fields(scenario.recorded_fields())
+    return {f.name: f.components * f.dtype(scenario.output.precision).itemsize for f in fields}
+
+
+def _file_size(scenario: Scenario, alive: Floats, events: int) -> float:
+    """Size of the trajectory; frames fill whole chunks, and tables whole blocks of rows."""
+    frames, stored = scenario.grid.frames, _stored(scenario)
+    most = max(int(alive.max()), 1)
+    rows = chunk_rows(most)
+    chunks = np.ceil(alive / rows)
+    if scenario.output.compression == "gzip":
+        data = alive.mean() * sum(size * GZIP[FIELDS[name].kind] for name, size in stored.items())
+    else:
+        data = chunks.mean() * rows * sum(stored.values())
+    index = chunks.mean() * CHUNK_BYTES * len(stored)
+    ledger = 8 * LEDGER_COLUMNS * scenario.output.ledger
+    tables = padded(frames, TABLE_ROWS) * (ROW_BYTES + ledger)
+    topology = 2 * 8 * padded(2 * most, TOPOLOGY_ROWS) * TOPOLOGY_RATIO
+    springs = sum((b.count or 0) * (SPRING_STORED + 8 * b.law.breaks) for b in scenario.bonds)
+    return float(FILE_BYTES + frames * (data + index) + tables + topology + springs + events * EVENT_BYTES)
 
 
 def _alive(emitter: Emitter, schedule: Schedule, times: Floats) -> Floats:
@@ -150,8 +215,9 @@ def check_fits(required: Needs, output: Path | None) -> None:
             folder = folder.parent
         free = shutil.disk_usage(folder).free
         if required.disk > free:
+            bound = "up to" if required.compressed else "about"
             raise UsageError(
-                f"the trajectory needs about {size(required.disk)} on disk for {required.frames:,} frames, "
+                f"the trajectory needs {bound} {size(required.disk)} on disk for {required.frames:,} frames, "
                 f"and {size(free)} are free in {folder}",
                 "fewer frames (output.fps), fewer fields (output.fields) or compression need less",
             )
@@ -159,8 +225,10 @@ def check_fits(required: Needs, output: Path | None) -> None:
 
 def size(count: float) -> str:
     """Bytes in words: '3.2 GB'."""
-    for unit in ("B", "kB", "MB", "GB", "TB", "PB"):
-        if count < 1000 or unit == "PB":
-            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
+    if count < 1000:
+        return f"{count:.0f} B"
+    for unit in ("kB", "MB", "GB", "TB", "PB", "EB"):
         count /= 1000
-    raise AssertionError
+        if count < 1000:
+            return f"{count:.1f} {unit}"
+    return f"{count:.3g} EB"

@@ -69,7 +69,7 @@ class Result:
 
     def __repr__(self) -> str:
         where = "" if self.path is None else f" in {str(self.path)!r}"
-        return f"<Result: {len(self.times)} frames{where}, {len(self.final)} particles at t = {self.times[-1]:g} s>"
+        return f"<Result: {len(self.times)} frames{where}, to t = {self.times[-1]:g} s>"
 
     @property
     def passed(self) -> bool:

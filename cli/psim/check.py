@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from psim.complete import scenario_files
-from psim.options import Overrides
+from psim.options import Overrides, Quiet
 from psim.report import as_data, report
 from psim.talk import print_json
 
@@ -19,6 +19,7 @@ def check(
         typer.Argument(metavar="SCENARIO...", help="Scenarios, TOML files.", autocompletion=scenario_files),
     ],
     overrides: Overrides = None,
+    quiet: Quiet = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON list, an object per scenario.")
     ] = False,
@@ -43,7 +44,7 @@ def check(
             results.append({"scenario": str(path), **as_data(error)})
             continue
         results.append({"scenario": str(path), **planned, "exit_code": 0})
-        if not as_json:
+        if not as_json and not quiet:
             if number:
                 print()
             show_plan(str(path), planned)

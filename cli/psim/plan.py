@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import facts, number, paint, warn
+from psim.talk import facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
@@ -51,6 +51,7 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "particle_steps": required.particle_steps,
         "memory": required.memory,
         "disk": required.disk,
+        "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
         "advice": [*(() if found is None else found.warnings), *advice(scenario)],
@@ -64,12 +65,13 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
     steps = f"{planned['steps']:,} of {planned['dt']:.6g} s"
     if planned["dt_asked"] is not None:
         steps += f" (dt = {planned['dt_asked']:.6g} s is shortened, so that frames fall on steps)"
+    bound = "up to" if planned["compressed"] else "about"
     title = f" · {planned['title']}" if planned["title"] else ""
     print(paint(f"{name}{title}", "bold", sys.stdout))
     facts(
         (
-            ("groups", ", ".join(planned["groups"])),
-            ("forces", ", ".join(planned["forces"]) or "none"),
+            ("groups", listed(planned["groups"])),
+            ("forces", listed(planned["forces"]) or "none"),
             ("particles", f"at most {planned['particles']:,} at once"),
             ("births", f"{planned['births']:,}" if planned["births"] else ""),
             ("time", f"{planned['duration']:.6g} s"),
@@ -79,7 +81,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
             ("work", f"about {number(planned['particle_steps'])} particle-steps"),
             ("frames", f"{planned['frames']:,} with {', '.join(planned['fields'])}"),
             ("memory", f"about {size(planned['memory'])}"),
-            ("disk", f"about {size(planned['disk'])} for {planned['output']}"),
+            ("disk", f"{bound} {size(planned['disk'])} for {planned['output']}"),
         ),
         sys.stdout,
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import animated, duration, plain, rate, say
+from psim.talk import animated, counted, duration, plain, rate, say
 
 if TYPE_CHECKING:
     from particlesim.runner import Progress
@@ -31,7 +31,7 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
             speed = _Speed()
 
             def show(p: Progress) -> None:
-                note = f"{p.particles:,} particles  t = {p.time:.4g} s  {speed.of(p)}"
+                note = f"{counted(p.particles, 'particle')}  t = {p.time:.4g} s  {speed.of(p)}"
                 bar.update(task, total=p.steps, completed=p.step, note=note)
 
             yield show
@@ -147,7 +147,9 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
         if fast and due.now():
             left = duration(p.elapsed * (p.steps - p.step) / p.step)
             done = f"{100 * p.step / p.steps:.0f} %"
-            say(f"{plain(name)}: {done}, t = {p.time:.4g} s, {p.particles:,} particles, {fast}, {left} left")
+            say(
+                f"{plain(name)}: {done}, t = {p.time:.4g} s, {counted(p.particles, 'particle')}, {fast}, {left} left"
+            )
 
     return line
 

@@ -49,7 +49,7 @@ def render(
 
     import particlesim as ps
     from psim.progress import render_progress
-    from psim.talk import duration, print_path, say, warn
+    from psim.talk import counted, duration, print_path, say, warn
 
     given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
     settings = [f"render.{name}={json.dumps(value)}" for name, value in given.items() if value is not None]
@@ -76,7 +76,7 @@ def render(
         return
     for text in made.warnings:
         warn(text)
-    pictures = "1 picture" if made.frames == 1 else f"{made.frames:,} pictures"
+    pictures = counted(made.frames, "picture")
     say(f"{pictures} in {duration(made.seconds)}, {made.frames / made.seconds:.1f} per second")
     print_path(made.path)
 

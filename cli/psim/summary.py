@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import duration, facts, paint, rate, say, warn
+from psim.talk import counted, duration, facts, paint, rate, say, warn
 
 if TYPE_CHECKING:
     from particlesim.runner import Result
@@ -75,7 +75,7 @@ def show_summary(told: dict[str, Any]) -> None:
     """The table on stderr."""
     from particlesim.bounds import size
 
-    steps = f"{told['time']:.6g} s in {told['steps']:,} steps of {told['dt']:.6g} s"
+    steps = f"{told['time']:.6g} s in {counted(told['steps'], 'step')} of {told['dt']:.6g} s"
     if told["dt_asked"] is not None:
         steps += f" (shortened from {told['dt_asked']:.6g} s, so that frames fall on steps)"
     speed = told["particle_steps_per_second"]
@@ -88,7 +88,7 @@ def show_summary(told: dict[str, Any]) -> None:
         ("springs", _broken(told["broken_springs"])),
         ("checks", "\n".join(_check_text(check) for check in told["checks"])),
         ("digest", f"physics {told['physics'][:DIGITS]}, final state {told['state'][:DIGITS]}"),
-        ("recorded", f"{told['frames']:,} frames, {size(told['bytes'])}"),
+        ("recorded", f"{counted(told['frames'], 'frame')}, {size(told['bytes'])}"),
     ]
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
     facts(rows, sys.stderr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -66,6 +66,17 @@ def facts(rows: Iterable[tuple[str, str]], stream: TextIO) -> None:
 def number(value: float) -> str:
     """A number for people: whole ones with thousands separators, others with six digits."""
     return f"{value:,}" if isinstance(value, int) else f"{value:.6g}"
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Names with commas; of many, the first and how many more."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def counted(count: int, noun: str) -> str:
+    """'1 particle', '2,000 particles'."""
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
 def duration(seconds: float) -> str:

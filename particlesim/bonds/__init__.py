@@ -3,5 +3,23 @@
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.mesh import MeshSprings
 from particlesim.bonds.spring import SpringRecord, Springs, StringRecord
+from particlesim.bonds.strut import StrutRecord
 
-__all__ = ["BondSet", "MeshSprings", "SpringLaw", "SpringRecord", "Springs", "StringRecord"]
+
+def record_of(law: SpringLaw) -> SpringRecord | StringRecord | StrutRecord:
+    """The record of the springs of a law, by which kernels know what they do."""
+    if law.compression_only:
+        return StrutRecord()
+    return StringRecord() if law.tension_only else SpringRecord()
+
+
+__all__ = [
+    "BondSet",
+    "MeshSprings",
+    "SpringLaw",
+    "SpringRecord",
+    "Springs",
+    "StringRecord",
+    "StrutRecord",
+    "record_of",
+]

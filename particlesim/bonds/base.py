@@ -29,6 +29,7 @@ class SpringLaw:
     tension_only: bool = False
     break_strain: float | None = None
     break_force: float | None = None
+    compression_only: bool = False
 
     @property
     def breaks(self) -> bool:

@@ -50,6 +50,8 @@ class Springs(Model):
     """Rest length L₀; the distance at the start unless given."""
     tension_only: bool = False
     """A string: it pulls when it is longer than its rest length, and does nothing when it is slack."""
+    compression_only: bool = False
+    """A strut: it pushes when it is shorter than its rest length, and does nothing otherwise, as balls that touch."""
     break_strain: Annotated[Number, Gt(0)] | None = None
     """Strain (l − L₀)/L₀ beyond which a spring breaks, for good. Looked at after every step."""
     break_force: Annotated[Newtons, Gt(0)] | None = None
@@ -97,6 +99,14 @@ class Springs(Model):
             )
         return self
 
+    @model_validator(mode="after")
+    def _strut(self) -> Springs:
+        for key in ("tension_only", "break_strain", "break_force"):
+            if self.compression_only and getattr(self, key):
+                says = "never pulls" if key == "tension_only" else "is never stretched, and does not break"
+                raise invalid(f"a strut {says}", at=(key,), also=[(("compression_only",), "a strut")])
+        return self
+
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
         if self.between is not None:
@@ -115,6 +125,7 @@ class Springs(Model):
             self.tension_only,
             self.break_strain,
             self.break_force,
+            self.compression_only,
         )
 
     def bonds(self, label: str) -> BondSet:

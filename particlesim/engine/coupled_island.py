@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import BondSet, SpringRecord, StringRecord
+from particlesim.bonds import BondSet, record_of
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.coupled import (
@@ -151,7 +151,7 @@ class CoupledIsland:
             )
             breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
         return Bonds(
-            StringRecord() if law.tension_only else SpringRecord(),
+            record_of(law),
             slots.i,
             slots.j,
             k,

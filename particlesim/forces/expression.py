@@ -62,6 +62,8 @@ _BINARY: dict[type[ast.operator], Callable[..., Node]] = {
     ast.Mult: Multiply,
     ast.Div: Divide,
 }
+_PLAIN = {"²": "**2", "³": "**3", "×": "*", "·": "*", "÷": "/", "−": "-", "–": "-", "π": "pi"}
+_BASED = re.compile(r"(?<![\w.])0[xXoObB]\w*")
 _PROBE = Particle(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -76,9 +78,7 @@ def parse(text: str, constants: Mapping[str, float], variables: Mapping[str, Nod
     if not stripped:
         raise ExpressionError("an empty expression", 0, 1, hint='write "0" for no force')
     indent = len(text) - len(text.lstrip())
-    for offset, character in enumerate(text):
-        if not (character.isprintable() or character.isspace()):
-            raise ExpressionError("not a character of an expression", offset)
+    _check_characters(text)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)
@@ -89,6 +89,20 @@ def parse(text: str, constants: Mapping[str, float], variables: Mapping[str, Nod
     except (RecursionError, MemoryError):
         raise ExpressionError("nested too deeply", 0, len(text)) from None
     return _Builder(stripped, indent, constants, variables).build(tree)
+
+
+def _check_characters(text: str) -> None:
+    """Refuse what Python's parser would read and an expression does not have: comments, other letters, other bases."""
+    for offset, character in enumerate(text):
+        if character == "#":
+            raise ExpressionError("an expression has no comments", offset, len(text) - offset)
+        if not (character.isascii() and (character.isprintable() or character.isspace())):
+            written = _PLAIN.get(character)
+            raise ExpressionError(
+                "not a character of an expression", offset, hint=f"write {written}" if written else None
+            )
+    if (based := _BASED.search(text)) is not None:
+        raise ExpressionError("not a decimal number", based.start(), len(based[0]))
 
 
 def _place(error: SyntaxError, text: str) -> int:
@@ -226,9 +240,9 @@ class _Builder:
         return ExpressionError(message, self.indent + start, max(end - start, 1), hint)
 
     def _characters(self, line: int, column: int) -> int:
-        """Python counts bytes within lines; the user counts characters."""
+        """The place of a column of a line, which Python counts, in the whole text."""
         before = sum(len(text) for text in self.lines[: line - 1])
-        return before + len(self.lines[line - 1].encode()[:column].decode(errors="ignore"))
+        return before + column
 
     def _folded(self, record: Node, node: ast.expr) -> Node:
         """Constants of constants are computed here, once."""

@@ -15,6 +15,7 @@ from particlesim.layouts.csv_file import line_of, read_csv
 from particlesim.model import Name
 from particlesim.names import did_you_mean
 from particlesim.streams import Streams
+from particlesim.trajectory.places import kind_of
 
 if TYPE_CHECKING:
     from particlesim.trajectory.frame import Frame
@@ -121,7 +122,7 @@ def _check_file(path: Path) -> None:
             f"{path} does not exist", "the path of a layout is relative to the scenario's folder"
         )
     if not path.is_file():
-        raise UsageError(f"{path} is a pipe or a device, not a file", "name a .csv, .npy or .vtkhdf file")
+        raise UsageError(f"{path} is a {kind_of(path)}, not a file", "name a .csv, .npy or .vtkhdf file")
 
 
 def _read_npy(path: Path) -> dict[str, Floats]:

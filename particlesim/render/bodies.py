@@ -50,7 +50,7 @@ class Bodies:
     """The surfaces and lines of a trajectory.
 
     `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]. `lines`: the springs that are
-    drawn; `springs`: those that show strain, all but the ones against bending.
+    drawn; `springs`: those that show strain, all but the ones against bending and the hidden ones.
     """
 
     def __init__(self, source: FrameSource, settings: RenderSettings) -> None:
@@ -61,7 +61,7 @@ class Bodies:
         self.triangles = np.concatenate([np.empty((0, 3), np.int64), *(s.triangles for s in surfaces)])
         self.torn = np.concatenate([np.empty(0), *(_torn(each, found) for each in surfaces)])
         self.lines = Springs.of([each for name, each in found.items() if _is_line(name, style)])
-        self.springs = Springs.of([each for name, each in found.items() if not name.endswith(".bend")])
+        self.springs = Springs.of([each for name, each in found.items() if _shows_strain(name, style)])
         self._limit = 1 + max(
             (int(ids.max()) for ids in (self.triangles, self.springs.pairs) if len(ids)), default=-1
         )
@@ -179,6 +179,11 @@ def _styles(found: Mapping[str, Any], settings: RenderSettings) -> Callable[[str
 def _is_line(name: str, style: Callable[[str], str]) -> bool:
     """Whether a set of springs is drawn: one of a body like its group, any other by its own name."""
     return not name.endswith(INNER) and style(name.rpartition(".")[0] or name) == "lines"
+
+
+def _shows_strain(name: str, style: Callable[[str], str]) -> bool:
+    """Whether a set of springs counts where points of surfaces show their strain."""
+    return not name.endswith(".bend") and style(name.rpartition(".")[0] or name) != "hidden"
 
 
 def _torn(surface: Any, found: Mapping[str, Any]) -> Array:

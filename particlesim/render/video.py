@@ -100,9 +100,9 @@ def render_video(
             raise
     warnings = []
     if renderer.bad_positions:
-        warnings.append(
-            f"{renderer.bad_positions} positions are not finite and were left out of the pictures"
-        )
+        bad = renderer.bad_positions
+        number = "1 position is" if bad == 1 else f"{bad:,} positions are"
+        warnings.append(f"{number} not finite and left out of the pictures")
     if not renderer.scene.count:
         warnings.append("there is no particle in the trajectory")
     return RenderReport(len(shown), time.perf_counter() - started, path, tuple(warnings))

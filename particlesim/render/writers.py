@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -186,10 +187,15 @@ class Mp4Writer:
     def _failure(self) -> InputOutputError:
         self.process.wait()
         self.log.seek(0)
-        lines = self.log.read().decode(errors="replace").strip().splitlines()[-5:]
-        said = "\n".join(lines) or f"it ended with status {self.process.returncode}"
+        lines = self.log.read().decode(errors="replace").strip().splitlines()
+        if any("No space left on device" in line for line in lines):
+            return InputOutputError(
+                f"the disk is full: '{self.out}' could not be written", "Free some space."
+            )
+        # Its lines begin with the part of ffmpeg that speaks and its address: "[libx264 @ 0x55d0c8a7] ...".
+        said = re.sub(r"^(\[[^\]]*\] *)+", "", lines[-1]) if lines else f"status {self.process.returncode}"
         return InputOutputError(
-            f"ffmpeg could not write '{self.out}':\n{said}", "Check the free space of the disk."
+            f"'{self.out}' could not be encoded: ffmpeg says: {said}", "Check the free space of the disk."
         )
 
     def discard(self) -> None:

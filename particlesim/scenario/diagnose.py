@@ -118,6 +118,8 @@ def _diagnostic(address: _Address, entry: ErrorDetails, source: Source) -> Diagn
         return _placed(
             source, address.path[:-1], messages.missing(str(key), address.kind), address=address.path
         )
+    if entry["type"] == "tuple_type" and (point := messages.one_point(address.parent, address.parent_raw)):
+        return _placed(source, address.path[:-1], point)
     if entry["type"] == "extra_forbidden":
         words = messages.unknown_key(str(key), address.parent, address.parent_raw)
         return _placed(source, address.path, words, at_key=True)

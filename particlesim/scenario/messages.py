@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -46,12 +46,11 @@ def missing(key: str, kind: Node | None) -> Words:
 
 
 def unknown_key(key: str, table: Node | None, raw: Any) -> Words:
-    """A key that the table does not have. Keys that the table already holds are not suggested."""
+    """A key that the table does not have."""
     if table is not None and table.is_union:
         table = typewalk.choose(table, raw)
     known = [] if table is None or table.model is None else list(typewalk.fields(table.model))
-    free = [name for name in known if name not in raw]
-    return Words(f"unknown key {key!r}", ", ".join(known) or None, did_you_mean(key, free))
+    return Words(f"unknown key {key!r}", ", ".join(known) or None, did_you_mean(key, known))
 
 
 def unknown_tag(union: Node, raw: Any) -> Words:
@@ -93,11 +92,11 @@ def plain(entry: ErrorDetails, kind: Node | None, raw: Any) -> Words:
     if code == QUANTITY_ERROR:
         return Words(str(context["message"]), _limits(kind))
     if code == "literal_error" and kind is not None:
-        known = [str(value) for value in _literals(kind)]
-        hint = did_you_mean(raw, known) if isinstance(raw, str) else None
+        known = _literals(kind)
+        hint = did_you_mean(raw, map(str, known)) if isinstance(raw, str) else None
         return Words(f"unknown value {shown(raw)}", _quoted(known), hint)
     if code in _BY_CODE:
-        return Words(_BY_CODE[code](context, raw), _limits(kind), _brackets(code, raw))
+        return Words(_BY_CODE[code](context, raw), _limits(kind), _advice(code, kind, raw))
     if code == "string_pattern_mismatch":
         pattern = str(context["pattern"])
         return Words(f"{shown(raw)} has characters that may not stand here", _PATTERNS.get(pattern, pattern))
@@ -114,14 +113,14 @@ def is_spurious(entry: ErrorDetails, raw: Any) -> bool:
 def is_label_of(branch: Node, label: str) -> bool:
     """Whether pydantic means `branch`, which is no model, by `label` in an error's location."""
     if branch.unit is not None:
-        return "_validate" in label
+        return label.startswith("function-") and "_validate" in label
     name = getattr(branch.origin, "__name__", "")
     return label == name or label.startswith(("literal",) if branch.origin is Literal else (f"{name}[",))
 
 
 def _beyond_limit(code: str, context: Mapping[str, Any], kind: Node | None, raw: Any) -> Words:
     key, words, _ = _LIMITS[code]
-    return Words(f"must be {words} {context[key]:.15g}, got {shown(raw)}", _limits(kind))
+    return Words(f"must be {words} {_figure(context[key])}, got {shown(raw)}", _limits(kind))
 
 
 def _limits(kind: Node | None) -> str | None:
@@ -131,13 +130,18 @@ def _limits(kind: Node | None) -> str | None:
     signs = []
     for key, _, sign in _LIMITS.values():
         signs += [
-            f"{sign} {getattr(m, key):.15g}" for m in kind.metadata if getattr(m, key, None) is not None
+            f"{sign} {_figure(getattr(m, key))}" for m in kind.metadata if getattr(m, key, None) is not None
         ]
     unit = f", in {kind.unit.symbol}" if kind.unit is not None and kind.unit.symbol else ""
     if not signs:
         return None
     number = "a whole number" if kind.annotation is int else "a number"
     return f"{number} {' and '.join(signs)}{unit}"
+
+
+def _figure(limit: float) -> str:
+    """A limit with all digits of a whole number, and those that matter of others."""
+    return str(limit) if isinstance(limit, int) else f"{limit:.15g}"
 
 
 def _allowed(kind: Node | None) -> str | None:
@@ -157,17 +161,37 @@ def _literals(kind: Node) -> list[Any]:
     return list(get_args(kind.annotation)) if kind.origin is Literal else []
 
 
-def _quoted(words: list[str]) -> str:
-    return ", ".join(f'"{word}"' for word in words)
+def _quoted(values: Iterable[Any]) -> str:
+    """Values as the file would write them."""
+    return ", ".join(f'"{value}"' if isinstance(value, str) else shown(value) for value in values)
 
 
-def _brackets(code: str, raw: Any) -> str | None:
-    """The slip of writing [forces] for [[forces]]."""
+def _advice(code: str, kind: Node | None, raw: Any) -> str | None:
+    """What to do about typical slips: [forces] for [[forces]], a number for a vector, 1e3 for 1000."""
+    if code == "tuple_type" and kind is not None and typewalk.is_vector(kind) and _is_number(raw):
+        return f"a vector has three components: [0, {shown(raw)}, 0]"
+    if code == "int_type" and isinstance(raw, float) and raw.is_integer() and abs(raw) < 1e15:
+        return f"write {int(raw)}"
     if code in ("list_type", "tuple_type") and isinstance(raw, dict):
         return "an entry of a list of tables has two brackets: [[name]]"
     if code in ("model_type", "model_attributes_type", "dict_type") and isinstance(raw, list):
         return "a single table has one pair of brackets: [name]"
     return None
+
+
+def one_point(kind: Node | None, raw: Any) -> Words | None:
+    """The slip of writing one point where a list of them is due."""
+    if kind is None or not isinstance(raw, list | tuple) or len(raw) != 3 or not all(map(_is_number, raw)):
+        return None
+    element = typewalk.child(kind, 0, raw)
+    if element is None or not kind.is_list or not typewalk.is_vector(element):
+        return None
+    x, y, z = map(shown, raw)
+    return Words("expected a list of vectors, got one vector", hint=f"write [[{x}, {y}, {z}]]")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _expected(what: str) -> Callable[[Mapping[str, Any], Any], str]:

@@ -14,6 +14,7 @@ from typing import Any
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span, UsageError
 from particlesim.scenario import positions, syntax
 from particlesim.scenario.positions import Place, Positions, Range
+from particlesim.trajectory.places import kind_of
 
 LARGEST_FILE = 8 * 2**20
 """Bytes. Scenarios are kilobytes; particle data belongs into CSV or NPY files that a layout names."""
@@ -176,6 +177,8 @@ def _read_bytes(path: Path, largest: int) -> bytes:
         if path.is_dir():
             raise UsageError(f"{path} is a directory, not a scenario file", _files_in(path))
         with path.open("rb") as file:
+            if kind_of(path) == "device":  # a pipe is welcome: `psim run <(make_scenario)`
+                raise UsageError(f"{path} is a device, not a scenario file", "name a .toml file")
             size = path.stat().st_size
             data = file.read(largest + 1) if size <= largest else b""
     except FileNotFoundError:

@@ -127,7 +127,11 @@ def _defined_twice(text: str, at: int, reason: str) -> Mistake:
     path, first, second = scanned.duplicates[0]
     name = ".".join(str(part) for part in path)
     is_header = second.key is not None and second.value.start < second.key.start
-    hint = f"more entries of a list are written [[{name}]]" if is_header else "keep one of the two"
+    hint = "keep one of the two"
+    if is_header:
+        hint = (
+            f"put all its keys under one [{name}]; only entries of a list, such as [[forces]], are repeated"
+        )
     return Mistake(
         f"{name!r} is defined twice",
         second.key or second.value,

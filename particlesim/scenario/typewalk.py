@@ -10,6 +10,7 @@ from __future__ import annotations
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -55,7 +56,10 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *inner = get_args(annotation)
-            marks = [*inner, *marks]
+            marks = [
+                *chain.from_iterable(m.metadata if isinstance(m, FieldInfo) else [m] for m in inner),
+                *marks,
+            ]
         elif hasattr(annotation, "__value__"):
             annotation = annotation.__value__
         elif get_origin(annotation) in (Union, types.UnionType):
@@ -65,6 +69,12 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
             annotation = branches[0]
         else:
             return Node(annotation, tuple(marks), description)
+
+
+def is_vector(kind: Node) -> bool:
+    """Whether `kind` is a list of exactly three quantities."""
+    arguments = get_args(kind.annotation)
+    return kind.origin is tuple and len(arguments) == 3 and arguments[-1] is not Ellipsis
 
 
 def fields(model: type[BaseModel]) -> dict[str, FieldInfo]:

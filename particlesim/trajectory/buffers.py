@@ -10,13 +10,11 @@ import numpy.typing as npt
 
 
 class BufferPool:
-    """Lends arrays by name and size; at most `limit` bytes lie idle. Safe for threads."""
+    """Lends arrays by name and size. Safe for threads."""
 
-    def __init__(self, limit: int) -> None:
-        self._limit = limit
+    def __init__(self) -> None:
         self._lock = Lock()
         self._idle: dict[str, list[npt.NDArray[Any]]] = {}
-        self._idle_bytes = 0
         self._lent: dict[int, tuple[str, npt.NDArray[Any]]] = {}
 
     def lend(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
@@ -26,8 +24,8 @@ class BufferPool:
             fit = next((i for i, array in enumerate(idle) if len(array) >= shape[0]), None)
             if fit is not None:
                 array = idle.pop(fit)
-                self._idle_bytes -= array.nbytes
             else:
+                idle.clear()  # outgrown
                 # A little larger than asked: counts that grow slowly then find their way back in.
                 array = np.empty((shape[0] + shape[0] // 8 + 1, *shape[1:]), dtype)
             self._lent[id(array)] = (name, array)
@@ -37,7 +35,5 @@ class BufferPool:
         """Take a lent array back; an array from elsewhere is left alone."""
         with self._lock:
             name, array = self._lent.pop(id(view.base), ("", None))
-            if array is None or self._idle_bytes + array.nbytes > self._limit:
-                return
-            self._idle.setdefault(name, []).append(array)
-            self._idle_bytes += array.nbytes
+            if array is not None:
+                self._idle.setdefault(name, []).append(array)

@@ -10,7 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
+from particlesim.trajectory.hdf5 import PATIENCE, open_beside_writer
 from particlesim.trajectory.layout import FORMAT
+from particlesim.trajectory.lock import is_being_written
+from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.superblock import Superblock, read_superblock
 
 _ENDING = ".vtkhdf"
@@ -19,12 +22,18 @@ _ENDING = ".vtkhdf"
 def check_readable(path: Path) -> Superblock:
     """The superblock of a file that may be a trajectory.
 
-    Raises UsageError when `path` is missing, a folder, unreadable, no HDF5 file, or truncated.
+    Raises UsageError when `path` is missing, a folder, a pipe or a device, unreadable, no HDF5 file, or truncated.
     """
-    if path.is_dir():
+    kind = kind_of(path)
+    if kind == "folder":
         raise UsageError(f"{path} is a folder, not a trajectory", _nearby(path, inside=path))
-    if not path.exists():
+    if kind is None:
         raise UsageError(f"there is no file {path}", _nearby(path, inside=path.parent))
+    if kind != "file":
+        raise UsageError(
+            f"{path} is a {kind}, not a trajectory",
+            "A trajectory is read here and there, so it must be a file.",
+        )
     try:
         block = read_superblock(path)
     except OSError as error:
@@ -51,15 +60,17 @@ def open_file(path: Path) -> h5py.File:
     Raises UsageError as `check_readable` does, and when the file is HDF5 but no trajectory of psim.
     """
     block = check_readable(path)
+    written = block.marked and is_being_written(path)
     try:
-        file = h5py.File(path, "r", swmr=block.version >= 3)
+        swmr = block.version >= 3
+        file = open_beside_writer(path, PATIENCE if written else 1) if swmr else h5py.File(path, "r")
     except (OSError, RuntimeError) as error:
         if block.marked:
             raise UsageError(
-                f"{path} is open in another program that writes it, or was when that was killed",
+                f"{path} cannot be opened: another program writes it, or it was damaged when that was killed",
                 "Close that program; `psim inspect --repair` mends a trajectory whose simulation was killed.",
             ) from error
-        raise damaged(path, error) from error
+        raise damaged(path) from error
     try:
         check_format(file, path)
     except BaseException:
@@ -73,7 +84,7 @@ def check_format(file: h5py.File, path: Path) -> None:
     try:
         version = file["psim"].attrs.get("format") if "psim" in file else None
     except (OSError, RuntimeError, KeyError) as error:
-        raise damaged(path, error) from error
+        raise damaged(path) from error
     if version is None:
         raise UsageError(
             f"{path} is HDF5 but no trajectory of psim", "It lacks the group /psim that `psim run` writes."
@@ -84,10 +95,10 @@ def check_format(file: h5py.File, path: Path) -> None:
         )
 
 
-def damaged(path: Path, error: BaseException) -> UsageError:
-    """The error for a file that HDF5 cannot make sense of."""
+def damaged(path: Path, what: str = "its contents cannot be read") -> UsageError:
+    """The error for a file that HDF5 cannot make sense of; its own words go to the error's cause."""
     return UsageError(
-        f"{path} is damaged: {error}", "Was it cut off or changed after the run? Fetch it again."
+        f"{path} is damaged: {what}", "Was it cut off or changed after the run? Fetch it again."
     )
 
 
@@ -96,6 +107,19 @@ def finished_frames(table: h5py.Dataset) -> npt.NDArray[np.void]:
     rows: npt.NDArray[np.void] = table[:]
     valid = rows["number"] == np.arange(1, len(rows) + 1)
     return rows[: len(rows) if valid.all() else int(valid.argmin())]
+
+
+def lies_inside(dataset: h5py.Dataset, start: int, stop: int, size: int) -> bool:
+    """Whether the chunks of the rows [start, stop) lie inside a file of `size` bytes.
+
+    HDF5 reads zeros beyond the end of a file, which only a compressed chunk would betray.
+    """
+    rows, tail = dataset.chunks[0], (0,) * (dataset.ndim - 1)
+    for row in range(start - start % rows, stop, rows):
+        chunk = dataset.id.get_chunk_info_by_coord((row, *tail))
+        if chunk.byte_offset is None or chunk.byte_offset + chunk.size > size:
+            return False
+    return True
 
 
 def _nearby(path: Path, inside: Path) -> str:

@@ -21,9 +21,11 @@ from typing import IO, Any, Literal
 import h5py
 import numpy as np
 import numpy.typing as npt
+from h5py import h5a
 
 from particlesim.trajectory.chunks import Column, compress, cut, padded
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
+from particlesim.trajectory.tables import GrowingTable
 
 # Free space that must remain: the tables of HDF5 itself, status and summary still have to go in.
 _RESERVE = 4 << 20
@@ -86,6 +88,9 @@ class FrameFile:
         try:
             self._bind(fields)
             self._file.swmr_mode = True
+            self._steps = h5a.open(
+                self._file["VTKHDF/Steps"].id, b"NSteps"
+            )  # SWMR begins with no attribute open
         except BaseException:
             self._file.close()
             raise
@@ -97,22 +102,26 @@ class FrameFile:
 
     def _bind(self, fields: Sequence[str]) -> None:
         vtk, psim = self._file["VTKHDF"], self._file["psim"]
-        self._columns = {name: self._file[column_path(name)] for name in fields}
-        self._compressed = self._columns["position"].compression is not None
-        self._rows: int = self._columns["position"].chunks[0]
-        self._steps = vtk["Steps"]
+
+        def table(name: str) -> GrowingTable:
+            return GrowingTable(vtk[name])
+
+        self._columns = {name: GrowingTable(self._file[column_path(name)]) for name in fields}
+        points = self._columns["position"].dataset
+        self._compressed = points.compression is not None
+        self._rows: int = points.chunks[0]
         self._tables = {
-            name: vtk[name] for name in ("NumberOfPoints", "Steps/PointOffsets", "Steps/PartOffsets")
+            name: table(name) for name in ("NumberOfPoints", "Steps/PointOffsets", "Steps/PartOffsets")
         }
         cells = [f"{kind}/{name}" for kind in CELLS for name in ("NumberOfCells", "NumberOfConnectivityIds")]
-        self._filled_in = [vtk[name] for name in ("Steps/NumberOfParts", "Steps/CellOffsets", *cells)]
-        self._topology = [vtk[name] for name in ("Vertices/Connectivity", "Vertices/Offsets")]
-        self._frames = psim["frames"]
-        self._ledger = psim.get("ledger")
-        self._events = {"birth": psim["events/births"], "death": psim["events/deaths"]}
+        self._filled_in = [table(name) for name in ("Steps/NumberOfParts", "Steps/CellOffsets", *cells)]
+        self._topology = [table(name) for name in ("Vertices/Connectivity", "Vertices/Offsets")]
+        self._frames = GrowingTable(psim["frames"])
+        self._ledger = GrowingTable(psim["ledger"]) if "ledger" in psim else None
+        self._events = {kind: GrowingTable(psim[f"events/{kind}s"]) for kind in ("birth", "death")}
         self._broke = {name: entry["broke"] for name, entry in psim["topology"].items() if "broke" in entry}
         self._next_row = 0
-        self._values = vtk["Steps/Values"]
+        self._values = table("Steps/Values")
 
     def append(self, batch: Sequence[Item]) -> None:
         """Write frames and events, in the order given; when this returns, other processes can read them.
@@ -128,7 +137,7 @@ class FrameFile:
         rows: list[tuple[int | float, ...]] = []
         for item in batch:
             if isinstance(item, EventData):
-                _extend(self._events[item.kind], item.rows)
+                self._events[item.kind].extend(item.rows)
             elif isinstance(item, BreakData):
                 self._broke[item.name][item.first : item.first + len(item.times)] = item.times
             else:
@@ -143,25 +152,25 @@ class FrameFile:
         """Write the particles of a frame behind all others; return the frame's row of /psim/frames."""
         offset, self._next_row = self._next_row, self._next_row + padded(frame.count, self._rows)
         for name, column in frame.columns.items():
-            dataset = self._columns[name]
-            dataset.resize(self._next_row, axis=0)
-            self._write_chunks(dataset, offset, column)
+            self._columns[name].grow_to(self._next_row)
+            self._write_chunks(self._columns[name], offset, column)
         self._grow_topology(frame.count)
         births, deaths = len(self._events["birth"]), len(self._events["death"])
         return index + 1, frame.step, frame.time, offset, frame.count, births, deaths
 
-    def _write_chunks(self, dataset: h5py.Dataset, offset: int, column: Column) -> None:
-        """Hand finished chunks to HDF5, past its filters and its cache: one copy, into the page cache."""
-        tail = (0,) * (column.ndim - 1)
+    def _write_chunks(self, table: GrowingTable, offset: int, column: Column) -> None:
+        """Hand finished chunks to HDF5: one copy, into the page cache."""
         pieces = cut(column, self._rows)
         if self._pool is None:
             for start, block in pieces:
-                dataset.id.write_direct_chunk((offset + start, *tail), block)
+                table.put_chunk(offset + start, block)
                 self.bytes_written += block.nbytes
             return
         starts, blocks = zip(*pieces, strict=True) if len(column) else ((), ())
-        for start, data in zip(starts, self._pool.map(compress, blocks), strict=True):
-            dataset.id.write_direct_chunk((offset + start, *tail), data)
+        # A pool costs more than it saves where there is one chunk to compress.
+        finished = self._pool.map(compress, blocks) if len(blocks) > 1 else map(compress, blocks)
+        for start, data in zip(starts, finished, strict=True):
+            table.put_chunk(offset + start, data)
             self.bytes_written += len(data)
 
     def _grow_topology(self, count: int) -> None:
@@ -172,9 +181,9 @@ class FrameFile:
         want = padded(max(count + 1, 2 * have), TOPOLOGY_ROWS)
         for start in range(have, want, TOPOLOGY_ROWS):
             data = compress(np.arange(start, start + TOPOLOGY_ROWS, dtype="<i8"))
-            for dataset in self._topology:
-                dataset.resize(start + TOPOLOGY_ROWS, axis=0)
-                dataset.id.write_direct_chunk((start,), data)
+            for table in self._topology:
+                table.grow_to(start + TOPOLOGY_ROWS)
+                table.put_chunk(start, data)
 
     def _write_tables(self, rows: npt.NDArray[Any], ledger: Sequence[tuple[float, ...]]) -> None:
         """Bookkeeping of new frames; what announces them comes last, behind a flush.
@@ -182,17 +191,17 @@ class FrameFile:
         NSteps grows before Values does: VTK crashes on a file that has more Values than NSteps.
         """
         end = len(self._frames) + len(rows)
-        _extend(self._tables["NumberOfPoints"], rows["count"])
-        _extend(self._tables["Steps/PointOffsets"], rows["offset"])
-        _extend(self._tables["Steps/PartOffsets"], rows["number"] - 1)
-        for dataset in self._filled_in:
-            dataset.resize(end, axis=0)
+        self._tables["NumberOfPoints"].extend(rows["count"])
+        self._tables["Steps/PointOffsets"].extend(rows["offset"])
+        self._tables["Steps/PartOffsets"].extend(rows["number"] - 1)
+        for table in self._filled_in:
+            table.grow_to(end)
         if self._ledger is not None:
-            _extend(self._ledger, np.array(ledger, self._ledger.dtype))
+            self._ledger.extend(np.array(ledger, self._ledger.dataset.dtype))
         self._file.flush()
-        self._steps.attrs.modify("NSteps", np.int64(end))
-        _extend(self._values, rows["time"])
-        _extend(self._frames, rows)
+        self._steps.write(np.array(end, np.int64))
+        self._values.extend(rows["time"])
+        self._frames.extend(rows)
         self._file.flush()
 
     def _check_space(self, nbytes: int) -> None:
@@ -231,7 +240,7 @@ class FrameFile:
         self._file["psim/status"][()] = np.array(status.encode(), STATUS)
         if summary:
             text = json.dumps(dict(summary), ensure_ascii=False).encode()
-            _extend(self._file["psim/summary"], np.frombuffer(text, np.uint8))
+            GrowingTable(self._file["psim/summary"]).extend(np.frombuffer(text, np.uint8))
         self._file.flush()
 
     def _detach(self, status: str) -> None:
@@ -252,13 +261,6 @@ class FrameFile:
 def _memory_file() -> IO[bytes]:
     """An unnamed file in memory: the disk may be full."""
     return os.fdopen(os.memfd_create("trajectory"), "w+b")
-
-
-def _extend(dataset: h5py.Dataset, values: npt.NDArray[Any]) -> None:
-    """Append rows to a growing dataset."""
-    start = len(dataset)
-    dataset.resize(start + len(values), axis=0)
-    dataset[start:] = values
 
 
 def event_rows(ids: npt.ArrayLike, times: npt.ArrayLike, causes: npt.ArrayLike) -> npt.NDArray[Any]:

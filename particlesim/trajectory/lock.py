@@ -9,6 +9,7 @@ minute is taken to be in use.
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 import sys
@@ -25,17 +26,31 @@ class WriterLock:
     def __init__(self) -> None:
         self._descriptor: int | None = None
 
-    def acquire(self, path: Path) -> None:
-        """Mark `path` as being written. On file systems without locks, quietly do without."""
+    def acquire(self, path: Path) -> bool:
+        """Mark `path` as being written; False if another process has done so.
+
+        On file systems without locks, quietly do without.
+        """
         if sys.platform != "linux":
-            return
+            return True
         import fcntl
 
         self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         try:
             fcntl.fcntl(self._descriptor, fcntl.F_OFD_SETLK, _request(fcntl.F_WRLCK))
-        except OSError:
+        except OSError as error:
             self.release()
+            return error.errno not in (errno.EAGAIN, errno.EACCES)
+        return True
+
+    def holds(self, path: Path) -> bool:
+        """Whether the file that is locked is still the one at `path`; so it is where there are no locks."""
+        if self._descriptor is None:
+            return True
+        try:
+            return os.path.samestat(os.fstat(self._descriptor), path.stat())
+        except FileNotFoundError:
+            return False
 
     def release(self) -> None:
         """Give the lock back; harmless when it is not held."""

@@ -15,10 +15,11 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
-from particlesim.trajectory.files import damaged, finished_frames, open_file
+from particlesim.trajectory.files import damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.layout import column_path
 from particlesim.trajectory.lock import is_being_written
+from particlesim.trajectory.superblock import read_superblock
 from particlesim.trajectory.topology import Topology, read_topology
 
 Array = npt.NDArray[Any]
@@ -57,9 +58,12 @@ class Trajectory(Sequence[Frame]):
         try:
             self._read_header()
             self._read_frames()
-        except (OSError, RuntimeError, KeyError, ValueError) as error:
+        except UsageError:
             self._file.close()
-            raise damaged(path, error) from error
+            raise
+        except Exception as error:  # what h5py raises on damaged metadata is of many kinds
+            self._file.close()
+            raise damaged(path) from error
 
     def _read_header(self) -> None:
         psim = self._file["psim"]
@@ -76,14 +80,16 @@ class Trajectory(Sequence[Frame]):
         looks in the opposite order: what it knows of is there.
         """
         self.status = self._read_status()
-        rows = finished_frames(self._fresh("psim/frames"))
+        self._cut_off = self._end_if_cut_off()
+        rows = finished_frames(self._whole(self._fresh("psim/frames")))
         for dataset in self._columns.values():
             dataset.refresh()
+        self._check_places(rows)
         self._rows = rows
         self.times, self.steps, self.counts = (rows[name].copy() for name in ("time", "step", "count"))
         self.ledger = {}
         if "psim/ledger" in self._file:
-            ledger = self._fresh("psim/ledger")[: len(rows)]
+            ledger = self._whole(self._fresh("psim/ledger"))[: len(rows)]
             self.ledger = {name: ledger[name].copy() for name in ledger.dtype.names}
         self.summary = json.loads(self._fresh("psim/summary")[:].tobytes() or b"{}")
 
@@ -95,6 +101,30 @@ class Trajectory(Sequence[Frame]):
             if status == "running":
                 return "interrupted"
         return str(status)
+
+    def _end_if_cut_off(self) -> int | None:
+        """The size of a file that lacks something at its end, as HDF5 would read zeros there; None if it is whole.
+
+        Only a killed writer's file gets here so: a file in use is still growing, and `open_file` refuses others.
+        """
+        block, size = read_superblock(self.path), self.path.stat().st_size
+        return size if self.status != "running" and block is not None and block.end > size else None
+
+    def _whole(self, table: h5py.Dataset) -> h5py.Dataset:
+        """A table all of whose rows are in the file. Raises UsageError if it is cut off."""
+        if self._cut_off is not None and not lies_inside(table, 0, len(table), self._cut_off):
+            raise damaged(self.path, f"it is cut off within its tables, after {self._cut_off} bytes")
+        return table
+
+    def _check_places(self, rows: Array) -> None:
+        """Raise UsageError for rows of /psim/frames that lead outside of the file's columns."""
+        length = min(len(column) for column in self._columns.values())
+        wrong = (rows["offset"] < 0) | (rows["count"] < 0) | (rows["count"] > length)
+        wrong |= (rows["offset"] > length - rows["count"]) | (np.diff(rows["step"], prepend=-1) < 0)
+        for kind in ("births", "deaths"):
+            wrong |= (rows[kind] < 0) | (rows[kind] > len(self._fresh(f"psim/events/{kind}")))
+        if wrong.any():
+            raise damaged(self.path, f"its table of frames makes no sense at frame {int(wrong.argmax())}")
 
     def _fresh(self, name: str) -> h5py.Dataset:
         """A dataset as it is in the file now."""
@@ -108,8 +138,10 @@ class Trajectory(Sequence[Frame]):
         self._topology = None
         try:
             self._read_frames()
-        except (OSError, RuntimeError, KeyError, ValueError) as error:
-            raise damaged(self.path, error) from error
+        except UsageError:
+            raise
+        except Exception as error:
+            raise damaged(self.path) from error
 
     @property
     def scenario(self) -> str:
@@ -131,8 +163,8 @@ class Trajectory(Sequence[Frame]):
             file = self._open_file()
             try:
                 self._topology = read_topology(file)
-            except (OSError, RuntimeError, KeyError, ValueError) as error:
-                raise damaged(self.path, error) from error
+            except Exception as error:
+                raise damaged(self.path, "its springs and surfaces cannot be read") from error
         return self._topology
 
     def __len__(self) -> int:
@@ -172,12 +204,18 @@ class Trajectory(Sequence[Frame]):
         self._open_file()
         offset, count = int(self._rows["offset"][index]), int(self._rows["count"][index])
         start, stop = (offset, offset + count) if row is None else (offset + row, offset + row + 1)
+        column = self._columns[field]
+        what = f"{field!r} of frame {index} cannot be read"
         try:
-            values: Array = self._columns[field][start:stop]
-        except (OSError, RuntimeError) as error:
-            raise damaged(self.path, error) from error
+            if self._cut_off is not None and not lies_inside(column, start, stop, self._cut_off):
+                raise damaged(self.path, f"it is cut off, {what}")
+            values: Array = column[start:stop]
+        except UsageError:
+            raise
+        except Exception as error:
+            raise damaged(self.path, what) from error
         if len(values) != stop - start:
-            raise damaged(self.path, ValueError(f"frame {index} of field {field!r} is incomplete"))
+            raise damaged(self.path, what)
         return values
 
     def frame_at(self, time: float) -> Frame:
@@ -221,11 +259,16 @@ class Trajectory(Sequence[Frame]):
         """
         if kind not in ("birth", "death"):
             raise unknown_name("kind of event", kind, ("birth", "death"))
-        table = self._open_file()[f"psim/events/{kind}s"]
-        table.refresh()
+        self._open_file()
         known = int(self._rows[f"{kind}s"][-1]) if len(self) else 0
-        rows = table[:known]
-        causes, names = rows["cause"], json.loads(table.attrs["causes"])
+        try:
+            table = self._whole(self._fresh(f"psim/events/{kind}s"))
+            rows = table[:known]
+            causes, names = rows["cause"], json.loads(table.attrs["causes"])
+        except UsageError:
+            raise
+        except Exception as error:
+            raise damaged(self.path, f"its {kind}s cannot be read") from error
         if len(rows) and int(causes.max()) < len(names):
             causes = np.array(names)[causes]
         return {"id": rows["id"].copy(), "time": rows["time"].copy(), "cause": causes}
@@ -242,7 +285,10 @@ class Trajectory(Sequence[Frame]):
 
     def _open_file(self) -> h5py.File:
         if not self._file:
-            raise UsageError(f"{self.path} has been closed", "Use the trajectory inside its `with` block.")
+            raise UsageError(
+                f"{self.path} has been closed",
+                "Use the trajectory and its frames inside the `with` block; fields that a frame has loaded there stay.",
+            )
         return self._file
 
     def __enter__(self) -> Self:

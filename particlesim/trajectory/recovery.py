@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import h5py
@@ -47,15 +48,18 @@ def recover(path: Path) -> bool:
         with open_file(path) as file:
             if not (check_readable(path).marked or _unfinished(file)):
                 return False
-    except (OSError, RuntimeError, KeyError) as error:
-        raise damaged(path, error) from error
+    except UsageError:
+        raise
+    except Exception as error:  # what h5py raises on damaged metadata is of many kinds
+        raise damaged(path) from error
     try:
         if check_readable(path).marked:
             clear_mark(path)
         file = h5py.File(path, "r+", libver=LIBVER)
     except OSError as error:
         raise UsageError(
-            f"{path} cannot be opened to repair it: {error}",
+            f"{path} cannot be opened to repair it"
+            + (f": {os.strerror(error.errno)}" if error.errno else ""),
             "Is it open in another program, or are you not allowed to change it? Repair a copy.",
         ) from error
     try:
@@ -63,8 +67,8 @@ def recover(path: Path) -> bool:
             _cut_back(file)
             if file["psim/status"][()] == b"running":
                 file["psim/status"][()] = np.array(b"interrupted", STATUS)
-    except (OSError, RuntimeError, KeyError) as error:
-        raise damaged(path, error) from error
+    except Exception as error:
+        raise damaged(path) from error
     return True
 
 

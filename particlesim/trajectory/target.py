@@ -6,14 +6,18 @@ import errno
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from particlesim.errors import InputOutputError, OutputExistsError, UsageError
+from particlesim.trajectory.places import check_name_length, kind_of
 
 ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
 """Endings of trajectories; ParaView knows the first."""
+
+_STEM = 24
+"""Characters of a name that its temporary name begins with; so that it is not too long where the name itself is not."""
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
@@ -21,14 +25,16 @@ def check_target(path: Path, *, overwrite: bool) -> None:
 
     Raises UsageError.
     """
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder", "Give the name of a file to write.")
-    if path.exists() and not overwrite:
+    kind = kind_of(path)
+    if kind not in (None, "file"):
+        raise UsageError(f"{path} is a {kind}", "Give the name of a file to write.")
+    if kind is not None and not overwrite:
         raise OutputExistsError(path)
     folder = path.parent
-    while not folder.exists() and folder != folder.parent:
+    while (kind := kind_of(folder)) is None and folder != folder.parent:
         folder = folder.parent  # what is missing will be made there
-    if not folder.is_dir():
+    check_name_length(path, folder)
+    if kind != "folder":
         raise UsageError(f"{folder} is no folder", "A file is in the way; choose another place to write to.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise UsageError(
@@ -46,20 +52,36 @@ def check_trajectory_name(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, put: Callable[[Path, Path], None] = os.replace) -> Iterator[Path]:
     """A temporary name beside `path`; the file written there becomes `path` if the block ends without error.
 
-    Missing folders are made. Whatever goes wrong, `path` is as it was and no partial file stays. OSError is raised as
-    InputOutputError.
+    `put(temporary, path)` puts it in its place. Missing folders are made. Whatever goes wrong, `path` is as it was and
+    no partial file stays. OSError is raised as InputOutputError.
     """
     temporary = _temporary_name(path)
     try:
         yield temporary
-        temporary.replace(path)
+        put(temporary, path)
     except OSError as error:
         raise write_error(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def put_new(temporary: Path, path: Path) -> None:
+    """Give the file `temporary` the name `path`, unless something has it already: of two processes that want the same
+    name, one gets it. Raises UsageError for the other.
+    """
+    try:
+        os.link(temporary, path)
+    except FileExistsError:
+        raise OutputExistsError(path) from None
+    except OSError:  # a file system without hard links
+        try:
+            path.open("xb").close()
+        except FileExistsError:
+            raise OutputExistsError(path) from None
+        temporary.replace(path)
 
 
 def write_error(path: Path, error: BaseException) -> InputOutputError:
@@ -72,8 +94,11 @@ def write_error(path: Path, error: BaseException) -> InputOutputError:
         )
     # HDF5 puts the system's message into a long text of file positions.
     inside = re.search(r"error message = '([^']*)'", text)
-    reason = getattr(error, "strerror", None) or (inside[1] if inside else text)
-    return InputOutputError(f"writing {path} failed: {reason}", "What was finished before is kept.")
+    number = getattr(error, "errno", None)
+    reason = os.strerror(number) if number else inside[1] if inside else None
+    return InputOutputError(
+        f"writing {path} failed" + (f": {reason}" if reason else ""), "What was finished before is kept."
+    )
 
 
 def _temporary_name(path: Path) -> Path:
@@ -81,7 +106,7 @@ def _temporary_name(path: Path) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(
-            prefix=f".{path.name}.", suffix=".part" + path.suffix, dir=path.parent
+            prefix=f".{path.stem[:_STEM]}.", suffix=".part" + path.suffix[:_STEM], dir=path.parent
         )
     except OSError as error:
         raise write_error(path, error) from error

@@ -1,10 +1,13 @@
-"""Record a trajectory while a simulation runs: frames are queued, one background thread writes them."""
+"""Record a trajectory while a simulation runs: a background thread writes one frame while the next is computed.
+
+No more than one frame is on its way: a process that is killed loses that one at most.
+"""
 
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Thread
 from types import TracebackType
@@ -28,11 +31,8 @@ from particlesim.trajectory.frame_file import (
 from particlesim.trajectory.layout import STATES, create_file
 from particlesim.trajectory.lock import WriterLock, is_being_written
 from particlesim.trajectory.superblock import clear_mark, read_superblock
-from particlesim.trajectory.target import check_target, replacing, write_error
+from particlesim.trajectory.target import check_target, put_new, replacing, write_error
 from particlesim.trajectory.topology import Topology
-
-# Small frames share a flush. No more of them: when a write fails, those of its batch are lost.
-_BATCH_BYTES = 256 << 10
 
 
 class TrajectoryWriter:
@@ -42,7 +42,7 @@ class TrajectoryWriter:
     counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
     key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
     largest count expected in a frame; it only chooses how the file is cut (`chunks`). topology: springs and
-    surfaces, of names of their own. queue_bytes: how much may wait to be written before `append` waits.
+    surfaces, of names of their own.
 
     The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
     path that exists (unless `overwrite`) or cannot be written.
@@ -59,7 +59,6 @@ class TrajectoryWriter:
         precision: Precision = "single",
         compression: Literal["gzip", "none"] = "gzip",
         overwrite: bool = False,
-        queue_bytes: int = 256 << 20,
         causes: Sequence[str] = (),
         particles_hint: int = 8192,
         topology: Sequence[Topology] = (),
@@ -71,6 +70,7 @@ class TrajectoryWriter:
         check_target(self.path, overwrite=overwrite)
         _refuse_file_in_use(self.path)
         self._lock = WriterLock()
+        self._overwrite = overwrite
         self._create(
             fields=tuple(self._fields.values()),
             groups=groups,
@@ -84,17 +84,17 @@ class TrajectoryWriter:
         )
         self._broke = {each.name: np.array(each.broke, float) for each in topology if each.breakable}
 
-        self._queue: deque[Item] = deque()
-        self._queue_limit = queue_bytes
-        self._queued_bytes = 0
+        self._pending: list[Item] = []  # events that belong to the next frame
+        self._waiting: list[Item] = []  # a frame with its events, for the thread to take
+        self._writing = False
         self._changed = Condition()
         self._ending = False
         self._closed = False
         self._error: BaseException | None = None
         self._frames_written = 0
         self._last_time: float | None = None
-        self._buffers = BufferPool(queue_bytes)
-        self._thread = Thread(target=self._write_queue, name="trajectory writer", daemon=True)
+        self._buffers = BufferPool()
+        self._thread = Thread(target=self._write_frames, name="trajectory writer", daemon=True)
         self._thread.start()
 
     def _create(self, **layout: Any) -> None:
@@ -104,7 +104,7 @@ class TrajectoryWriter:
         it is opened afterwards.
         """
         try:
-            with replacing(self.path) as temporary:
+            with replacing(self.path, put_replacing if self._overwrite else put_new) as temporary:
                 create_file(temporary, **layout)
                 if os.name == "posix":
                     self._open(temporary)
@@ -144,10 +144,10 @@ class TrajectoryWriter:
     def append(
         self, time: float, step: int, columns: Mapping[str, npt.NDArray[Any]], ledger: Mapping[str, float]
     ) -> None:
-        """Queue the frame at `time` [s].
+        """Hand over the frame at `time` [s] as soon as the one before it is in the file.
 
         `columns` has every recorded field, in the stored type, [n] or [n, 3]. The arrays belong to the writer
-        from here on. Waits while the queue is full. Raises UsageError when columns or ledger are not what the
+        from here on. Raises UsageError when columns or ledger are not what the
         file was made for, InputOutputError when an earlier frame could not be written (disk full, device
         error); frames before it are kept.
         """
@@ -156,36 +156,40 @@ class TrajectoryWriter:
             raise UsageError(f"the ledger has {sorted(ledger)}, the file expects {sorted(self._ledger)}")
         row = tuple(float(ledger[name]) for name in self._ledger)
         ordered = {name: columns[name] for name in self._fields}
-        self._put(FrameData(float(time), int(step), ordered, row))
+        self._check_open()
+        self._hand_over([*self._pending, FrameData(float(time), int(step), ordered, row)])
+        self._pending = []
 
     def events(
         self, kind: EventKind, ids: npt.ArrayLike, times: npt.ArrayLike, causes: npt.ArrayLike
     ) -> None:
-        """Queue births or deaths: particle ids, times [s] and cause codes (0 to 255), each [n].
+        """Note births or deaths: particle ids, times [s] and cause codes (0 to 255), each [n].
 
         times and causes may be one value for all. The events belong to the frame that is appended next.
         Raises as `append` does.
         """
+        self._check_open()
         rows = event_rows(ids, times, causes)
         if len(rows):
-            self._put(EventData(kind, rows))
+            self._pending.append(EventData(kind, rows))
 
     def breaks(self, name: str, broke: npt.NDArray[np.float64]) -> None:
-        """Queue when the springs of a set broke [s], infinity for those that hold, shape [springs].
+        """Note when the springs of a set broke [s], infinity for those that hold, shape [springs].
 
         What the writer knows already costs nothing. Raises as `append` does.
         """
         if name not in self._broke:
             raise unknown_name("set of springs that can break", name, self._broke)
+        self._check_open()
         known = self._broke[name]
         changed = np.flatnonzero(broke != known)
         if len(changed):
             first, last = int(changed[0]), int(changed[-1]) + 1
             known[first:last] = broke[first:last]
-            self._put(BreakData(name, first, known[first:last].copy()))
+            self._pending.append(BreakData(name, first, known[first:last].copy()))
 
     def close(self, status: str = "complete", summary: Mapping[str, float | int | str] | None = None) -> None:
-        """Write what is queued, then how the run ended, and close. Calling it again does nothing.
+        """Finish the last frame, write how the run ended, and close. Calling it again does nothing.
 
         status: one of "complete", "interrupted", "diverged", "failed". Raises InputOutputError when a frame
         could not be written; the file then says "failed".
@@ -216,24 +220,19 @@ class TrajectoryWriter:
         except Exception as second:
             error.add_note(f"closing the trajectory failed too: {second}")
 
-    def _put(self, item: Item) -> None:
+    def flush(self) -> None:
+        """Wait until every frame that was appended is in the file. Raises as `append` does."""
         with self._changed:
-            if self._closed or self._ending:
-                raise UsageError(f"{self.path} is closed", "Append before close().")
-            # One item always goes in, however large, else a frame beyond the limit would wait for ever.
-            self._changed.wait_for(
-                lambda: (
-                    self._error is not None
-                    or not self._queue
-                    or self._queued_bytes + item.nbytes <= self._queue_limit
-                )
-            )
+            self._changed.wait_for(lambda: self._error is not None or not (self._waiting or self._writing))
             self._raise_error()
-            self._queue.append(item)
-            self._queued_bytes += item.nbytes
+
+    def _hand_over(self, batch: list[Item]) -> None:
+        with self._changed:
+            self.flush()
+            self._waiting = batch
             self._changed.notify_all()
 
-    def _write_queue(self) -> None:
+    def _write_frames(self) -> None:
         """The background thread. After an error it stops; the error waits for the next append or close."""
         while batch := self._next_batch():
             try:
@@ -241,24 +240,20 @@ class TrajectoryWriter:
             except Exception as error:
                 with self._changed:
                     self._error = error
-                    self._queue.clear()
                     self._changed.notify_all()
                 return
             self._release(batch)
 
     def _next_batch(self) -> list[Item]:
-        """What is queued, up to a limit, so that many small frames share a flush; empty at the end."""
+        """The frame that waits, with its events; empty at the end."""
         with self._changed:
-            self._changed.wait_for(lambda: bool(self._queue) or self._ending)
-            batch: list[Item] = []
-            size = 0
-            while self._queue and (not batch or size + self._queue[0].nbytes <= _BATCH_BYTES):
-                batch.append(self._queue.popleft())
-                size += batch[-1].nbytes
+            self._changed.wait_for(lambda: bool(self._waiting) or self._ending)
+            batch, self._waiting = self._waiting, []
+            self._writing = bool(batch)
             return batch
 
     def _release(self, batch: Sequence[Item]) -> None:
-        """Count a written batch and take its memory back."""
+        """Count a written frame and take its memory back."""
         frames = [item for item in batch if isinstance(item, FrameData)]
         for frame in frames:
             for column in frame.columns.values():
@@ -267,8 +262,12 @@ class TrajectoryWriter:
             self._frames_written += len(frames)
             if frames:
                 self._last_time = frames[-1].time
-            self._queued_bytes -= sum(item.nbytes for item in batch)
+            self._writing = False
             self._changed.notify_all()
+
+    def _check_open(self) -> None:
+        if self._closed or self._ending:
+            raise UsageError(f"{self.path} is closed", "Append before close().")
 
     def _finish(self, status: str, summary: Mapping[str, Any] | None) -> None:
         """Close the file, and make it readable whatever happened."""
@@ -314,12 +313,39 @@ def _repair_header(path: Path) -> None:
         pass
 
 
+def put_replacing(temporary: Path, path: Path) -> None:
+    """Give `temporary` the name `path` and let go of the file that had it, unless a simulation is writing that.
+
+    The old file is locked while it is replaced: of two processes that replace it at the same time, one wins. Raises
+    UsageError for the other.
+    """
+    while True:
+        old = WriterLock()
+        try:
+            if not old.acquire(path):
+                raise _in_use(path)
+            if old.holds(path):
+                temporary.replace(path)
+                return
+        except FileNotFoundError:
+            with suppress(UsageError):  # somebody was faster: look at that file
+                put_new(temporary, path)
+                return
+        except PermissionError:  # no file of ours, so no simulation of ours writes it
+            temporary.replace(path)
+            return
+        finally:
+            old.release()
+
+
 def _refuse_file_in_use(path: Path) -> None:
     """Replacing a file that a simulation is writing would lose that simulation's output without a word."""
     if not path.exists():
         return
     block = read_superblock(path)
     if block is not None and block.marked and is_being_written(path):
-        raise UsageError(
-            f"{path} is being written by a running simulation", "Choose another name, or stop it."
-        )
+        raise _in_use(path)
+
+
+def _in_use(path: Path) -> UsageError:
+    return UsageError(f"{path} is being written by a running simulation", "Choose another name, or stop it.")

@@ -21,7 +21,7 @@ from psim import complete
 from psim.options import parse_frames
 from psim.talk import duration, rate
 
-from .conftest import REPOSITORY, environment, files, real
+from .conftest import REPOSITORY, TINY, Ended, environment, files, real
 
 COMMANDS = (
     "run",
@@ -354,3 +354,31 @@ def test_check_and_run_tell_of_steps_that_are_too_long(psim):
     ended = psim("run", "pair.toml", *beyond)
     assert ended.err.count("beyond the largest stable step") == 1
     assert "beyond" in psim("run", "pair.toml", "--json", "--force", *beyond).json["warnings"][0]
+
+
+def test_check_quietly(psim):
+    assert psim("check", "tiny.toml", "--quiet") == Ended(0, "", "")
+    Path("bad.toml").write_text("nonsense")
+    ended = psim("check", "-q", "tiny.toml", "bad.toml")
+    assert (ended.code, ended.out) == (2, "")
+    assert "bad.toml:1" in ended.err
+
+
+def test_many_names_are_cut_short(psim):
+    forces = "".join('\n[[forces]]\ntype = "gravity"\nacceleration = [0, 0, 0]\n' for _ in range(40))
+    Path("many.toml").write_text(TINY + forces)
+    ended = psim("check", "many.toml")
+    assert "gravity_12 and 29 more" in ended.out
+    assert "gravity_13" not in ended.out
+    assert len(psim("check", "many.toml", "--json").json[0]["forces"]) == 41
+
+
+def test_a_path_with_spaces_is_quoted_where_it_is_to_be_copied(psim):
+    assert "psim run 'my scene.toml' --video" in psim("new", "my scene").err
+
+
+def test_sizes_in_words():
+    from particlesim.bounds import size
+
+    words = [size(b) for b in (0, 999, 1000, 2.5e6, 1e15, 2e18, 4e24)]
+    assert words == ["0 B", "999 B", "1.0 kB", "2.5 MB", "1.0 PB", "2.0 EB", "4e+06 EB"]

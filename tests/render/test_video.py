@@ -136,14 +136,14 @@ def test_failing_ffmpeg_is_quoted_and_leaves_nothing(cloud, settings, tmp_path, 
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(fake))
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(InputOutputError, match="No space left on device"):
+    with pytest.raises(InputOutputError, match="the disk is full"):
         render_video(cloud, folder / "a.mp4", settings)
     assert not list(folder.iterdir())
 
 
 def test_positions_that_are_not_finite_are_reported(settings, tmp_path):
     report = render_video(single([[np.nan, 0, 0], [0, 1, 0]]), tmp_path / "a.png", settings)
-    assert any("1 positions are not finite" in warning for warning in report.warnings)
+    assert any("1 position is not finite" in warning for warning in report.warnings)
 
 
 def test_numbers_of_files():

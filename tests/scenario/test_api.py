@@ -30,8 +30,8 @@ def test_dir_shows_what_is_for_users() -> None:
 def test_run_takes_a_path(file: Path, tmp_path: Path) -> None:
     result = ps.run(str(file), tmp_path / "ball.vtkhdf", threads=np.int64(1))
     assert result.scenario == ps.load(file)
-    assert repr(result) == f"<Result: 3 frames in '{tmp_path}/ball.vtkhdf', 1 particles at t = 1 s>"
-    assert repr(ps.run(file)) == "<Result: 3 frames, 1 particles at t = 1 s>"
+    assert repr(result) == f"<Result: 3 frames in '{tmp_path}/ball.vtkhdf', to t = 1 s>"
+    assert repr(ps.run(file)) == "<Result: 3 frames, to t = 1 s>"
 
 
 def test_arguments_of_the_wrong_kind(file: Path) -> None:

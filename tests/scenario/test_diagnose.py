@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import particlesim as ps
 from particlesim.crossfield import Invalid
 from particlesim.errors import Diagnostic, ScenarioError
 from particlesim.scenario.diagnose import MOST_SHOWN, scenario_error
@@ -347,3 +348,28 @@ def test_any_data_gives_a_scenario_or_a_scenario_error(raw: dict[str, object]) -
         assert error.diagnostics  # noqa: PT017
         assert "function-" not in str(error)  # noqa: PT017
         assert "Input should" not in str(error)  # noqa: PT017
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("format=2", "unknown value 2 (allowed: 1)"),
+        ("simulation.duraton=1", 'did you mean "duration"?'),
+        ("simulation.seed=1e3", "write 1000"),
+        ("simulation.seed=-1", "(allowed: a whole number ≥ 0 and ≤ 9223372036854775807)"),
+        ("particles.ball.layout.position=[0, 1, 0]", "write [[0, 1, 0]]"),
+        ("forces.gravity.acceleration=-9.81", "a vector has three components: [0, -9.81, 0]"),
+        ("impulses=[{at=[], impulse=[1, 0, 0]}]", "must have at least 1 element, got 0"),
+        ("render.size=[8, 48]", "(allowed: a whole number ≥ 16 and ≤ 8192)"),
+    ],
+)
+def test_slips_get_the_advice_that_mends_them(setting, words):
+    text = """\
+simulation = { duration = 1, dt = 0.1 }
+particles = [{ name = "ball", layout = { type = "points", position = [[0, 1, 0]] } }]
+forces = [{ type = "gravity" }]
+"""
+    with pytest.raises(ScenarioError) as caught:
+        ps.loads(text, [setting])
+    assert words in str(caught.value)
+    assert len(caught.value.diagnostics) == 1

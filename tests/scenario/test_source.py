@@ -1,6 +1,7 @@
 """Reading: every unusable file and every text that is no TOML ends in an error that says what to do."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -52,9 +53,14 @@ def test_100_megabytes_are_refused_unread(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_stream_without_size_is_bounded() -> None:
-    if not Path("/dev/zero").exists():
-        pytest.skip("no /dev/zero here")
-    with pytest.raises(UsageError, match="at most 8 MiB"):
+    endless = subprocess.Popen(["cat", "/dev/zero"], stdout=subprocess.PIPE)
+    assert endless.stdout is not None
+    with endless, pytest.raises(UsageError, match="at most 8 MiB"):
+        read_source(f"/dev/fd/{endless.stdout.fileno()}")
+
+
+def test_a_device_is_told_as_such() -> None:
+    with pytest.raises(UsageError, match="/dev/zero is a device"):
         read_source("/dev/zero")
 
 

@@ -134,7 +134,7 @@ def test_an_error_of_the_thread_comes_up_once_and_nothing_hangs(tmp_path, synthe
     def fail(*_):
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    writer = synthetic.open_writer(tmp_path / "a.vtkhdf", queue_bytes=1000)
+    writer = synthetic.open_writer(tmp_path / "a.vtkhdf")
     writer.append(0, 0, synthetic.columns(0, 400), synthetic.ledger(0))
     while not writer.frames_written:
         time.sleep(0.001)

@@ -1,5 +1,6 @@
 """Outputs that exist or cannot be written, inputs that are no trajectories: clear errors, nothing harmed."""
 
+import errno
 import shutil
 
 import h5py
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from particlesim.errors import InputOutputError, UsageError
-from particlesim.trajectory import layout, reader, target
+from particlesim.trajectory import layout, reader, target, writer
 from particlesim.trajectory.describe import describe
 from particlesim.trajectory.fields import FIELDS, component, component_names
 from particlesim.trajectory.recovery import recover
@@ -57,6 +58,57 @@ def test_folders_are_made_and_bad_places_refused(tmp_path, synthetic, monkeypatc
     monkeypatch.setattr(target.os, "access", lambda *_: False)  # root may write anywhere
     with pytest.raises(UsageError, match="cannot write into"):
         synthetic.open_writer(tmp_path / "b.vtkhdf")
+
+
+def test_of_two_runs_to_the_same_new_file_one_gets_it(tmp_path, synthetic, monkeypatch):
+    """Both have looked, and nothing was there: the look alone must not decide."""
+    path = tmp_path / "a.vtkhdf"
+    monkeypatch.setattr(writer, "check_target", lambda *_, **__: None)
+    monkeypatch.setattr(writer, "_refuse_file_in_use", lambda *_: None)
+    with synthetic.open_writer(path) as first:
+        with pytest.raises(UsageError, match="exists"):
+            synthetic.open_writer(path)
+        with pytest.raises(UsageError, match="being written"):
+            synthetic.open_writer(path, overwrite=True)
+        first.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [5])
+    with pytest.raises(UsageError, match="exists"):
+        synthetic.open_writer(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.vtkhdf"]
+
+
+def test_two_runs_that_replace_the_same_file(tmp_path, synthetic, monkeypatch):
+    """The second comes while the first is between making its file and putting it in its place."""
+    path = synthetic.record(tmp_path / "a.vtkhdf", [3])
+    inner = []
+
+    def late(temporary, target, put=writer.put_replacing):
+        if not inner:
+            inner.append(None)
+            inner[0] = synthetic.open_writer(path, overwrite=True)
+        put(temporary, target)
+
+    monkeypatch.setattr(writer, "put_replacing", late)
+    with pytest.raises(UsageError, match="being written"):
+        synthetic.open_writer(path, overwrite=True)
+    with inner[0] as first:
+        first.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [5])
+
+
+def test_a_new_file_without_hard_links(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(target.os, "link", refuse)
+    for name in ("one", "two"):
+        (tmp_path / name).write_text(name)
+    target.put_new(tmp_path / "one", tmp_path / "a")
+    with pytest.raises(UsageError, match="exists"):
+        target.put_new(tmp_path / "two", tmp_path / "a")
+    assert (tmp_path / "a").read_text() == "one"
 
 
 def test_wrong_columns_are_refused(tmp_path, synthetic):

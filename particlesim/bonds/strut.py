@@ -1,0 +1,36 @@
+"""Struts: springs that push when they are shorter than their rest length, and do nothing else.
+
+    f on 1 = −k (|l| − L₀) e − c ((v₁ − v₂)·e) e  where |l| < L₀, else 0,   U = ½ k (L₀ − |l|)² there
+
+with l = x₁ − x₂, e = l/|l|. With the sum of two radii as rest length this is elastic contact of two balls. Coincident ends
+have no direction and feel nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from particlesim.bonds.spring import Pair
+from particlesim.laws import bond_force, bond_potential, law
+
+
+class StrutRecord(NamedTuple):
+    """A spring that only pushes."""
+
+
+@law(bond_force, StrutRecord)
+def strut_force(f: StrutRecord, b: Pair) -> tuple[float, float, float]:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    inverse = length / square if 0 < length < b.rest else square - square
+    along = (b.vx * b.x + b.vy * b.y + b.vz * b.z) * inverse
+    s = -(b.k * (length - b.rest) + b.c * along) * inverse
+    return s * b.x, s * b.y, s * b.z
+
+
+@law(bond_potential, StrutRecord)
+def strut_potential(f: StrutRecord, b: Pair) -> float:
+    stretch = min(np.sqrt(b.x * b.x + b.y * b.y + b.z * b.z) - b.rest, 0.0)
+    return 0.5 * b.k * stretch * stretch
