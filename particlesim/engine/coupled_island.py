@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from particlesim.bonds import BondSet, record_of
 from particlesim.engine.bonding import Bonds, Breaking
+from particlesim.engine.booking import Opened, SpringBooks, spans
+from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.contact import Simple
 from particlesim.engine.coupled import (
     Part,
     Share,
@@ -86,6 +89,12 @@ class CoupledIsland:
         if isinstance(self._method, ImplicitMethod):
             self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
+        self.books = Books(scenario, island, dtype) if scenario.output.work else None
+        self._booking = (
+            None
+            if self.books is None
+            else SpringBooks(self.books, island, bounds, self._driven, self._forces_in)
+        )
         self._kept: list[NDArray[Any]] = []
         self.kept_from = 0
 
@@ -226,7 +235,7 @@ class CoupledIsland:
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
-        return last
+        return last if self._booking is None else min(first + 1, last)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
@@ -235,6 +244,7 @@ class CoupledIsland:
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         self._keep(first)
+        opened = self._open(first)
         done = [0] * len(shares)
 
         def work(k: int) -> None:
@@ -245,10 +255,47 @@ class CoupledIsland:
 
         team.each(work, len(shares))
         if done[0] == steps:
+            self._close(opened, last)
             return None, None, None
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
             return None, None, self._unsolved(first + done[0])
         return None, None, self._find(first + done[0])
+
+    def _open(self, step: int) -> Opened | None:
+        """The state at the beginning of a step whose work is booked; None where none is."""
+        if self.books is None:
+            return None
+        columns = _with(self.island_columns(), self.bonds, [column.copy() for column in self._kept])[0]
+        begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
+        free = None
+        if "contact" in self.books.names:
+            ((mine, work, share),) = self._for(1)
+            free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+            parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
+            step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
+        return Opened(columns, begin, h, free)
+
+    def _close(self, opened: Opened | None, last: int) -> None:
+        """Book the step that has been taken."""
+        if self._booking is None or opened is None:
+            return
+        columns = self.island_columns()
+        bonds = _with(columns, self.bonds, self._kept)[1]
+
+        def parts(whole: Columns) -> list[Columns]:
+            return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+
+        self._booking.close(opened, columns, bonds, parts, last * self.dt)
+        self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _forces_in(self, columns: Columns, bonds: tuple[Bonds, ...], time: float) -> NDArray[np.float64]:
+        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
+        ((mine, work, share),) = self._for(1)
+        here = tuple(
+            mine[k]._replace(k=bond.k, c=bond.c, breaking=bond.breaking) for k, bond in enumerate(bonds)
+        )
+        island_forces(self.parts, here, columns, work, share, time)
+        return np.array(work.force, float)
 
     def _keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""

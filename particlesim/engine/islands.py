@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.adaptive import step_range_adaptive
+from particlesim.engine.booking import Opened, ParticleBooks, spans
+from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.contact import Simple
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.newton import unsolved
@@ -97,6 +100,8 @@ class IndependentIsland:
         self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
+        self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
+        self._booking = None if self.books is None else ParticleBooks(self.books, island, self.program.forces)
 
     @property
     def state(self) -> GroupState:
@@ -116,7 +121,7 @@ class IndependentIsland:
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
-        waits = self._source is not None and self._source.waits
+        waits = self._booking is not None or (self._source is not None and self._source.waits)
         return min(first + 1, last) if waits else last
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
@@ -124,8 +129,10 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        opened = self._open(born, first)
         self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
+            self._close(opened, last)
             return None, None, None
         faults = self._no_faults(self.state.count)
         if self.state.count:
@@ -139,8 +146,29 @@ class IndependentIsland:
             )
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
+        self._close(opened, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
+
+    def _open(self, born: Births | None, step: int) -> Opened | None:
+        """The state at the beginning of a step whose work is booked; None where none is."""
+        if self._booking is None or not self.state.count:
+            return None
+        columns, n = self.columns()[0], self.state.count
+        if born is not None:
+            self._booking.born(columns, born.ids.size, born.times)
+        begin, h = spans(columns.clock, n, step * self.dt, (step + 1) * self.dt)
+        kept, free = snapshot(columns, slice(0, n)), None
+        if self.books is not None and "contact" in self.books.names and not self._fixed:
+            free = snapshot(columns, slice(0, n))
+            program = self.program._replace(contacts=Simple(()))
+            step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_))
+        return Opened(kept, begin, h, free)
+
+    def _close(self, opened: Opened | None, last: int) -> None:
+        """Book the step that has been taken."""
+        if self._booking is not None and opened is not None:
+            self._booking.close(opened, self.columns()[0], self.state.driven, last * self.dt)
 
     def _no_faults(self, number: int) -> NDArray[Any]:
         """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""

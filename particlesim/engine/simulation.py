@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.books import total_energy, work_columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.divergence import Guard, not_finite, overflowed
 from particlesim.engine.islands import Births, IndependentIsland
@@ -65,6 +66,7 @@ class Simulation:
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._ledger_columns = self._name_columns()
+        self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
         self._guard = Guard(self)
@@ -154,7 +156,10 @@ class Simulation:
                         else group.dynamics.type == "second_order"
                     )
                     if chosen:
+                        before = state.kinetic() if self.scenario.output.work else 0.0
                         state.kick(kick.impulse)
+                        if self.scenario.output.work:
+                            self.impulse_work[0] += state.kinetic() - before
 
     def take_events(self) -> Events:
         """Births and deaths since the last call."""
@@ -177,7 +182,8 @@ class Simulation:
     def _name_columns(self) -> tuple[str, ...]:
         forces = sorted({k for here, _ in self._sources for k in here})
         bonds = range(len(self.scenario.forces), len(self._labels))
-        return (*MOTION, *(f"potential.{self._labels[k]}" for k in (*forces, *bonds)))
+        potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
+        return (*MOTION, *potentials, *work_columns(self.scenario, self.graph))
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -185,6 +191,8 @@ class Simulation:
 
     def ledger(self) -> dict[str, float]:
         """Kinetic and potential energies [J], momentum [kg m/s] and angular momentum [kg m²/s] about the origin.
+
+        With `work` under [output] also the work of every cause, and what is left of the balance [J].
 
         Particles without inertia have potential energy only.
         """
@@ -194,7 +202,23 @@ class Simulation:
         for energies in self._energies:
             for name, value in energies.items():
                 total[name] += value
+        if self.scenario.output.work:
+            self._balance(total)
         return total
+
+    def _balance(self, total: dict[str, float]) -> None:
+        """Add the work that has been done and what is left of the balance [J]."""
+        for island in self._islands:
+            if island.books is not None:
+                for name, joule in zip(island.books.names, island.books.totals, strict=True):
+                    total[f"work.{name}"] += float(joule)
+        if self.scenario.impulses:
+            total["work.impulses"] += float(self.impulse_work[0])
+        energy = total_energy(total)
+        if self.step == 0:
+            self.energy_at_start[0] = energy
+        done = sum(value for name, value in total.items() if name.startswith("work."))
+        total["balance"] = energy - float(self.energy_at_start[0]) - done
 
     def _island_energies(self, number: int, total: dict[str, float]) -> dict[str, float]:
         """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""

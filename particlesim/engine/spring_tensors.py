@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import StringRecord
+from particlesim.bonds import StringRecord, StrutRecord
 from particlesim.engine.bonding import Bonds
 
 Floats = NDArray[np.float64]
@@ -43,8 +43,8 @@ class Tensors(NamedTuple):
 def tensors(bond: Bonds, columns: Any) -> Tensors:
     """A set of springs at the present state.
 
-    Strings count as taut, as they have to be stable when they pull. Coincident ends have no direction: they pull back in
-    every one.
+    Strings count as taut and struts as pressed, as they have to be stable when they are. Coincident ends have no direction:
+    they pull back in every one.
     """
     real = np.flatnonzero(bond.i >= 0)
     i, j = bond.i[real], bond.j[real]
@@ -58,7 +58,9 @@ def tensors(bond: Bonds, columns: Any) -> Tensors:
     )
     length = np.sqrt((reach * reach).sum(axis=0))
     e = np.divide(reach, length, out=np.zeros_like(reach), where=length > 0)
-    slack = (length < rest) & isinstance(bond.law, StringRecord)
+    slack = (length < rest) if isinstance(bond.law, StringRecord) else np.zeros(len(i), np.bool_)
+    if isinstance(bond.law, StrutRecord):
+        slack = length > rest
     across = k * (1 - np.divide(rest, length, out=np.ones_like(length), where=length > 0))
     across[slack] = 0
     across[length == 0] = k[length == 0]

@@ -61,6 +61,9 @@ class Output(Model):
     """Smaller files (gzip), or the fastest writing (none)."""
     ledger: bool = True
     """Energy, momentum and angular momentum at every frame."""
+    work: bool = False
+    """In the ledger also the work of drag, dampers, contact, motions, births and whatever else gives energy or takes it, and
+    what is left of the balance. Takes a few times as long as the run without."""
 
     @model_validator(mode="after")
     def _one_interval(self) -> Output:
@@ -71,6 +74,8 @@ class Output(Model):
                 at=(given[1],),
                 also=[((given[0],), f"{given[0]} is given here")],
             )
+        if self.work and not self.ledger:
+            raise invalid("work is booked in the ledger", at=("work",), also=[(("ledger",), "false here")])
         if self.fields is not None and len(set(self.fields)) < len(self.fields):
             raise invalid("a field is named twice", at=("fields",))
         return self
