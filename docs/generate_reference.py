@@ -22,7 +22,7 @@ from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import FLOWS
 from particlesim.fluids import FLUIDS
-from particlesim.forces import FORCES, Force
+from particlesim.forces import FORCES, SURFACE_FORCES, Force
 from particlesim.forces.drag import Atmosphere
 from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
 from particlesim.forces.operations import FUNCTIONS, VARIABLES
@@ -95,7 +95,7 @@ def parts() -> Iterator[str]:
     yield "## `[[forces]]`"
     yield prose("forces")
     yield table(Force)
-    for force in FORCES:
+    for force in (*FORCES, *SURFACE_FORCES):
         yield force_section(force)
     yield "#### standard_atmosphere"
     yield summary(Atmosphere) + "\n\n" + table(Atmosphere, without=("type",))
@@ -109,6 +109,10 @@ def parts() -> Iterator[str]:
     yield from variants(FLOWS)
     yield "## `[[springs]]`"
     yield from section(Scenario, "springs")
+    yield "## `[[angles]]`"
+    yield from section(Scenario, "angles")
+    yield "## `[[dihedrals]]`"
+    yield from section(Scenario, "dihedrals")
     yield "## `[[motions]]`"
     yield from section(Scenario, "motions")
     yield "### Waypoint"

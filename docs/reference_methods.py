@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.integrators import METHODS, Composition, Method, RungeKutta
+from particlesim.integrators import METHODS, Composition, ImplicitMethod, Method, RungeKutta
 
 Matrix = NDArray[np.complex128]
 SCAN = 0.02
@@ -21,7 +21,7 @@ GROWTH = 1e-9
 
 
 def integrators_table() -> str:
-    """One row per method."""
+    """One row per method; those that choose their steps have no limit."""
     rows = [
         "| name | order | force evaluations | symplectic | reversible | oscillator: h ω up to | damping: h d up to | "
         "without inertia |",
@@ -29,12 +29,19 @@ def integrators_table() -> str:
     ]
     for name, method in METHODS.items():
         marks = " | ".join("yes" if flag else "no" for flag in (method.symplectic, method.reversible))
-        oscillator, damping = (f"{limit(step, method):.3f}" for step in (oscillate, damp))
+        oscillator, damping = "–", "–"
+        if not method.adaptive:
+            oscillator, damping = (shown(limit(step, method)) for step in (oscillate, damp))
         other = f"`{method.first_order}`" if method.first_order else f"`{name}`"
         rows.append(
             f"| `{name}` | {method.order} | {method.evaluations} | {marks} | {oscillator} | {damping} | {other} |"
         )
     return "\n".join(rows)
+
+
+def shown(z: float) -> str:
+    """A limit in words."""
+    return f"{z:.3f}" if z < FURTHEST else "any"
 
 
 def limit(step: Callable[[Method, float], Matrix], method: Method) -> float:
@@ -48,6 +55,8 @@ def limit(step: Callable[[Method, float], Matrix], method: Method) -> float:
         z += SCAN
     if z == SCAN:
         return 0.0
+    if z >= FURTHEST:
+        return FURTHEST
     low, high = z - SCAN, z
     for _ in range(40):
         middle = (low + high) / 2
@@ -57,7 +66,7 @@ def limit(step: Callable[[Method, float], Matrix], method: Method) -> float:
 
 def oscillate(method: Method, z: float) -> Matrix:
     """One step of x'' = −ω² x with h ω = z."""
-    if isinstance(method, RungeKutta):
+    if isinstance(method, RungeKutta | ImplicitMethod):
         return np.array([[method.amplification(1j * z)]])
     if isinstance(method, Composition):
         return composed(method, np.array([[1, 0], [-z * z, 1]]), np.array([[1, 1], [0, 1]]))
@@ -67,7 +76,7 @@ def oscillate(method: Method, z: float) -> Matrix:
 
 def damp(method: Method, z: float) -> Matrix:
     """One step of v' = −d v with h d = z."""
-    if isinstance(method, RungeKutta):
+    if isinstance(method, RungeKutta | ImplicitMethod):
         return np.array([[method.amplification(complex(-z))]])
     if isinstance(method, Composition):
         return composed(method, np.array([[1 - z]]), np.array([[1]]))

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bonds import MeshSprings, Springs
+from particlesim.bonds import Angles, Dihedrals, MeshSprings, Springs
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.distributions import Distribution
@@ -43,6 +43,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Force, "[forces](#forces)"),
     (MeshSprings, "[springs of bodies](#springs-of-bodies)"),
     (Springs, "[springs](#springs)"),
+    (Angles, "[angles](#angles)"),
+    (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),
@@ -62,7 +64,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
 )
 
 NAME_PATTERN = next(str(m.pattern) for m in get_args(Name)[1:] if isinstance(m, StringConstraints))
-TUPLES = {2: "`[a, b]`", 3: "`[x, y, z]`"}
+TUPLES = {2: "`[a, b]`", 3: "`[x, y, z]`", 4: "`[a, b, c, d]`"}
 CHOICES = {get_args(MethodName): "[method](#integrators)", get_args(FluidName): "[fluid](#fluids)"}
 
 

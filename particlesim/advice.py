@@ -14,7 +14,15 @@ LIVELY = 0.9
 
 def advice(scenario: Scenario) -> tuple[str, ...]:
     """One sentence for each doubtful choice."""
-    return (*_order(scenario), *_projection(scenario))
+    return (*_format(scenario), *_order(scenario), *_projection(scenario))
+
+
+def _format(scenario: Scenario) -> list[str]:
+    if scenario.written_format == scenario.format:
+        return []
+    return [
+        f"the scenario is in format {scenario.written_format} and was read as {scenario.format}; psim migrate rewrites it"
+    ]
 
 
 def _order(scenario: Scenario) -> list[str]:

@@ -26,11 +26,12 @@ def physics_of(table: Mapping[str, Any]) -> dict[str, Any]:
 def physics_digest(scenario: Scenario) -> str:
     """SHA-256 of what decides how particles move, as 64 hexadecimal digits.
 
-    That is the resolved scenario without titles, output, checks and render settings, with the step in use, and with the
-    content of the files that it names in place of their names. The version of psim is not part of it: equal digests with
-    different results tell of a change in psim. Raises UsageError when a file cannot be read.
+    That is what the scenario says, defaults left out, units and names resolved; without titles, output, checks and render
+    settings, with the step in use, and with the content of the files that it names in place of their names. The version of
+    psim is not part of it: equal digests with different results tell of a change in psim. Raises UsageError when a file
+    cannot be read.
     """
-    physics = physics_of(to_table(scenario, defaults=True))
+    physics = physics_of(to_table(scenario))
     grid = scenario.grid
     physics["simulation"] = {**physics["simulation"], "dt": grid.dt, "substeps": None, "steps": grid.steps}
     for group, table in zip(scenario.particles, physics["particles"], strict=True):

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particlesim.bonds import BondSet
+from particlesim.bonds import BondSet, HingeSet
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter
-from particlesim.forces import Force
+from particlesim.forces import Force, SheetDrag
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
@@ -44,7 +44,8 @@ class Edge:
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. `bonds` is empty for independent particles."""
+    """Groups that step together, with all that acts on them. Independent particles have no bonds, hinges and
+    surfaces."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
@@ -52,11 +53,14 @@ class Island:
     bonds: tuple[BondSet, ...]
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
+    hinges: tuple[HingeSet, ...] = ()
+    surfaces: tuple[tuple[SheetDrag, ...], ...] = ()
+    """Forces on the surface of every group."""
 
     @property
     def coupled(self) -> bool:
         """Whether its particles act on each other."""
-        return bool(self.bonds)
+        return bool(self.bonds or self.hinges or any(self.surfaces))
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,8 @@ def build_graph(scenario: Scenario) -> Graph:
         )
     for bonds in scenario.bonds:
         act(Node("springs", bonds.name, bonds.describe()), "joins", list(dict.fromkeys(bonds.groups)))
+    for hinges in scenario.hinges:
+        act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
     for k, plane in enumerate(scenario.planes):
         act(
             Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
@@ -175,11 +181,18 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
         islands.append(
             Island(
                 tuple(groups),
-                tuple(tuple(f for f in scenario.forces if acts_on(f, g)) for g in groups),
+                tuple(
+                    tuple(f for f in scenario.forces if acts_on(f, g) and not f.on_surfaces) for g in groups
+                ),
                 tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
                 bonds_here,
                 methods[0],
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
+                tuple(hinges for hinges in scenario.hinges if root(hinges.group) == name),
+                tuple(
+                    tuple(f for f in scenario.forces if isinstance(f, SheetDrag) and acts_on(f, g))
+                    for g in groups
+                ),
             )
         )
     return tuple(islands)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,7 +12,8 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from particlesim.bonds import BondSet, MeshSprings
+from particlesim.bonds import BondSet, HingeSet, MeshSprings
+from particlesim.bonds.hinge import hinge_record
 from particlesim.crossfield import invalid
 from particlesim.distributions import Distribution, Sampled, draw, smallest
 from particlesim.flows import AnyFlow
@@ -145,7 +147,7 @@ class Particles(Group):
     """Particles that no force moves: true for all, a list of indices in the group, the names of parts of the layout, or a
     box, ball or shell: those inside it at the start."""
     springs: MeshSprings | None = None
-    """Springs of a layout that is a body (cloth, rope, jelly)."""
+    """Springs of a layout that is a body (cloth, rope, jelly, net, hair, bridge, mesh)."""
 
     @model_validator(mode="after")
     def _body(self) -> Particles:
@@ -156,12 +158,16 @@ class Particles(Group):
                 f"a layout of type {self.layout.type!r} brings no springs",
                 at=("springs",),
                 also=here,
-                hint="cloth, rope and jelly do; [[springs]] joins particles of any layout",
+                hint="cloth, rope, jelly, net, hair, bridge and mesh do; [[springs]] joins particles of any layout",
             )
-        for kind in self.springs.stiffness() if self.springs is not None else ():
+        springs = self.springs
+        bending = springs.hinges() if springs is not None else {}
+        for kind in {**springs.stiffness(), **bending} if springs is not None else ():
             if kind not in kinds:
                 raise invalid(
-                    f"a {self.layout.type} has no {kind} springs",
+                    f"a {self.layout.type} has no {kind}s"
+                    if kind in bending
+                    else f"a {self.layout.type} has no {kind} springs",
                     at=("springs", kind),
                     also=here,
                     allowed=", ".join(kinds),
@@ -196,14 +202,38 @@ class Particles(Group):
         """Whether there may be particles that no force moves."""
         return self.pinned is not False or bool(self.layout.pins().size)
 
-    def bonds(self) -> tuple[BondSet, ...]:
-        """The springs that its layout brings; their names are those of the group and the kind."""
+    def opened(self, folder: Path | None) -> Particles:
+        """The group with the file of its layout read, if it names one, relative to a folder."""
+        return self.model_copy(update={"layout": self.layout.open(folder)})
+
+    def bonds(self, folder: Path | None = None) -> tuple[BondSet, ...]:
+        """The springs that its layout brings; their names are those of the group and the kind. Files are read from `folder`,
+        when the springs are looked for."""
         laws = self.springs.laws() if self.springs is not None else {}
         both = (self.name, self.name)
         return tuple(
-            BondSet(f"{self.name}.{kind}", both, law, None, partial(self._edges, kind))
+            BondSet(f"{self.name}.{kind}", both, law, None, partial(self._edges, kind, folder))
             for kind, law in laws.items()
         )
 
-    def _edges(self, kind: str, first: Any, second: Any) -> Any:
-        return self.layout.edges(kind)
+    def hinges(self, folder: Path | None = None) -> tuple[HingeSet, ...]:
+        """The angles and dihedrals that its layout brings, likewise."""
+        kinds = self.springs.hinges() if self.springs is not None else {}
+        return tuple(
+            HingeSet(
+                f"{self.name}.{kind}",
+                self.name,
+                3 if kind == "angle" else 4,
+                hinge_record("harmonic", stiffness),
+                None,
+                None,
+                partial(self._hinges, kind, folder),
+            )
+            for kind, stiffness in kinds.items()
+        )
+
+    def _edges(self, kind: str, folder: Path | None, first: Any, second: Any) -> NDArray[np.int64]:
+        return self.layout.open(folder).edges(kind)
+
+    def _hinges(self, kind: str, folder: Path | None) -> NDArray[np.int64]:
+        return self.layout.open(folder).hinges(kind)

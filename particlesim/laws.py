@@ -160,6 +160,24 @@ def bond_potential(f: Any, b: Any) -> float:
     return evaluate(bond_potential, f, b)
 
 
+@generic(1)
+def hinge_energy(f: Any, d: Any) -> float:
+    """Potential energy of an angle or a dihedral that is d [rad] away from its rest angle [J]."""
+    return evaluate(hinge_energy, f, d)
+
+
+@generic(1)
+def hinge_moment(f: Any, d: Any) -> float:
+    """Derivative of `hinge_energy` by the angle [J/rad]."""
+    return evaluate(hinge_moment, f, d)
+
+
+@generic(3)
+def triangle_force(f: Any, s: Any) -> Vector:
+    """Force on a triangle of a surface [N]; each corner feels a third of it."""
+    return evaluate(triangle_force, f, s)
+
+
 @generic(9)
 def bond_force_dx(f: Any, b: Any) -> Matrix:
     """Jacobian of a bond's force by l = x₁ − x₂ [N/m], row by row."""

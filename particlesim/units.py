@@ -13,7 +13,7 @@ as a dimension: `"60 rpm"` is an angular velocity and `"60 Hz"` is a frequency, 
 although the SI calls both 1/s. Conversion is exact rational arithmetic rounded once: `"36.6 mm"` is the same
 float as 0.0366.
 
-pint, which knows the units, is imported when the first text arrives, not before.
+pint, which knows all units, is imported when the first text arrives that `unit_table` cannot read, not before.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from particlesim import unit_table
 
 if TYPE_CHECKING:
     import pint
@@ -116,6 +118,13 @@ class Unit:
         if not symbol:
             advice = f'write {digits} without quotes, or add a unit, such as "{self.example}"'
             raise ValueError(f"the text {shown(text)} has no unit: {advice}")
+        try:
+            number = unit_table.convert(digits, symbol, self.symbol)
+        except OverflowError:
+            raise ValueError(f"{shown(text)} is too large") from None
+        return self._by_pint(text, digits, symbol) if number is None else number
+
+    def _by_pint(self, text: str, digits: str, symbol: str) -> float:
         registry = _registry()
         unit = _unit(registry, symbol)
         if self.is_difference and not registry.Quantity(1, unit)._is_multiplicative:

@@ -98,7 +98,7 @@ def verify(
     """
     for group in scenario.groups:
         method = method_of(group, scenario.simulation.integrator)
-        if getattr(method, "adaptive", False):
+        if method.adaptive:
             raise UsageError(
                 f"{method.name} chooses its own steps, so its order cannot be seen by halving dt",
                 "Compare runs with different tolerances: psim diff --tolerance.",

@@ -20,6 +20,7 @@ from psim.export import export
 from psim.fit import fit
 from psim.graph import graph
 from psim.inspect import inspect
+from psim.migrate import migrate
 from psim.new import new
 from psim.plot import plot
 from psim.render import render
@@ -66,7 +67,9 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
         _SIMULATE,
         (
             "psim sweep fountain.toml --vary forces.air.coefficient=0.1,0.2,0.5 --vary simulation.integrator=heun,rk4",
-            "psim sweep fountain.toml --vary 'forces.air.coefficient=linspace(0, 1, 11)' --workers 2",
+            "psim sweep fountain.toml --vary 'forces.air.coefficient=linspace(0, 1, 11)' --workers 2 "
+            "--plot x=forces.air.coefficient y=energy",
+            "psim sweep sweep.toml",
             "psim sweep fountain.toml --vary 'forces.air.coefficient=uniform(0.1, 0.5)' --samples 64 --seed 1",
         ),
     ),
@@ -148,6 +151,12 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
             "psim export outputs/fountain.vtkhdf -o last.csv --frames=-1:",
             "psim export outputs/fountain.vtkhdf -o all.npz",
         ),
+    ),
+    (
+        "migrate",
+        migrate,
+        _LEARN,
+        ("psim migrate old.toml", "psim migrate --check scenarios/*.toml"),
     ),
     ("new", new, _LEARN, ("psim new sparks --template emitter",)),
     ("examples", examples, _LEARN, ("psim examples", "psim examples fountain --copy .")),

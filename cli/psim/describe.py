@@ -48,12 +48,12 @@ def describe(
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     """Titles, and what there is under them by the name that scenarios use: models, or methods."""
     from particlesim.flows import FLOWS
-    from particlesim.forces import FORCES
+    from particlesim.forces import FORCES, SURFACE_FORCES
     from particlesim.integrators import METHODS
     from particlesim.layouts import LAYOUTS
     from particlesim.scenario.scenario import Scenario
 
-    for title, models in (("Forces", FORCES), ("Flows", FLOWS), ("Layouts", LAYOUTS)):
+    for title, models in (("Forces", (*FORCES, *SURFACE_FORCES)), ("Flows", FLOWS), ("Layouts", LAYOUTS)):
         yield title, {model.model_fields["type"].default: model for model in models}
     yield "Integrators", dict(METHODS)
     yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}

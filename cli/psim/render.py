@@ -78,7 +78,8 @@ def render(
         warn(text)
     pictures = counted(made.frames, "picture")
     say(f"{pictures} in {duration(made.seconds)}, {made.frames / made.seconds:.1f} per second")
-    print_path(made.path)
+    for path in made.paths:
+        print_path(path)
 
 
 def _numbers(text: str, separator: str, count: int, option: str, example: str) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psim.complete import override_keys
-from psim.options import Overrides, Quiet, ScenarioFile
+from psim.complete import override_keys, scenario_files
+from psim.options import Overrides, Quiet
 from psim.progress import sweep_progress
 from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 MANY = 10**6
 """Runs beyond which a sweep is taken for a slip of the hand."""
+
+PLOT = "plot.png"
 
 _WORDS = {
     "done": "done",
@@ -29,9 +32,15 @@ _WORDS = {
 
 
 def sweep(
-    scenario: ScenarioFile,
+    scenario: Annotated[
+        Path,
+        typer.Argument(
+            help="The scenario, or a sweep.toml that names it, what is varied, and how.",
+            autocompletion=scenario_files,
+        ),
+    ],
     vary: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option(
             "--vary",
             metavar="KEY=VALUES",
@@ -39,7 +48,7 @@ def sweep(
             "uniform(low, high), loguniform(low, high). Repeatable.",
             autocompletion=override_keys,
         ),
-    ],
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Folder; outputs/SCENARIO-sweep by default."),
@@ -53,9 +62,14 @@ def sweep(
         typer.Option("--samples", metavar="N", help="How many values uniform and loguniform draw."),
     ] = None,
     method: Annotated[
-        str, typer.Option("--method", metavar="NAME", help="How they are drawn: sobol, lhs or random.")
-    ] = "sobol",
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of what is drawn.")] = 0,
+        str | None,
+        typer.Option(
+            "--method", metavar="NAME", help="How they are drawn: sobol (the default), lhs or random."
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Seed of what is drawn; 0 by default.")
+    ] = None,
     quantities: Annotated[
         list[str] | None,
         typer.Option(
@@ -74,6 +88,14 @@ def sweep(
         bool, typer.Option("--fail-fast", help="Begin no run after one that did not end well.")
     ] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep the trajectory of every run.")] = False,
+    plot: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            "--plot",
+            metavar="x=COLUMN y=COLUMN",
+            help="Draw a column of the table over another, into plot.png of the folder. Needs matplotlib.",
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Remove what an earlier sweep left in the folder.")
     ] = False,
@@ -86,35 +108,126 @@ def sweep(
     """Run a scenario with many different values.
 
     Every run has a folder of its own; results.csv has a row for each, also for those that fail. The same command in the
-    same folder goes on where it was stopped. Exit code of the worst run.
+    same folder goes on where it was stopped. Options beside a sweep.toml add to it, or take the place of its values.
+    Exit code of the worst run.
     """
     from particlesim.errors import UsageError
-    from particlesim.sweep import Design, Sweep, parse_axis
+    from particlesim.sweep import Design, Sweep
+    from particlesim.sweep.plotting import check_plot, plot_table
 
-    axes = tuple(parse_axis(argument) for argument in vary)
-    design = Design(axes, zipped, samples, method, seed)  # type: ignore[arg-type]  # it refuses other methods
+    told = _definition(scenario, vary or [])
+    design = Design(
+        told.axes,
+        zipped or told.zip,
+        told.samples if samples is None else samples,
+        method or told.method,  # type: ignore[arg-type]  # it refuses other methods
+        told.seed if seed is None else seed,
+    )
     if len(design) > MANY and not yes:
         raise UsageError(f"these are {len(design):,} runs", "If that is meant: --yes")
-    planned = Sweep(scenario, design, overrides=overrides or (), quantities=quantities or (), record=record)
-    folder = Path("outputs") / f"{scenario.stem}-sweep" if output is None else output
+    planned = Sweep(
+        told.scenario,
+        design,
+        overrides=(*told.set, *(overrides or ())),
+        quantities=quantities or told.quantities,
+        record=record or told.record,
+    )
+    folder = Path("outputs") / f"{told.scenario.stem}-sweep" if output is None else output
+    columns = None if plot is None else _plotted(plot)
+    if columns is not None:
+        check_plot(*columns, planned.columns, folder / PLOT)
     quiet = quiet or as_json
     with sweep_progress(scenario.stem, quiet=quiet) as progress:
-        result = planned.run(folder, workers=workers, fail_fast=fail_fast, force=force, progress=progress)
+        result = planned.run(
+            folder,
+            workers=workers or told.workers,
+            fail_fast=fail_fast or told.fail_fast,
+            force=force,
+            progress=progress,
+        )
+    picture = None
+    if columns is not None and not result.interrupted:
+        picture = folder / PLOT
+        plot_table(result.table, design, *columns, picture)
     if as_json:
-        print_json(_as_data(result))
+        print_json(_as_data(result) | {"plot": None if picture is None else str(picture)})
     else:
         if not quiet or result.exit_code:
             _show(result, scenario.stem)
         if not quiet:
             print_path(folder / result.table.name)
+            if picture is not None:
+                print_path(picture)
     if result.exit_code:
         raise typer.Exit(result.exit_code)
+
+
+@dataclass(frozen=True)
+class _Definition:
+    """What a sweep is: from its file, and the --vary of the command line."""
+
+    scenario: Path
+    axes: tuple[Any, ...]
+    set: tuple[str, ...] = ()
+    zip: bool = False
+    samples: int | None = None
+    method: str = "sobol"
+    seed: int = 0
+    quantities: tuple[str, ...] = ()
+    record: bool = False
+    workers: int | None = None
+    fail_fast: bool = False
+
+
+def _definition(path: Path, vary: list[str]) -> _Definition:
+    from particlesim.errors import UsageError
+    from particlesim.scenario.overrides import override_from_python
+    from particlesim.scenario.source import read_source
+    from particlesim.sweep import parse_axis
+    from particlesim.sweep.definition import is_sweep, load_sweep
+
+    axes = {axis.key: axis for axis in (parse_axis(argument) for argument in vary)}
+    if len(axes) < len(vary):
+        raise UsageError("a key is varied twice", "Give all its values in one --vary.")
+    if not is_sweep(read_source(path)):
+        if not axes:
+            raise UsageError("there is nothing to vary", "Name a key: --vary simulation.dt=1e-3,2e-3")
+        return _Definition(path, tuple(axes.values()))
+    file = load_sweep(path)
+    both = {axis.key: axis for axis in file.axes()} | axes
+    settings = [override_from_python(key, value).text for key, value in file.set.items()]
+    return _Definition(
+        path.parent / file.scenario,
+        tuple(both.values()),
+        tuple(text.removeprefix("override ") for text in settings),
+        file.zip,
+        file.samples,
+        file.method,
+        file.seed,
+        file.quantities,
+        file.record,
+        file.workers,
+        file.fail_fast,
+    )
+
+
+def _plotted(words: tuple[str, str]) -> tuple[str, str]:
+    """The columns of 'x=COLUMN' and 'y=COLUMN', in either order. Raises UsageError."""
+    from particlesim.errors import UsageError
+
+    named = dict(word.split("=", 1) for word in words if "=" in word)
+    if set(named) != {"x", "y"}:
+        raise UsageError(
+            f"--plot {' '.join(words)} names no columns", "--plot x=forces.air.coefficient y=energy"
+        )
+    return named["x"], named["y"]
 
 
 def _as_data(result: SweepResult) -> dict[str, Any]:
     return {
         "folder": str(result.folder),
         "table": str(result.table),
+        "parquet": None if result.parquet is None else str(result.parquet),
         "runs": result.total,
         "ended": result.ended,
         "earlier": result.earlier,

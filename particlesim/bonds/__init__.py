@@ -1,6 +1,7 @@
-"""Forces between two particles."""
+"""Forces between two, three and four particles."""
 
 from particlesim.bonds.base import BondSet, SpringLaw
+from particlesim.bonds.hinge import Angles, Dihedrals, HingeSet
 from particlesim.bonds.mesh import MeshSprings
 from particlesim.bonds.spring import SpringRecord, Springs, StringRecord
 from particlesim.bonds.strut import StrutRecord
@@ -14,7 +15,10 @@ def record_of(law: SpringLaw) -> SpringRecord | StringRecord | StrutRecord:
 
 
 __all__ = [
+    "Angles",
     "BondSet",
+    "Dihedrals",
+    "HingeSet",
     "MeshSprings",
     "SpringLaw",
     "SpringRecord",

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from particlesim.bonds.base import SpringLaw
 from particlesim.crossfield import invalid
 from particlesim.model import Model
-from particlesim.units import KilogramsPerSecond, Newtons, NewtonsPerMetre, Number
+from particlesim.units import Joules, KilogramsPerSecond, Newtons, NewtonsPerMetre, Number
 
 Stiffness = Annotated[NewtonsPerMetre, Gt(0)]
 
@@ -24,6 +24,10 @@ class MeshSprings(Model):
     """Stiffness of the springs across diagonals; none unless given."""
     bend: Stiffness | None = None
     """Stiffness of the springs to every other particle; none unless given."""
+    angle: Annotated[Joules, Ge(0)] | None = None
+    """Stiffness, in joules (per radian squared), of the angles of a rope or of hair; none unless given."""
+    dihedral: Annotated[Joules, Ge(0)] | None = None
+    """Stiffness, in joules (per radian squared), of the folds between triangles of a cloth or a mesh; none unless given."""
     damping: Annotated[KilogramsPerSecond, Ge(0)] = 0.0
     """Damping c along every spring."""
     damping_ratio: Annotated[Number, Ge(0)] | None = None
@@ -46,6 +50,11 @@ class MeshSprings(Model):
     def stiffness(self) -> dict[str, float]:
         """Stiffness by kind of spring [N/m], of the kinds that are given."""
         kinds = {"structural": self.structural, "shear": self.shear, "bend": self.bend}
+        return {kind: k for kind, k in kinds.items() if k is not None}
+
+    def hinges(self) -> dict[str, float]:
+        """Stiffness of angles and dihedrals [J], of the kinds that are given."""
+        kinds = {"angle": self.angle, "dihedral": self.dihedral}
         return {kind: k for kind, k in kinds.items() if k is not None}
 
     def laws(self) -> dict[str, SpringLaw]:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from particlesim.bonds.spring import Pair
-from particlesim.laws import bond_force, bond_potential, law
+from particlesim.bonds.spring import Pair, spring_dv, spring_dx
+from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 
 
 class StrutRecord(NamedTuple):
@@ -28,6 +28,22 @@ def strut_force(f: StrutRecord, b: Pair) -> tuple[float, float, float]:
     along = (b.vx * b.x + b.vy * b.y + b.vz * b.z) * inverse
     s = -(b.k * (length - b.rest) + b.c * along) * inverse
     return s * b.x, s * b.y, s * b.z
+
+
+@law(bond_force_dx, StrutRecord)
+def strut_force_dx(f: StrutRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    presses = 0 < length < b.rest
+    inverse = length / square if presses else square - square
+    return spring_dx(b, b.k if presses else b.k - b.k, inverse)
+
+
+@law(bond_force_dv, StrutRecord)
+def strut_force_dv(f: StrutRecord, b: Pair) -> Matrix:
+    square = b.x * b.x + b.y * b.y + b.z * b.z
+    length = np.sqrt(square)
+    return spring_dv(b, length / square if 0 < length < b.rest else square - square)
 
 
 @law(bond_potential, StrutRecord)

@@ -31,22 +31,21 @@ from particlesim.engine.columns import (
 from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.independent import refresh
+from particlesim.engine.pace import (
+    MOST_STEPS,
+    RESOLVED,
+    SMALLEST,
+    TOO_MANY,
+    combined,
+    factor,
+    scales,
+    size2,
+    why_short,
+)
 from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
 from particlesim.laws import PASS, Particle
 
 Impl = Callable[..., Any]
-
-NOT_FINITE, TOO_SHORT, TOO_MANY = 1, 2, 3
-"""Why a particle's steps ended: its force is not finite, the step fell below the least, or there was no end of steps."""
-
-MOST_STEPS = 10_000_000
-"""Own steps of a particle within one grid step: seconds of work, after which a run had better say so."""
-RESOLVED = 16 * 2.0**-52
-"""Shortest step over the time that it leads to: shorter ones are lost in the rounding of the clock."""
-SAFETY = 0.9
-SMALLEST = 1e-4
-"""Errors below this do not count as history (Hairer and Wanner)."""
-
 
 DESK = 256
 """Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
@@ -55,8 +54,8 @@ DESK = 256
 # (x, y, z, vx, vy, vz each), mass, its inverse, radius.
 STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
 # Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
-# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was rejected;
-# temperature at birth, and birth.
+# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was
+# rejected; temperature at birth, and birth.
 NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 
 
@@ -195,39 +194,6 @@ def slope_here(program: Any, d: Any, k: Any) -> None:
 # One try
 
 
-@inlined
-def scales(method: Any, p: Any, q: Any) -> Any:
-    """Inverse squares of the errors of position and velocity that a step from p to q may have."""
-    x2 = max(p.x * p.x + p.y * p.y + p.z * p.z, q.x * q.x + q.y * q.y + q.z * q.z)
-    v2 = max(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz, q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
-    one = type_of(p.x, 1)
-    x, v = method.position + method.tolerance * np.sqrt(x2), method.velocity + method.tolerance * np.sqrt(v2)
-    return one / (x * x), one / (v * v)
-
-
-@inlined
-def size2(r: Any, sx: Any, sv: Any) -> Any:
-    """Square of a rate's length in units of the allowed errors."""
-    return sx * (r.x * r.x + r.y * r.y + r.z * r.z) + sv * (r.vx * r.vx + r.vy * r.vy + r.vz * r.vz)
-
-
-def combined(h: Any, first: Any, second: Any) -> Any:
-    """The error of a step from the squared sizes of one estimate, or of two."""
-    return stub()
-
-
-@inline(combined)
-def _combined(h: Any, first: Any, second: Any) -> Impl:
-    if isinstance(second, types.NoneType):
-        return lambda h, first, second: h * np.sqrt(first)
-
-    def two(h: Any, first: Any, second: Any) -> Any:
-        below = first + type_of(first, 0.01) * second
-        return h * first / np.sqrt(below if below > 0 else type_of(first, 1))
-
-    return two
-
-
 def error_of(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
     """The error of a step from p to q in units of what is allowed: E of `particlesim.integrators.adaptive`."""
     return stub()
@@ -275,18 +241,6 @@ def _attempt(program: Any, d: Any, n: Any) -> Impl:
 
 
 # The choice of steps
-
-
-@inlined
-def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
-    """h_new/h after a try of a certain error; `previous` is 0 where there is no history, `again` after a rejection."""
-    if not error < np.inf:
-        return float(method.shrink)
-    wish = SAFETY * max(error, 1e-300) ** -method.alpha
-    if previous > 0:
-        wish *= previous**method.beta
-    most = 1.0 if again or error > 1 else method.grow
-    return float(min(max(wish, method.shrink), most))
 
 
 def first_step(program: Any, d: Any, k: Any, most: Any) -> Any:
@@ -460,12 +414,8 @@ def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
                 return -1
         else:
             w[AGAIN, k], w[STEP, k] = 1, wish
-            if wish < max(method.least, RESOLVED * w[STOP, k]):
-                r = rate_at(d, k, SLOPE)
-                still = (
-                    (r.x - r.x) + (r.y - r.y) + (r.z - r.z) + (r.vx - r.vx) + (r.vy - r.vy) + (r.vz - r.vz)
-                )
-                return TOO_SHORT if still == 0 else NOT_FINITE
+        if wish < taken and w[STEP, k] < max(method.least, RESOLVED * w[STOP, k]):
+            return why_short(rate_at(d, k, SLOPE))
         aim(d, k, most)
         return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
 

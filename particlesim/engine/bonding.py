@@ -104,6 +104,9 @@ def add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Any:
 
 @inline(add_bonds)
 def _add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Impl:
+    if len(bonds) == 0:
+        return lambda bonds, c, total, pull: None
+
     def impl(bonds: Any, c: Any, total: Any, pull: Any) -> None:
         for chunk in range(bonds[0].begin.size - 1):
             _add_chunk(bonds, c, total, pull, chunk)

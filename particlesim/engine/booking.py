@@ -16,7 +16,6 @@ from particlesim.engine.measure import bond_energy
 from particlesim.graph import Island
 
 Floats = NDArray[np.float64]
-Forces = Callable[[Columns, tuple[Bonds, ...], float], Floats]
 
 
 class Opened(NamedTuple):
@@ -77,13 +76,24 @@ class ParticleBooks:
 
 
 class SpringBooks:
-    """The accounts of an island of springs; `bounds` are the borders of its groups, `forces` its total forces in a state."""
+    """The accounts of an island of springs.
+
+    `bounds` are the borders of its groups; `forces` gives its total forces in a state, and `hinged` the energy of its
+    hinges there [J].
+    """
 
     def __init__(
-        self, books: Books, structure: Island, bounds: list[int], driven: tuple[Driven, ...], forces: Forces
+        self,
+        books: Books,
+        structure: Island,
+        bounds: list[int],
+        driven: tuple[Driven, ...],
+        forces: Callable[..., Floats],
+        hinged: Callable[[Columns], float],
     ) -> None:
         self.books = books
-        self._bounds, self._forces = bounds, forces
+        self._bounds, self._forces, self._hinged = bounds, forces, hinged
+        self._surfaces = any(structure.surfaces)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
         self._names = [bonds.name for bonds in structure.bonds]
@@ -102,7 +112,12 @@ class SpringBooks:
         `parts` cuts columns into those of the groups."""
         books, path = self.books, columns if step.free is None else step.free
         start = float(step.begin.min(initial=end))
-        if any(self._damped) or self._driven.size or any(books.spends(k) for k in self._members):
+        if (
+            self._surfaces
+            or any(self._damped)
+            or self._driven.size
+            or any(books.spends(k) for k in self._members)
+        ):
             f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
             middle = halfway(step.columns, path, f0 / columns.m, f1 / columns.m, step.h)
             fm = self._forces(
@@ -116,6 +131,10 @@ class SpringBooks:
                     books.book_powers(k, powers, h)
             self._book_damping([c for c, _ in states], bonds, end - start)
             self._book_motion([c for c, _ in states], (f0, fm, f1), end - start)
+            if self._surfaces:
+                bare = [self._forces(c, bonds, t, corners=False) for c, t in states]
+                pulls = tuple(f - g for f, g in zip((f0, fm, f1), bare, strict=True))
+                self._book_surfaces([c for c, _ in states], pulls, end - start)
         if self._contact:
             books.add(
                 "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
@@ -148,6 +167,14 @@ class SpringBooks:
         kinetic = [0.5 * float((m * (v * v).sum(axis=0)).sum()) for v in (velocities[0], velocities[2])]
         self.books.add("motion", kinetic[1] - kinetic[0] - h / 6 * (begin + 4 * middle + finish))
 
+    def _book_surfaces(self, states: list[Columns], pulls: tuple[Floats, ...], h: float) -> None:
+        """Work on surfaces: that of all forces at corners, but for what goes into hinges."""
+        begin, middle, finish = (
+            float((f[0] * c.vx + f[1] * c.vy + f[2] * c.vz).sum()) for f, c in zip(pulls, states, strict=True)
+        )
+        stored = self._hinged(states[2]) - self._hinged(states[0])
+        self.books.add("surfaces", h / 6 * (begin + 4 * middle + finish) + stored)
+
     def _energy(
         self,
         columns: Columns,
@@ -155,7 +182,7 @@ class SpringBooks:
         parts: Callable[[Columns], list[Columns]],
         time: float,
     ) -> float:
-        total = sum(bond_energy(bonds, columns))
+        total = sum(bond_energy(bonds, columns)) + self._hinged(columns)
         for k, part in enumerate(parts(columns)):
             total += float(self.books.energies(k, part, np.full(len(part.m), time)).sum())
         return total

@@ -82,6 +82,8 @@ def causes(scenario: Scenario, structure: Island) -> tuple[str, ...]:
     ]
     found += [bonds.name for bonds in structure.bonds if bonds.law.damped]
     found += [f"{bonds.name}.breaking" for bonds in structure.bonds if bonds.law.breaks]
+    if any(structure.surfaces):
+        found.append("surfaces")
     if any(structure.planes):
         found.append("contact")
     if any(structure.motions):

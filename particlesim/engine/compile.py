@@ -12,6 +12,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+import particlesim.bonds
 import particlesim.forces
 import particlesim.motions  # noqa: F401
 from particlesim.engine.cache import INLINE

@@ -2,8 +2,8 @@
 
 One call steps a thread's share of an island through a whole interval; the threads meet before and after forces are added
 up. Every thread owns whole chunks of particles, and writes to them alone. Forces are added up in a fixed order, first the
-one-particle forces, then bond after bond, and every loop runs over a chunk, so that results do not depend on how many
-threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
+one-particle forces, then bond after bond, then those among three and four particles, and every loop runs over a chunk, so
+that results do not depend on how many threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
 from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
+from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
+from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
 from particlesim.laws import Particle, Vector, force, law, moved_to, velocity
 
@@ -69,8 +71,8 @@ class Work(NamedTuple):
 
 
 class Share(NamedTuple):
-    """What a thread does: particles [first, last), in chunks, and the motions that lead some of them; its number among the
-    threads, and where they meet."""
+    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
+    among three and four of them; its number among the threads, and where they meet."""
 
     first: int
     last: int
@@ -80,6 +82,7 @@ class Share(NamedTuple):
     gate: Any
     wild: Any
     motions: tuple[Any, ...]
+    corners: tuple[Any, ...]
 
 
 class FrozenRecord(NamedTuple):
@@ -95,8 +98,30 @@ def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
     return f.x, f.y, f.z
 
 
+class StagedEmbedded(NamedTuple):
+    """Tableau with the slope at the end as its last stage, rows of error estimates; the rest as in `EmbeddedRecord`."""
+
+    a: Any
+    c: Any
+    errors: Any
+    tolerance: float
+    position: float
+    velocity: float
+    alpha: float
+    beta: float
+    shrink: float
+    grow: float
+    least: float
+
+
 def staged(method: Method) -> tuple[Any, ...]:
     """A method's coefficients for the stage-wise kernel."""
+    if isinstance(method, EmbeddedRungeKutta):
+        rows = (*method.a, method.b)
+        a = np.zeros((len(rows), len(rows)))
+        for i, row in enumerate(rows):
+            a[i, : len(row)] = row
+        return StagedEmbedded(a, np.array((*method.c, 1.0)), np.array(method.errors), *method.record()[4:])
     if isinstance(method, Composition):
         return StagedComposition(np.array(method.kicks), np.array(method.drifts))
     if isinstance(method, RungeKutta):
@@ -110,7 +135,7 @@ def staged(method: Method) -> tuple[Any, ...]:
 
 def scratch(method: Method, count: int, dtype: Any) -> Work:
     """Scratch arrays for an island."""
-    stages = method.evaluations if isinstance(method, RungeKutta) else 0
+    stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     return Work(
         np.zeros((3, count), dtype),
         np.zeros((6, count), dtype),
@@ -119,13 +144,23 @@ def scratch(method: Method, count: int, dtype: Any) -> Work:
     )
 
 
-def share_out(count: int, threads: int, driven: tuple[Driven, ...]) -> list[Share]:
+def share_out(
+    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...]
+) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk."""
     ranges = shares(count, threads)
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
-            first, last, chunk_size(count), number, len(ranges), gate, wild, led_between(driven, first, last)
+            first,
+            last,
+            chunk_size(count),
+            number,
+            len(ranges),
+            gate,
+            wild,
+            led_between(driven, first, last),
+            corners_between(corners, first, last),
         )
         for number, (first, last) in enumerate(ranges)
     ]
@@ -198,6 +233,7 @@ def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> 
         for lo in range(share.first, share.last, share.chunk):
             add_forces(parts, c, work.force, t, lo, min(lo + share.chunk, share.last))
         add_bonds(bonds, c, work.force, work.pull)
+        add_corners(share.corners, c, work.force, share.first, share.last, t)
         meet(share.gate, share.threads)
 
     return impl
@@ -344,27 +380,34 @@ def _composition(
         now += method.drifts[stage] * (end - t)
 
 
+@inlined
+def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """All particles of a share go from the beginning of the step by h Σ weights[j] slopes[j]."""
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        q = block_of(c, lo, hi)
+        for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+            before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
+            combine(target, before, slopes, weights, q.clock, t, end, h)
+
+
+@inlined
+def find_slopes(parts: Any, bonds: Any, c: Any, work: Any, share: Any, stage: Any, t: Any) -> None:
+    """Slopes of all particles of a share where they are; positions and velocities of all shares must be in place."""
+    evaluate(parts, bonds, c, work, share, t)
+    for lo in range(share.first, share.last, share.chunk):
+        rates(parts, c, work.force, work.slopes[stage], t, lo, min(lo + share.chunk, share.last))
+
+
 def _runge_kutta(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
-    stages = method.b.size
-    for stage in range(stages + 1):
-        if stage > 0:  # the place of the stage; after the last one, the end of the step
-            weights = method.a[stage, :stage] if stage < stages else method.b
-            for lo in range(share.first, share.last, share.chunk):
-                hi = min(lo + share.chunk, share.last)
-                q = block_of(c, lo, hi)
-                for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-                    before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
-                    combine(target, before, slopes, weights, q.clock, t, end, h)
-        if stage < stages:
-            now = t + method.c[stage] * (end - t)
-            if stage > 0:
-                meet(share.gate, share.threads)
-            evaluate(parts, bonds, c, work, share, now)
-            for lo in range(share.first, share.last, share.chunk):
-                hi = min(lo + share.chunk, share.last)
-                rates(parts, c, work.force, work.slopes[stage], now, lo, hi)
+    for stage in range(method.b.size):
+        if stage > 0:
+            displace(c, work, method.a[stage, :stage], share, t, end, h)
+            meet(share.gate, share.threads)
+        find_slopes(parts, bonds, c, work, share, stage, t + method.c[stage] * (end - t))
+    displace(c, work, method.b, share, t, end, h)
 
 
 def _verlet(

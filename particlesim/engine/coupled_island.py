@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds import BondSet, record_of
+from particlesim.bonds import BondSet, HingeSet, record_of
+from particlesim.bonds.hinge import angles_at
 from particlesim.engine.bonding import Bonds, Breaking
 from particlesim.engine.booking import Opened, SpringBooks, spans
 from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
+from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns, sum_hinges
 from particlesim.engine.coupled import (
     Part,
     Share,
@@ -25,8 +27,17 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
+from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
 from particlesim.engine.implicit import staged_implicit
-from particlesim.engine.islands import Fault, Unsolved, copied, group_uses_radius
+from particlesim.engine.islands import (
+    OWN_STEPS,
+    Fault,
+    Stop,
+    Unsolved,
+    copied,
+    group_uses_radius,
+    shortest_step,
+)
 from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
@@ -34,7 +45,9 @@ from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
+from particlesim.groups import Particles
 from particlesim.integrators import ImplicitMethod
+from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
@@ -84,7 +97,11 @@ class CoupledIsland:
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
+        self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
+        self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
+        self.springs += sum(each.rows.size for each in self._corners)
+        self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
             self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
@@ -93,7 +110,7 @@ class CoupledIsland:
         self._booking = (
             None
             if self.books is None
-            else SpringBooks(self.books, island, bounds, self._driven, self._forces_in)
+            else SpringBooks(self.books, island, bounds, self._driven, self._forces_in, self._hinged)
         )
         self._kept: list[NDArray[Any]] = []
         self.kept_from = 0
@@ -172,12 +189,42 @@ class CoupledIsland:
             breaking,
         )
 
+    def _hinges_of(self, hinges: HingeSet, offset: dict[str, int]) -> AngleColumns | DihedralColumns:
+        """Angles or dihedrals as the kernel takes them, in the order of their first particles."""
+        state = next(state for state in self.states if state.name == hinges.group)
+        rows = hinges.find()
+        if rows.size and rows.max() >= state.count:
+            raise UsageError(
+                f"{hinges.name}: {state.name!r} has {state.count} particles, there is no particle {int(rows.max())}"
+            )
+        rows = rows[np.argsort(rows.min(axis=1), kind="stable")] + offset[hinges.group]
+        dtype = self._all.dtype
+        rest = angles_at(self._all.x.astype(float), rows)
+        if hinges.rest is not None:
+            rest = np.full(len(rows), hinges.rest)
+        kind = AngleColumns if hinges.size == 3 else DihedralColumns
+        return kind(as_precision(hinges.law, dtype), np.ascontiguousarray(rows.T), rest.astype(dtype))
+
+    def _surfaces(
+        self, scenario: Scenario, island: Island, bounds: Sequence[int]
+    ) -> Iterator[TriangleColumns]:
+        """The triangles that forces on surfaces act on."""
+        for group, forces, first in zip(island.groups, island.surfaces, bounds, strict=False):
+            if not forces or not isinstance(group, Particles):
+                continue
+            triangles = group.layout.open(scenario.folder).triangles()
+            require_manifold(triangles, group.name)
+            rows = np.ascontiguousarray(triangles[np.argsort(triangles.min(axis=1), kind="stable")].T + first)
+            for force in forces:
+                record = as_precision(force.surface_record(is_closed(triangles)), self._all.dtype)
+                yield TriangleColumns(record, rows, np.empty(0, self._all.dtype))
+
     def _for(self, threads: int) -> list[tuple[tuple[Bonds, ...], Work, Share]]:
         """What each of some threads works on: pieces of bonds, scratch, particles."""
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven):
+            for share in share_out(count, threads, self._driven, self._corners):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -240,26 +287,41 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         steps = last - first
-        worth = self.springs >= WORTH_SPRINGS and self.springs * steps >= WORTH_THREADS
+        work_ahead = self.springs * steps * (OWN_STEPS if self._method.adaptive else 1)
+        worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         self._keep(first)
         opened = self._open(first)
         done = [0] * len(shares)
+        pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
-            done[k] = step_island(
-                self._staged, self.parts, bonds, columns, scratch, share, first, steps, self.dt
-            )
+            given = (self._staged, self.parts, bonds, columns, scratch, share)
+            if pace is None:
+                done[k] = step_island(*given, first, steps, self.dt)
+            else:
+                done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
 
         team.each(work, len(shares))
         if done[0] == steps:
             self._close(opened, last)
             return None, None, None
+        step = first + done[0]
+        if pace is not None:
+            return None, None, self._stop(step, pace)
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
-            return None, None, self._unsolved(first + done[0])
-        return None, None, self._find(first + done[0])
+            return None, None, self._unsolved(step)
+        return None, None, self._find(step)
+
+    def _stop(self, step: int, pace: Pace) -> Fault:
+        """Which particle could not go on; the island is where and when it was."""
+        why, time, row = int(pace.report[0]), float(pace.report[1]), int(pace.report[2])
+        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+        p = self.states[member].particle(row - self._bounds[member], time)
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least))
 
     def _open(self, step: int) -> Opened | None:
         """The state at the beginning of a step whose work is booked; None where none is."""
@@ -288,14 +350,24 @@ class CoupledIsland:
         self._booking.close(opened, columns, bonds, parts, last * self.dt)
         self._booking.book_breaking(bonds, self.bonds, columns)
 
-    def _forces_in(self, columns: Columns, bonds: tuple[Bonds, ...], time: float) -> NDArray[np.float64]:
-        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
+    def _forces_in(
+        self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True
+    ) -> NDArray[np.float64]:
+        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places.
+
+        Without `corners`, hinges and forces on surfaces are left out.
+        """
         ((mine, work, share),) = self._for(1)
+        share = share if corners else share._replace(corners=())
         here = tuple(
             mine[k]._replace(k=bond.k, c=bond.c, breaking=bond.breaking) for k, bond in enumerate(bonds)
         )
         island_forces(self.parts, here, columns, work, share, time)
         return np.array(work.force, float)
+
+    def _hinged(self, columns: Columns) -> float:
+        """Potential energy of all hinges in a state [J]."""
+        return sum(float(sum_hinges(hinges, columns)) for hinges in self.hinges)
 
     def _keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
@@ -326,7 +398,7 @@ class CoupledIsland:
         system = self._work.system
         row = int(np.abs(system.residual).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
-        unsolved = Unsolved(self._method.label, float(system.report[1]), int(system.report[2]))
+        unsolved = Unsolved(self._method.label, float(system.report[1]), *map(int, system.report[2:]))
         return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:

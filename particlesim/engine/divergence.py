@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.emitters import Emitter
-from particlesim.engine.adaptive import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Fault, IndependentIsland
 from particlesim.engine.linear import IslandModel
+from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.stability import advice
 from particlesim.errors import DivergenceError, PostMortem
 from particlesim.forces import Force
@@ -48,8 +48,9 @@ WHY = {
         "keep it away from where a force has no value",
     ),
     TOO_SHORT: (
-        "needs steps below the least at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance)",
+        "needs steps below {least:.3g} s at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "shorter steps (minimum_step)",
     ),
     TOO_MANY: (
         f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
@@ -128,11 +129,16 @@ class Guard:
 
 def _closed(structure: Island) -> bool:
     """Whether nothing feeds energy to an island."""
-    return not any(structure.motions) and all(
-        not isinstance(group, Emitter)
-        and group.dynamics.type == "second_order"
-        and all(_conserves(law) for law in forces)
-        for group, forces in zip(structure.groups, structure.forces, strict=True)
+    winds = any(law.flow for laws in structure.surfaces for law in laws)
+    return (
+        not winds
+        and not any(structure.motions)
+        and all(
+            not isinstance(group, Emitter)
+            and group.dynamics.type == "second_order"
+            and all(_conserves(law) for law in forces)
+            for group, forces in zip(structure.groups, structure.forces, strict=True)
+        )
     )
 
 
@@ -154,18 +160,21 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
     row = fault.row + sum(state.count for state in island.states[: fault.member])
     dt = simulation.scenario.grid.dt
     time = fault.step * dt
-    columns, bonds, rows = island.replay(row, first, fault.step - first)
     if fault.stop is not None:
         what, hint = WHY[fault.stop.why]
-        sign = Sign(fault.step, row, fault.stop.particle, row - rows.start, bonds, columns)
-        text = f"particle {{who}} {what.format(t=fault.stop.time)}; it was"
+        sign = _stopped(island, row, fault, first)
+        text = f"particle {{who}} {what.format(t=fault.stop.time, least=fault.stop.least)}; it was"
         return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
+    columns, bonds, rows = island.replay(row, first, fault.step - first)
     if (missed := fault.unsolved) is not None:
         place = row - rows.start
         sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        spent = f"{missed.iterations} Newton iterations"
+        if missed.linear:
+            spent += f" with {missed.linear} iterations of the linear solver"
         text = (
-            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {missed.iterations} iterations "
-            f"{missed.residual:.3g} of the residual was left, most of it at particle {{who}}, which was"
+            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
+            f"{missed.residual:.3g} of the first was left, most of it at particle {{who}}, which was"
         )
         hint = "try a smaller dt, a larger tolerance, or more iterations"
         return _report(simulation, number, sign, "not solved", time, text, hint)
@@ -180,6 +189,16 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         f"give it, and numbers were {over}; it was"
     )
     return _report(simulation, number, early, "not finite", time, text)
+
+
+def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, first: int) -> Sign:
+    """Where a method that chooses its steps could not go on; an island of springs is there already."""
+    assert fault.stop is not None
+    p = fault.stop.particle
+    if isinstance(island, CoupledIsland):
+        return Sign(fault.step, row, p, row, island.bonds, island.island_columns())
+    columns, bonds, rows = island.replay(row, first, fault.step - first)
+    return Sign(fault.step, row, p, row - rows.start, bonds, columns)
 
 
 def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
@@ -201,7 +220,8 @@ def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> Di
     """The post-mortem of an island whose energy or speed has grown beyond reason by the present step."""
     island = simulation.islands[number]
     sign = None
-    if isinstance(island, CoupledIsland) and island.kept_from < simulation.step:
+    adaptive = simulation.graph.islands[number].method.adaptive
+    if isinstance(island, CoupledIsland) and not adaptive and island.kept_from < simulation.step:
         sign = _first_sign(simulation, number, 0, island.kept_from, simulation.step)
     if sign is None:
         sign = _fastest_now(simulation, number)
@@ -314,12 +334,14 @@ def _report(
 def _stable_step(simulation: Simulation, number: int, member: int, p: Particle) -> float | None:
     """The largest stable step of an island of springs when the interval began, or of a single particle at its place [s]."""
     island, structure = simulation.islands[number], simulation.graph.islands[number]
+    if structure.method.adaptive:
+        return math.inf
     if isinstance(island, CoupledIsland):
         island.go_back()
     try:
         model = IslandModel(simulation.scenario, structure, island, p.t)
         system = model.linearise().together if structure.coupled else model.single(member, p)
-        return math.inf if structure.method.adaptive else largest_step(structure.method, system)
+        return largest_step(structure.method, system)
     except (ArithmeticError, np.linalg.LinAlgError, ValueError):
         return None  # numbers too wild to tell
 
@@ -331,7 +353,7 @@ def _strongest(
     sizes: dict[str, float] = {}
     group = structure.groups[member]
     for label, law in zip(simulation.scenario.force_labels(), simulation.scenario.forces, strict=False):
-        if acts_on(law, group):
+        if acts_on(law, group) and not law.on_surfaces:
             try:
                 with np.errstate(all="ignore"):
                     sizes[label] = _length(evaluate(force, law.record(), sign.particle))

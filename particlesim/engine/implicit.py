@@ -73,7 +73,7 @@ def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
         method.slope,
         method.ahead,
         newton is None,
-        method.tolerance,
+        method.residual,
         ROUNDING * float(np.finfo(dtype).eps),
         1 if newton is None else newton.limit,
         method.max_linear_iterations,
@@ -93,7 +93,7 @@ def _implicit(
     s = work.system
     reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
     begin(method, parts, bonds, c, work, share, t, end, h)
-    ended, iterations, halved, taken = GOING, 0, 0, 1.0
+    ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
     first, last, goal, size = 0.0, np.inf, 0.0, 0.0
     while ended == GOING:
         evaluate(parts, bonds, c, work, share, now)
@@ -114,7 +114,8 @@ def _implicit(
         else:
             wanted = goal if method.linear else max(FORCING**2 * size, 0.25 * goal)
             last, halved, taken, iterations = size, 0, 1.0, iterations + 1
-            status, left = solve(bonds, s, share, plain, symmetric, size, wanted, method.linear_limit)
+            status, left, turns = solve(bonds, s, share, plain, symmetric, size, wanted, method.linear_limit)
+            spent += turns
             if status != SOLVED or method.linear:
                 ended, size = status, left
             if status == SOLVED:
@@ -124,24 +125,25 @@ def _implicit(
         finish(method, parts, c, work, share, reach, t, end, h)
     else:
         share.wild[8 * share.number] = 1
-        if share.number == 0:
-            s.report[0], s.report[1], s.report[2] = ended, np.sqrt(size / first), iterations
+    if share.number == 0:
+        s.report[0], s.report[2], s.report[3] = ended, iterations, spent
+        s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
 
 
 @outlined
 def solve(
     bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
 ) -> Any:
-    """Solve the linear equations: how it ended, and the size of what is left."""
-    status, left = INDEFINITE, size
+    """Solve the linear equations: how it ended, the size of what is left, and how many iterations it took."""
+    status, left, turns, more = INDEFINITE, size, 0, 0
     if symmetric:
         copy(s.residual, s.other, share.first, share.last)
-        status, left, _ = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
+        status, left, turns = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
         if status == INDEFINITE:
             copy(s.other, s.residual, share.first, share.last)
     if status == INDEFINITE:
-        status, left, _ = stabilised(bonds, s, share, plain, size, goal, limit)
-    return status, left
+        status, left, more = stabilised(bonds, s, share, plain, size, goal, limit)
+    return status, left, turns + more
 
 
 @outlined

@@ -19,12 +19,13 @@ from particlesim.engine.contact import Simple
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.newton import unsolved
+from particlesim.engine.pace import RESOLVED
 from particlesim.engine.program import group_program
 from particlesim.engine.state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.groups import Group, Particles
-from particlesim.integrators import ImplicitMethod
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
 from particlesim.laws import Particle
 from particlesim.layouts.file import File
 from particlesim.scenario.scenario import Scenario
@@ -32,6 +33,9 @@ from particlesim.team import Team
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
+
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
 
 
 @dataclass(frozen=True)
@@ -51,20 +55,25 @@ class Fault:
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, and iterations made."""
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
 
     method: str
     residual: float
     iterations: int
+    linear: int = 0
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a particle was when its own steps could not go on: why (a code of `engine.adaptive`), when [s], the particle."""
+    """Where a particle was when its own steps could not go on.
+
+    Why (a code of `engine.pace`), when [s], the particle, and the shortest step that was allowed [s].
+    """
 
     why: int
     time: float
     particle: Particle
+    least: float
 
 
 @dataclass
@@ -141,9 +150,8 @@ class IndependentIsland:
             def work(a: int, b: int) -> None:
                 self._step(columns, first, last - first, a, b, self._block, faults)
 
-            team.over_range(
-                self.state.count, self._block, work, worth=self.state.count * (last - first) >= WORTH_THREADS
-            )
+            ahead = self.state.count * (last - first) * (OWN_STEPS if self._adaptive else 1)
+            team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         self._close(opened, last)
@@ -238,7 +246,8 @@ class IndependentIsland:
         step_range_adaptive(self.program, columns, step, 1, self.dt, i, i + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[i]) for name in ("x", "y", "z", "vx", "vy", "vz")}
-        return Stop(int(fault[i]), float(moment[0]), p._replace(**place))
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Stop(int(fault[i]), float(moment[0]), p._replace(**place), least)
 
 
 def snapshot(c: Columns, part: slice) -> Columns:
@@ -330,6 +339,12 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
 def copied(c: Columns) -> Columns:

@@ -28,7 +28,9 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     member = island.groups.index(group)
     planes, motions = island.planes[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
-    layout = scenario.opened(group) if isinstance(group, Particles) else None
+    if isinstance(group, Particles):
+        group = group.model_copy(update={"layout": scenario.opened(group)})
+    layout = group.layout if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     state = GroupState(
         group.name,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.books import total_energy, work_columns
+from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.divergence import Guard, not_finite, overflowed
 from particlesim.engine.islands import Births, IndependentIsland
@@ -238,6 +239,8 @@ class Simulation:
             energies = bond_energy(island.bonds, island.island_columns())
             for bonds, energy in zip(structure.bonds, energies, strict=True):
                 found[f"potential.{bonds.name}"] = energy
+            for hinges, made in zip(structure.hinges, island.hinges, strict=True):
+                found[f"potential.{hinges.name}"] = float(sum_hinges(made, island.island_columns()))
         return found
 
     def broken(self) -> dict[str, tuple[int, int]]:

@@ -58,9 +58,9 @@ def tensors(bond: Bonds, columns: Any) -> Tensors:
     )
     length = np.sqrt((reach * reach).sum(axis=0))
     e = np.divide(reach, length, out=np.zeros_like(reach), where=length > 0)
-    slack = (length < rest) if isinstance(bond.law, StringRecord) else np.zeros(len(i), np.bool_)
-    if isinstance(bond.law, StrutRecord):
-        slack = length > rest
+    slack = ((length < rest) & isinstance(bond.law, StringRecord)) | (
+        (length > rest) & isinstance(bond.law, StrutRecord)
+    )
     across = k * (1 - np.divide(rest, length, out=np.ones_like(length), where=length > 0))
     across[slack] = 0
     across[length == 0] = k[length == 0]

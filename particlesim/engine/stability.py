@@ -63,7 +63,7 @@ class IslandStability:
                 f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
                 f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
             )
-        sure = " that is sure" if self.how == "bounds" else ""
+        sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
             f"{self._strictest()}: {advice(self.step)}"

@@ -48,7 +48,7 @@ class Rate(NamedTuple):
 
 
 def restart(memory: Any) -> Any:
-    """A method's memory after something else changed the velocity: its last number is 0, which means that it does not hold."""
+    """A method's memory after something else changed the velocity: its last number is 0, so that it does not hold."""
     return stub()
 
 

@@ -55,7 +55,8 @@ class System(NamedTuple):
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
     `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
-    chunks [4, chunks]; `flags`; `report`: relative residual and iterations where a solution was not found, and its particle.
+    chunks [4, chunks]; `flags`; `report`: how the
+    last step ended, its relative residual, and its Newton and linear iterations.
     """
 
     inertia: Any
@@ -105,7 +106,7 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
         flags=np.zeros(FLAGS * 64, np.int64),
-        report=np.zeros(3),
+        report=np.zeros(4),
     )
 
 

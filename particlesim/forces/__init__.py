@@ -13,10 +13,20 @@ from particlesim.forces.gravity import Gravity
 from particlesim.forces.linear_drag import LinearDrag
 from particlesim.forces.point_spring import PointSpring
 from particlesim.forces.rotating_frame import RotatingFrame
+from particlesim.forces.sheet_drag import SheetDrag
 from particlesim.forces.stokes_drag import StokesDrag
 
 AnyForce = Annotated[
-    Gravity | LinearDrag | StokesDrag | Drag | Buoyancy | PointSpring | Attractor | RotatingFrame | Field,
+    Gravity
+    | LinearDrag
+    | StokesDrag
+    | Drag
+    | Buoyancy
+    | PointSpring
+    | Attractor
+    | RotatingFrame
+    | Field
+    | SheetDrag,
     _Field(discriminator="type"),
 ]
 
@@ -32,4 +42,7 @@ FORCES: tuple[type[Force], ...] = (
     Field,
 )
 
-__all__ = ["FORCES", "AnyForce", "Force"]
+SURFACE_FORCES: tuple[type[Force], ...] = (SheetDrag,)
+"""Forces on the triangles of surfaces, which have a law of their own."""
+
+__all__ = ["FORCES", "SURFACE_FORCES", "AnyForce", "Force", "SheetDrag"]

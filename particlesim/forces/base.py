@@ -29,6 +29,9 @@ class Force(Model):
     needs_velocity: ClassVar[bool] = False
     """Whether the force depends on the velocity, which a particle without inertia does not have."""
 
+    on_surfaces: ClassVar[bool] = False
+    """Whether it acts on the triangles of a surface instead of single particles."""
+
     type: str
 
     @property

@@ -5,10 +5,11 @@ With y₁ the result of a step h, δ the difference of the two results and |·| 
     E² = (|δx| / s_x)² + (|δv| / s_v)²,   s_x = p + r max(|x₀|, |x₁|),   s_v = q + r max(|v₀|, |v₁|)
 
 with r the `tolerance`, p and q the `position_tolerance` and `velocity_tolerance`. A step with E ≤ 1 is accepted; accepted or
-not, the next one is h · 0.9 E^(−α) E₋₁^β, within bounds, where E₋₁ is the error of the step before (Gustafsson's PI controller;
-β = 0 is the simple one). There is none after a rejected step, which never grows either.
+not, the next one is h · 0.9 E^(−α) E₋₁^β within bounds, where E₋₁ is the error of the last accepted step (Gustafsson's PI
+controller; β = 0 is the simple one). The step after a rejected one does not grow.
 
-Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.4; K. Gustafsson, ACM TOMS 17, 533 (1991).
+Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.4; K. Gustafsson, ACM TOMS 17, 533
+(1991).
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@ particles that step alone, conjugate gradients for islands.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
@@ -21,7 +22,8 @@ from particlesim.integrators.base import Method, none_if_zero
 from particlesim.integrators.options import Options
 from particlesim.units import Number
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-8
+LINEAR_TOLERANCE = 1e-4
 MAX_ITERATIONS = 50
 MAX_LINEAR_ITERATIONS = 10_000
 
@@ -51,9 +53,9 @@ class BackwardEuler(Options):
     """Name of the method."""
     converged: bool = False
     """Newton iterations until the residual is small (true), or one linear solve per step (false)."""
-    tolerance: Tolerance = TOLERANCE
-    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve, or with `converged`
-    of the step's equations."""
+    tolerance: Tolerance | None = None
+    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-4 unless given; in
+    an island of springs), or with `converged` of the step's equations (1e-8 unless given)."""
     max_iterations: Count | None = None
     """With `converged`: Newton iterations in a step at most (50 unless given); more end the run."""
     max_linear_iterations: Count = MAX_LINEAR_ITERATIONS
@@ -104,8 +106,8 @@ class ImplicitMethod(Method):
     past: float = 0.0
     slope: float = 0.0
     ahead: bool = False
-    tolerance: float = TOLERANCE
-    max_iterations: int = MAX_ITERATIONS
+    tolerance: float | None = TOLERANCE
+    max_iterations: int | None = MAX_ITERATIONS
     max_linear_iterations: int = MAX_LINEAR_ITERATIONS
 
     def __post_init__(self) -> None:
@@ -127,6 +129,11 @@ class ImplicitMethod(Method):
         return True
 
     @property
+    def residual(self) -> float:
+        """Relative residual that counts as solved: of a step's equations, or of its linear ones where there is one solve."""
+        return self.tolerance or (TOLERANCE if self.iterates else LINEAR_TOLERANCE)
+
+    @property
     def evaluations(self) -> int:
         """Force evaluations per step, of which one in every Newton iteration: at least."""
         return 1 + (self.slope != 0)
@@ -142,18 +149,19 @@ class ImplicitMethod(Method):
             none_if_zero(self.past),
             none_if_zero(self.slope),
             2.0 if self.ahead else None,
-            NewtonRecord(self.tolerance, self.max_iterations) if self.iterates else None,
+            NewtonRecord(self.residual, self.max_iterations or MAX_ITERATIONS) if self.iterates else None,
         )
 
-    def amplification(self, z: complex) -> complex:
-        """What a step multiplies the solution of y' = λ y by, z = h λ; of two roots the larger."""
-        if self.past:
-            # (1 − γ z) ζ² − (1 + past) ζ + past = 0
-            a, b, c = 1 - self.gamma * z, -(1 + self.past), self.past
-            root = complex(b * b - 4 * a * c) ** 0.5
-            return max(((-b + root) / (2 * a), (-b - root) / (2 * a)), key=abs)
-        y = (1 + self.slope * z) / (1 - self.gamma * z)
-        return 2 * y - 1 if self.ahead else y
+    def amplification(self, z: Any) -> Any:
+        """What a step multiplies the solution of y' = λ y by, for a complex z = h λ or an array of them; of two the larger."""
+        if not self.past:
+            y = (1 + self.slope * z) / (1 - self.gamma * z)
+            return 2 * y - 1 if self.ahead else y
+        # (1 − γ z) ζ² − (1 + past) ζ + past = 0
+        a, half = 1 - self.gamma * z, (1 + self.past) / 2
+        root = np.sqrt(half * half - a * self.past + 0j)
+        larger = np.where(abs(half + root) >= abs(half - root), half + root, half - root)
+        return larger / a
 
 
 @dataclass(frozen=True)
@@ -163,13 +171,9 @@ class BackwardEulerMethod(ImplicitMethod):
     options: ClassVar[type[Options]] = BackwardEuler
 
     converged: bool = False
-    max_iterations: int | None = None  # type: ignore[assignment]
+    tolerance: float | None = None
+    max_iterations: int | None = None
 
     @property
     def iterates(self) -> bool:
         return self.converged
-
-    def record(self) -> ImplicitRecord:
-        limit = MAX_ITERATIONS if self.max_iterations is None else self.max_iterations
-        newton = NewtonRecord(self.tolerance, limit) if self.converged else None
-        return super().record()._replace(newton=newton)

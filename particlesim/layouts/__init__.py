@@ -5,15 +5,34 @@ from typing import Annotated
 from pydantic import Field
 
 from particlesim.layouts.base import CHUNK, Layout, Placed
+from particlesim.layouts.bridge import Bridge
 from particlesim.layouts.cloth import Cloth
 from particlesim.layouts.file import File
+from particlesim.layouts.hair import Hair
 from particlesim.layouts.jelly import Jelly
 from particlesim.layouts.lattice import Lattice
+from particlesim.layouts.net import Net
 from particlesim.layouts.points import Points
 from particlesim.layouts.random import Random
 from particlesim.layouts.rope import Rope
+from particlesim.layouts.surface import SurfaceFile
 
-AnyLayout = Annotated[Points | Random | Lattice | Cloth | Rope | Jelly | File, Field(discriminator="type")]
-LAYOUTS: tuple[type[Layout], ...] = (Points, Random, Lattice, Cloth, Rope, Jelly, File)
+AnyLayout = Annotated[
+    Points | Random | Lattice | Cloth | Rope | Jelly | Net | Hair | Bridge | SurfaceFile | File,
+    Field(discriminator="type"),
+]
+LAYOUTS: tuple[type[Layout], ...] = (
+    Points,
+    Random,
+    Lattice,
+    Cloth,
+    Rope,
+    Jelly,
+    Net,
+    Hair,
+    Bridge,
+    SurfaceFile,
+    File,
+)
 
 __all__ = ["CHUNK", "LAYOUTS", "AnyLayout", "Layout", "Placed"]

@@ -45,7 +45,7 @@ class Layout(Model):
     is_body: ClassVar[bool] = False
     """Whether its particles are one body, whose mass the group states."""
     kinds: ClassVar[tuple[str, ...]] = ()
-    """Kinds of springs that it can bring."""
+    """Kinds of springs that it can bring, angles and dihedrals among them."""
 
     type: str
 
@@ -64,6 +64,10 @@ class Layout(Model):
     def triangles(self) -> NDArray[np.int64]:
         """Corners of the triangles of its surface, counter-clockwise seen from the side of the normal, shape [n, 3]."""
         return np.empty((0, 3), np.int64)
+
+    def hinges(self, kind: str) -> NDArray[np.int64]:
+        """Particles of its angles, shape [n, 3], or dihedrals, shape [n, 4]."""
+        raise NotImplementedError(f"{self!r} has no hinges")
 
     @classmethod
     def has_surface(cls) -> bool:

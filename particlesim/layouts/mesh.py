@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from particlesim.errors import UsageError
 from particlesim.layouts.base import Layout
 
 Ints = NDArray[np.int64]
@@ -16,6 +17,8 @@ Resolution = Annotated[int, Field(ge=2, le=10_000, strict=True)]
 STRUCTURAL = "structural"
 SHEAR = "shear"
 BEND = "bend"
+ANGLE = "angle"
+DIHEDRAL = "dihedral"
 
 
 class Mesh(Layout):
@@ -27,13 +30,16 @@ class Mesh(Layout):
         """Particles along each axis of the grid; the last one runs fastest."""
         raise NotImplementedError
 
-    def number(self) -> int:
+    def number(self) -> int | None:
         return int(np.prod(self.shape()))
 
     def pins(self) -> Ints:
         places, pinned = self.places(), getattr(self, "pinned", None)
         names = (pinned,) if isinstance(pinned, str) else pinned or ()
         return np.unique(np.concatenate([np.empty(0, np.int64), *(places[name] for name in names)]))
+
+    def hinges(self, kind: str) -> Ints:
+        return folds(self.triangles())
 
     def edges(self, kind: str) -> Ints:
         """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""
@@ -51,6 +57,46 @@ def grid_triangles(index: Ints) -> Ints:
     first = np.where(rising, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
     second = np.where(rising, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
     return np.stack([first, second], axis=2).reshape(-1, 3)
+
+
+def is_closed(triangles: Ints) -> bool:
+    """Whether a surface has an inside: every edge is shared by two triangles that run along it in opposite directions."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    forward = np.sort(edges[:, 0] * (int(triangles.max(initial=0)) + 1) + edges[:, 1])
+    backward = np.sort(edges[:, 1] * (int(triangles.max(initial=0)) + 1) + edges[:, 0])
+    return len(triangles) > 0 and bool((forward == backward).all())
+
+
+def require_manifold(triangles: Ints, label: str) -> None:
+    """Raises UsageError when several triangles run along an edge in the same direction: more than two share it, or two
+    disagree about their front."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    found, number = np.unique(edges, axis=0, return_counts=True)
+    worst = int(number.argmax())
+    if number[worst] > 1:
+        a, b = found[worst]
+        raise UsageError(
+            f"{label}: {number[worst]} triangles run along the edge between particles {a} and {b} in the same direction",
+            "bending and drag need manifold edges, each with one triangle or with two that are wound the same way; "
+            "structural springs take any mesh",
+        )
+
+
+def folds(triangles: Ints) -> Ints:
+    """Particles of the dihedrals of a surface: for every edge 2–3 of two triangles, 1, 2, 3, 4 of 1–2–3 and 4–3–2, [n, 4].
+
+    Every edge must belong to one or two triangles, which run along it in opposite directions.
+    """
+    start = np.concatenate([triangles[:, k] for k in range(3)])
+    end = np.concatenate([triangles[:, k] for k in (1, 2, 0)])
+    apex = np.concatenate([triangles[:, k] for k in (2, 0, 1)])
+    forward = start < end
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    key = low * (int(triangles.max(initial=0)) + 1) + high
+    one, other = (np.flatnonzero(side)[np.argsort(key[side], kind="stable")] for side in (forward, ~forward))
+    _, a, b = np.intersect1d(key[one], key[other], return_indices=True)
+    one, other = one[a], other[b]
+    return np.stack([apex[one], start[one], end[one], apex[other]], axis=1)
 
 
 def steps(axes: int, kind: str) -> list[tuple[int, ...]]:

@@ -9,7 +9,7 @@ from pydantic import model_validator
 
 from particlesim.crossfield import invalid
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Ints, Mesh, Resolution
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Vector
 
@@ -20,7 +20,7 @@ class Rope(Mesh):
     Structural springs join neighbours, bend springs every other particle.
     """
 
-    kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND)
+    kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND, ANGLE)
 
     type: Literal["rope"] = "rope"
     start: Vector[Metres]
@@ -48,6 +48,9 @@ class Rope(Mesh):
         start, end = np.array(self.start)[:, None], np.array(self.end)[:, None]
         position = start * (1 - along) + end * along
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
+
+    def hinges(self, kind: str) -> Ints:
+        return np.arange(self.count - 2, dtype=np.int64)[:, None] + np.arange(3)
 
     def places(self) -> dict[str, Ints]:
         ends = np.array([0, self.count - 1], dtype=np.int64)

@@ -81,17 +81,14 @@ class Renderer:
         *,
         planes: tuple[PlaneShape, ...] = (),
         title: str = "",
-        first: int = 0,
-        last: int | None = None,
         team: Team,
     ) -> None:
         if len(source) == 0:
             raise UsageError("the trajectory holds no frame", "Run the scenario again; nothing was recorded.")
-        last = len(source) - 1 if last is None else last
         self.settings, self.team = settings, team
         self.coloring = choose_coloring(source, settings.color_by)
         self.bodies = Bodies(source, settings)
-        self.scene = survey(source, self._values, first, last)
+        self.scene = survey(source, self._values)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
         self.range = (float(low), float(high))
@@ -115,9 +112,9 @@ class Renderer:
         )
         self.curve = tone_curve()
         wanted = settings.trails
-        few = self.scene.count <= AUTOMATIC and last > first and not self.bodies
+        few = self.scene.count <= AUTOMATIC and len(source) > 1 and not self.bodies
         draws = wanted is True or (wanted == "auto" and few)
-        self.trails = collect_trails(source, first, last, self._colors) if draws else None
+        self.trails = collect_trails(source, self._colors) if draws else None
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()

@@ -47,13 +47,13 @@ class Survey:
         return max(half, floor) or 1.0
 
 
-def survey(source: FrameSource, values_of: Callable[[Frame], Array | None], first: int, last: int) -> Survey:
-    """Sample the frames from `first` to `last`. `values_of` gives the coloured values of a frame, one for each particle
+def survey(source: FrameSource, values_of: Callable[[Frame], Array | None]) -> Survey:
+    """Sample all frames. `values_of` gives the coloured values of a frame, one for each particle
     or for each of other things, or None."""
     points, values, radii = [np.empty((0, 3))], [np.empty(0)], [np.empty(0)]
     count = 0
-    for step in sample_indices(last - first + 1, FRAMES):
-        frame = source[first + step]
+    for index in sample_indices(len(source), FRAMES):
+        frame = source[index]
         count = max(count, len(frame.position))
         some = slice(None, None, max(1, -(-len(frame.position) // PARTICLES)))
         position = np.asarray(frame.position[some], float)

@@ -62,9 +62,9 @@ class Trails:
         return np.ascontiguousarray(rows[ok], np.float32), np.ascontiguousarray(color[ok])
 
 
-def collect_trails(source: FrameSource, first: int, last: int, colors_of: Callable[[Frame], Array]) -> Trails:
-    """Read the paths of up to `MOST` particles from the frames `first` to `last`."""
-    frames = [first + k for k in sample_indices(last - first + 1, SAMPLES)]
+def collect_trails(source: FrameSource, colors_of: Callable[[Frame], Array]) -> Trails:
+    """Read the paths of up to `MOST` particles."""
+    frames = list(sample_indices(len(source), SAMPLES))
     found: list[tuple[Array, Array, Array]] = []
     known: Array = np.empty(0, np.int64)
     for index in frames:

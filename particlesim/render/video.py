@@ -26,13 +26,18 @@ QUEUE = 3
 
 @dataclass(frozen=True)
 class RenderReport:
-    """What was made: the number of pictures, the seconds it took, the file (of several PNG the first),
+    """What was made: the number of pictures, the seconds it took, the files (several only of PNG),
     warnings."""
 
     frames: int
     seconds: float
-    path: Path
+    paths: tuple[Path, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The file, of several PNG the first."""
+        return self.paths[0]
 
 
 def render_frame(
@@ -73,6 +78,8 @@ def render_video(
 ) -> RenderReport:
     """Render a trajectory, or those recorded `frames`, to `out`: .mp4, .webp or .png (numbered files).
 
+    Frames follow each other as the settings' speed says; chosen `frames` as PNG are a picture each.
+
     `progress(done, total)` is called after each picture. The file appears when it is whole; after an error
     or an interrupt nothing is left. The picture does not depend on `threads`. Raises UsageError when the
     request cannot be met (nothing is written), InputOutputError when writing fails.
@@ -85,16 +92,16 @@ def render_video(
             f"The trajectory holds {len(source)} frames.",
         )
     chosen = chosen if chosen.step > 0 else chosen[::-1]
-    shown = timeline(source.times[list(chosen)], settings)
+    pictures_of_frames = Path(out).suffix.lower() == ".png" and frames is not None
+    shown = range(len(chosen)) if pictures_of_frames else timeline(source.times[list(chosen)], settings)
     with held_signals() as signals, Team(threads) as team:
-        renderer = Renderer(
-            source, settings, planes=tuple(planes), title=title, first=chosen[0], last=chosen[-1], team=team
-        )
+        # Camera, colours and trails are those of the whole trajectory: a picture is that of its video.
+        renderer = Renderer(source, settings, planes=tuple(planes), title=title, team=team)
         writer = open_writer(Path(out), settings, len(shown), overwrite)
         try:
             pictures = _pictures(renderer, source, [chosen[k] for k in shown], settings, team)
             _encode(writer, pictures, len(shown), progress, signals)
-            path = writer.finish()
+            paths = writer.finish()
         except BaseException:  # also Ctrl-C: nothing half written stays
             writer.discard()
             raise
@@ -105,7 +112,7 @@ def render_video(
         warnings.append(f"{number} not finite and left out of the pictures")
     if not renderer.scene.count:
         warnings.append("there is no particle in the trajectory")
-    return RenderReport(len(shown), time.perf_counter() - started, path, tuple(warnings))
+    return RenderReport(len(shown), time.perf_counter() - started, paths, tuple(warnings))
 
 
 def _pictures(

@@ -29,7 +29,7 @@ class Writer(Protocol):
     """`add` every picture, then `finish`; or `discard` at any moment."""
 
     def add(self, picture: Picture) -> None: ...
-    def finish(self) -> Path: ...
+    def finish(self) -> tuple[Path, ...]: ...
     def discard(self) -> None: ...
 
 
@@ -173,7 +173,7 @@ class Mp4Writer:
         except OSError as error:
             raise self._failure() from error
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         assert self.process.stdin is not None
         try:
             self.process.stdin.close()
@@ -182,7 +182,7 @@ class Mp4Writer:
         if self.process.wait() != 0:
             raise self._failure()
         self.log.close()
-        return _moved(self.part, self.out)
+        return (_moved(self.part, self.out),)
 
     def _failure(self) -> InputOutputError:
         self.process.wait()
@@ -223,7 +223,7 @@ class WebpWriter:
 
         self.pictures.append(Image.fromarray(picture))
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         # Milliseconds per frame, rounded so that no error adds up.
         ends = np.round(np.arange(len(self.pictures) + 1) * 1000 / self.fps).astype(int)
         first, *rest = self.pictures
@@ -234,7 +234,7 @@ class WebpWriter:
             )  # fmt: skip
         except OSError as error:
             raise _failed(self.out, error) from error
-        return _moved(self.part, self.out)
+        return (_moved(self.part, self.out),)
 
     def discard(self) -> None:
         self.pictures.clear()
@@ -262,10 +262,10 @@ class PngWriter:
         except OSError as error:
             raise _failed(out, error) from error
 
-    def finish(self) -> Path:
+    def finish(self) -> tuple[Path, ...]:
         for part, out in zip(self.parts, self.names, strict=True):
             _moved(part, out)
-        return self.names[0]
+        return tuple(self.names)
 
     def discard(self) -> None:
         for part in self.parts:

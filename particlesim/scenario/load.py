@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from particlesim.crossfield import Invalid
 from particlesim.scenario.diagnose import diagnose, scenario_error
+from particlesim.scenario.migration import format_of, migrated
 from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import Source, parse_source, read_source, source_from_dict
@@ -70,7 +71,8 @@ def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
 
 def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | None) -> Scenario:
     """The scenario of a parsed source with further overrides. Raises ScenarioError with every mistake and its place."""
-    source = apply_overrides(source, settings)
+    version = format_of(source)
+    source = apply_overrides(migrated(source), settings)
     mistakes: list[Invalid] = []
     try:
         scenario = Scenario.model_validate(source.raw, context={"mistakes": mistakes})
@@ -79,4 +81,4 @@ def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | N
     if mistakes:
         raise scenario_error(source, mistakes)
     told = tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
-    return scenario.loaded_from(folder, told, source)
+    return scenario.loaded_from(folder, told, source, version)

@@ -8,7 +8,8 @@ from typing import Literal, get_args
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from particlesim.bonds import BondSet, SpringLaw, Springs
+from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, SpringLaw, Springs
+from particlesim.bonds.hinge import Hinges
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
@@ -27,6 +28,7 @@ from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.source import Source
@@ -61,6 +63,10 @@ class Scenario(Model):
     """What acts on particles."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
+    angles: tuple[Angles, ...] = ()
+    """Springs that keep the angle at the middle one of three particles."""
+    dihedrals: tuple[Dihedrals, ...] = ()
+    """Springs that keep the fold between two triangles."""
     motions: tuple[Motion, ...] = ()
     """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
@@ -75,6 +81,7 @@ class Scenario(Model):
     _folder: Path | None = PrivateAttr(default=None)
     _overrides: tuple[str, ...] = PrivateAttr(default=())
     _source: Source | None = PrivateAttr(default=None)
+    _written_format: int = PrivateAttr(default=1)
     _grid: TimeGrid = PrivateAttr()
 
     def __eq__(self, other: object) -> bool:
@@ -105,12 +112,23 @@ class Scenario(Model):
         """What was set beside the file, as 'key=value'."""
         return self._overrides
 
+    @property
+    def written_format(self) -> int:
+        """The version of the format that the file is written in, which may be older than `format`."""
+        return self._written_format
+
     def loaded_from(
-        self, folder: Path | None, overrides: tuple[str, ...], source: Source | None = None
+        self,
+        folder: Path | None,
+        overrides: tuple[str, ...],
+        source: Source | None = None,
+        written_format: int | None = None,
     ) -> Scenario:
-        """The scenario with relative paths starting from a folder, the overrides already in it, and the text it is from."""
+        """The scenario with relative paths starting from a folder and the overrides already in it; the text that it is from,
+        and the format of that."""
         copy = self.model_copy()
         copy._folder, copy._overrides, copy._source = folder, overrides, source
+        copy._written_format = self.format if written_format is None else written_format
         return copy
 
     def opened(self, group: Particles) -> Layout:
@@ -137,6 +155,8 @@ class Scenario(Model):
         labels: list[str] = []
         names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
         names += [bonds.name for group in self.particles for bonds in group.bonds()]
+        names += [hinges.name for hinges in (*self.angles, *self.dihedrals)]
+        names += [hinges.name for group in self.particles for hinges in group.hinges()]
         for base in names:
             label, k = base, 1
             while label in labels:
@@ -150,7 +170,15 @@ class Scenario(Model):
         """All sets of springs, each with its name in the ledger."""
         labels = self.force_labels()[len(self.forces) :]
         listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
-        return (*listed, *(bonds for group in self.particles for bonds in group.bonds()))
+        return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def hinges(self) -> tuple[HingeSet, ...]:
+        """All angles and dihedrals, each set with its name in the ledger."""
+        listed = (*self.angles, *self.dihedrals)
+        labels = self.force_labels()[len(self.forces) + len(self.bonds) :]
+        made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
+        return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
@@ -182,6 +210,7 @@ class Scenario(Model):
             _pulled,
             _joined,
             _colors,
+            too_fine,
             _styles,
             disagreements,
         ):
@@ -215,6 +244,8 @@ def acts_on(force: Force, group: Group) -> bool:
 
 def _cannot_feel(force: Force, group: Group) -> str | None:
     velocity = force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
+    if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
+        return "this force acts on surfaces; cloth, jelly and mesh have one"
     if group.dynamics.type == "tracer":
         return "tracers move with their flow; no force acts on them"
     if group.dynamics.type == "first_order" and velocity:
@@ -261,6 +292,8 @@ def _references(scenario: Scenario) -> Iterator[Invalid]:
     for section in ("forces", "planes", "impulses"):
         for k, entry in enumerate(getattr(scenario, section)):
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
+    for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
+        places += [((section, k, "on"), hinges.on) for k, hinges in enumerate(entries)]
     for k, springs in enumerate(scenario.springs):
         if springs.on is not None:
             places.append((("springs", k, "on"), springs.on))
@@ -280,8 +313,9 @@ def _needs(scenario: Scenario) -> Iterator[Invalid]:
     for k, force in enumerate(scenario.forces):
         for path, group in _group_tables(scenario):
             if force.on is not None and group.name in force.on and (why := _cannot_feel(force, group)):
+                about = "layout" if force.on_surfaces and "surface" in why else "dynamics"
                 yield Invalid(
-                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, "dynamics"), "here"),)
+                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, about), "here"),)
                 )
             if not acts_on(force, group):
                 continue
@@ -417,7 +451,7 @@ def _motions(scenario: Scenario) -> Iterator[Invalid]:
 def _joined(scenario: Scenario) -> Iterator[Invalid]:
     """What groups joined by springs have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for here, names, _ in _bond_tables(scenario):
+    for here, names, _ in _coupling_tables(scenario):
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
@@ -463,6 +497,26 @@ def _colors(scenario: Scenario) -> Iterator[Invalid]:
             allowed=", ".join(known),
             hint=hint,
         )
+
+
+def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Keys, Hinges]]:
+    """Where angles and dihedrals are listed."""
+    for k, angles in enumerate(scenario.angles):
+        yield ("angles", k), angles
+    for k, dihedrals in enumerate(scenario.dihedrals):
+        yield ("dihedrals", k), dihedrals
+
+
+def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
+    """Where particles are coupled at all: by springs, by angles and dihedrals, by drag on a surface; the last two as springs
+    that are neither damped nor given by mass."""
+    yield from _bond_tables(scenario)
+    for place, hinges in _hinge_tables(scenario):
+        yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
+    for j, force in enumerate(scenario.forces):
+        for group in scenario.groups:
+            if force.on_surfaces and acts_on(force, group):
+                yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
 
 
 def _styles(scenario: Scenario) -> Iterator[Invalid]:
@@ -519,11 +573,24 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
                         allowed=f"0 to {number - 1}",
                     )
 
+    for place, hinges in _hinge_tables(scenario):
+        path, group = tables[hinges.on]
+        number = group.layout.number() if isinstance(group, Particles) else None
+        for j, particles in enumerate(hinges.lists()):
+            for end, index in enumerate(particles):
+                if number is not None and index >= number:
+                    yield Invalid(
+                        f"{hinges.on!r} has no particle {index}",
+                        (*place, hinges.key, j, end),
+                        (((*path, "layout"), f"{number} particles"),),
+                        allowed=f"0 to {number - 1}",
+                    )
+
 
 def _pulled(scenario: Scenario) -> Iterator[Invalid]:
     """Springs join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for here, names, law in _bond_tables(scenario):
+    for here, names, law in _coupling_tables(scenario):
         for name in dict.fromkeys(names):
             path, group = tables[name]
             if not isinstance(group, Particles):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from particlesim.errors import UsageError
 from particlesim.sweep.outcome import Outcome
 
-MANIFEST, TABLE = "sweep.json", "results.csv"
+MANIFEST, TABLE, LOCK = "sweep.json", "results.csv", ".lock"
+PARQUET = "results.parquet"
 SCENARIO, RESULT, TRAJECTORY = "scenario.toml", "result.json", "trajectory.vtkhdf"
 
 
@@ -48,20 +52,13 @@ def plain(data: Any) -> Any:
 
 
 def prepare(folder: Path, definition: dict[str, Any], total: int, *, force: bool) -> None:
-    """Make the folder of a sweep, or find that it is there.
+    """State in its folder, which is ours `alone`, what a sweep is, or find that it is stated there.
 
     With `force`, what another sweep left there is removed: files of its runs, and nothing else.
-    Raises UsageError when the folder holds a sweep of another definition or something else, or cannot be written.
+    Raises UsageError when the folder holds a sweep of another definition, or cannot be written.
     """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder} is not a folder", "Choose another one with --output.")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         earlier = _manifest(folder)
-        if earlier is None and any(folder.iterdir()):
-            raise UsageError(
-                f"{folder} is not empty, and holds no sweep", "Choose another one with --output."
-            )
         wanted = plain(definition)
         if earlier is not None and (earlier != wanted or force):
             if not force:
@@ -73,9 +70,57 @@ def prepare(folder: Path, definition: dict[str, Any], total: int, *, force: bool
             _clear(folder, earlier.get("runs", total))
         write_json(folder / MANIFEST, definition)
     except OSError as error:
-        raise UsageError(
-            f"{folder} cannot be written: {error.strerror or error}", "Choose another one."
-        ) from None
+        raise unwritable(folder, error) from None
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other sweeps out of a folder; the lock ends with the process, however it ends.
+
+    Where the file system has no locks, it does without. Raises UsageError when another sweep is at work there.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is not a folder", "Choose another one with --output.")
+    foreign = (
+        folder.exists()
+        and not (folder / MANIFEST).exists()
+        and any(child.name != LOCK for child in folder.iterdir())
+    )
+    if foreign:
+        raise UsageError(f"{folder} is not empty, and holds no sweep", "Choose another one with --output.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / LOCK).open("a")
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    with file:
+        if not _locked(file.fileno()):
+            raise UsageError(
+                f"another sweep is at work in {folder}",
+                "Wait for its end, or choose another folder with --output.",
+            )
+        yield
+
+
+def _locked(descriptor: int) -> bool:
+    """Lock an open file. False if another process holds it; True also where there are no locks."""
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
+    return True
+
+
+def unwritable(folder: Path, error: OSError) -> UsageError:
+    """The error for a folder that takes no files."""
+    return UsageError(f"{folder} cannot be written: {error.strerror or error}", "Choose another one.")
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:
@@ -98,7 +143,7 @@ def _clear(folder: Path, total: int) -> None:
                 (child / name).unlink(missing_ok=True)
             if not any(child.iterdir()):
                 child.rmdir()
-    for name in (TABLE, MANIFEST):
+    for name in (TABLE, PARQUET, MANIFEST):
         (folder / name).unlink(missing_ok=True)
 
 

@@ -18,9 +18,9 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import read_source
 from particlesim.sweep.design import Design
 from particlesim.sweep.executor import Executor, InProcess, LocalWorkers
-from particlesim.sweep.files import TABLE, finished, prepare, run_folder, write_atomically
+from particlesim.sweep.files import PARQUET, TABLE, alone, finished, prepare, run_folder, write_atomically
 from particlesim.sweep.outcome import EXIT_CODES, Outcome
-from particlesim.sweep.table import Table
+from particlesim.sweep.table import Table, write_parquet
 from particlesim.sweep.task import Task
 from particlesim.team import available_cores
 from particlesim.version import __version__
@@ -59,6 +59,8 @@ class SweepResult:
     failures: list[Outcome] = field(default_factory=list)
     seconds: float = 0.0
     interrupted: bool = False
+    parquet: Path | None = None
+    """The same table as Parquet, where pyarrow is installed."""
 
     @property
     def ended(self) -> int:
@@ -118,6 +120,12 @@ class Sweep:
             "runs": len(design),
         }
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the table that may hold numbers: what is varied, quantities, checks, seconds."""
+        checks = (f"check {name}" for name in self._checks)
+        return (*self.design.keys, *self._columns, *checks, "seconds")
+
     def _first_valid(self) -> Scenario:
         """A scenario of the sweep. If the first, the middle and the last are all wrong, the mistake is in the sweep."""
         first: ScenarioError | None = None
@@ -145,21 +153,22 @@ class Sweep:
         begins after one that did not end well. Results depend on neither. Ctrl-C ends the sweep: the result says so,
         and the same call goes on from there.
 
-        Raises UsageError when the folder holds another sweep (unless `force`, which removes its runs) or cannot be
-        written, InputOutputError when the table cannot be written.
+        Raises UsageError when the folder holds another sweep (unless `force`, which removes its runs), is one in which
+        another process sweeps, or cannot be written, InputOutputError when the table cannot be written.
         """
         folder = Path(folder)
         if workers is not None and workers < 1:
             raise UsageError(
                 f"{workers} workers cannot run anything", "Give 1 or more, or none for all cores."
             )
-        prepare(folder, self._definition, len(self.design), force=force)
-        sitting = _Sitting(self, folder.resolve(), progress)
-        todo = sitting.recall()
-        if executor is None:
-            count = min(workers or available_cores(), max(len(todo), 1))
-            executor = LocalWorkers(count) if count > 1 else InProcess()
-        return sitting.work(executor, todo, fail_fast)
+        with alone(folder):
+            prepare(folder, self._definition, len(self.design), force=force)
+            sitting = _Sitting(self, folder.resolve(), progress)
+            todo = sitting.recall()
+            if executor is None:
+                count = min(workers or available_cores(), max(len(todo), 1))
+                executor = LocalWorkers(count) if count > 1 else InProcess()
+            return sitting.work(executor, todo, fail_fast)
 
 
 class _Sitting:
@@ -207,6 +216,7 @@ class _Sitting:
             self._result.interrupted = True
         self._result.seconds = time.perf_counter() - self._began
         self._write()
+        self._result.parquet = write_parquet(self._result.table, self._result.folder / PARQUET)
         self._result.failures.sort(key=lambda outcome: outcome.run)
         return self._result
 

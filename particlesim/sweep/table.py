@@ -6,10 +6,12 @@ import csv
 import io
 import json
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from particlesim.sweep.files import plain
 from particlesim.sweep.outcome import Outcome
+from particlesim.trajectory.target import replacing
 
 
 class Table:
@@ -55,3 +57,19 @@ def _line(row: list[Any]) -> str:
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerow(row)
     return out.getvalue()
+
+
+def write_parquet(table: Path, target: Path) -> Path | None:
+    """Write a table again as Parquet, with numbers as numbers; None where pyarrow is not installed.
+
+    Raises InputOutputError when it cannot be written.
+    """
+    try:
+        from pyarrow import csv as reader
+        from pyarrow import parquet
+    except ImportError:
+        return None
+    with replacing(target) as temporary:
+        options = reader.ConvertOptions(strings_can_be_null=True, quoted_strings_can_be_null=False)
+        parquet.write_table(reader.read_csv(table, convert_options=options), temporary)
+    return target

@@ -33,6 +33,7 @@ COMMANDS = (
     "rerun",
     "plot",
     "export",
+    "migrate",
     "new",
     "examples",
     "describe",

@@ -65,3 +65,84 @@ def test_ctrl_c_keeps_what_is_done() -> None:
     assert "goes on from here" in err
     assert len(Path("out/results.csv").read_text().splitlines()) == 3
     assert json.loads(Path("out/0001/result.json").read_text())["status"] == "done"
+
+
+SWEEP = """
+scenario = "tiny.toml"
+quantities = ["kinetic"]
+workers = 1
+[vary]
+"particles.balls.mass" = [0.1, 0.2]
+"simulation.dt" = "linspace(0.005, 0.01, 2)"
+[set]
+"planes.0.restitution" = 0.25
+title = "Swept"
+"""
+
+
+def test_a_sweep_file(psim) -> None:
+    Path("sweep.toml").write_text(SWEEP)
+    ended = psim("sweep", "sweep.toml")
+    assert ended.code == 0, ended.err
+    lines = Path("outputs/tiny-sweep/results.csv").read_text().splitlines()
+    assert lines[0].startswith("run,particles.balls.mass,simulation.dt,kinetic,status")
+    assert len(lines) == 5
+    assert "restitution = 0.25" in Path("outputs/tiny-sweep/0001/scenario.toml").read_text()
+    # The same on the command line is the same sweep, which goes on: nothing is left to do.
+    again = psim(
+        *("sweep", "tiny.toml", "--vary", "particles.balls.mass=0.1,0.2", "--quantity", "kinetic"),
+        *("--vary", "simulation.dt=0.005,0.01", "-j", 1),
+        *("--set", "planes.0.restitution = 0.25", "--set", 'title = "Swept"'),
+    )
+    assert again.code == 0, again.err
+    assert "4 of 4 (4 of them earlier)" in again.err
+
+
+def test_options_beside_a_sweep_file(psim) -> None:
+    Path("sweep.toml").write_text(SWEEP)
+    ended = psim("sweep", "sweep.toml", "--vary", "simulation.dt=0.01", "--quantity", "count", "-o", "out")
+    assert ended.code == 0
+    lines = Path("out/results.csv").read_text().splitlines()
+    assert lines[0].startswith("run,particles.balls.mass,simulation.dt,count,status")
+    assert len(lines) == 3
+
+
+def test_mistakes_in_a_sweep_file(psim) -> None:
+    for broken, place in (
+        (SWEEP.replace("workers = 1", "worker = 1"), "sweep.toml:4:1"),
+        (SWEEP.replace("[0.1, 0.2]", "[]"), "sweep.toml:6:"),
+        (SWEEP.replace("workers = 1", 'method = "sobel"'), "sweep.toml:4:"),
+        (SWEEP.replace('"tiny.toml"', '"gone.toml"'), "gone.toml"),
+        (SWEEP.replace("linspace(", "linspce("), "linspce"),
+        ("scenario = 'tiny.toml'\n", "vary"),
+        (SWEEP.replace("particles.balls.mass", "particles.bals.mass"), "bals"),
+    ):
+        Path("sweep.toml").write_text(broken)
+        ended = psim("sweep", "sweep.toml")
+        assert ended.code == 2, broken
+        assert place in ended.err
+        assert "Traceback" not in ended.err
+    assert not Path("outputs").exists()
+
+
+def test_plots(psim) -> None:
+    vary = ("--vary", "particles.balls.mass=0.1,0.2,0.3", "--vary", "planes.0.restitution=0.2,0.4")
+    ended = psim("sweep", "tiny.toml", *vary, "-j", 1, "--plot", "y=energy", "x=particles.balls.mass")
+    assert ended.code == 0, ended.err
+    assert ended.out.split() == ["outputs/tiny-sweep/results.csv", "outputs/tiny-sweep/plot.png"]
+    assert Path("outputs/tiny-sweep/plot.png").read_bytes().startswith(b"\x89PNG")
+    for columns, word in ((("x=enrgy", "y=energy"), "energy"), (("energy", "y=count"), "--plot x=")):
+        wrong = psim("sweep", "tiny.toml", *vary, "-o", "other", "--plot", *columns)
+        assert wrong.code == 2
+        assert word in wrong.err
+    assert not Path("other").exists()
+
+
+def test_one_sweep_at_a_time_in_a_folder(psim) -> None:
+    from particlesim.sweep.files import alone
+
+    with alone(Path("out")):
+        ended = psim("sweep", "tiny.toml", "--vary", "simulation.seed=1,2", "-o", "out")
+    assert ended.code == 2
+    assert "another sweep is at work" in ended.err
+    assert psim("sweep", "tiny.toml", "--vary", "simulation.seed=1,2", "-o", "out", "-j", 1).code == 0

@@ -68,8 +68,13 @@ def test_every_registered_class_and_record_is_reached() -> None:
     assert {type(f) for f in FORCE_CASES.values()} == set(FORCES)
     assert {type(f) for f in FLOW_CASES.values()} == set(FLOWS)
     registered = {record for generic in GENERICS.values() for record in generic.laws}
-    # Not those of the engine, which no scenario names, nor of bonds, which act on pairs, nor paths, which are no forces.
-    beyond = ("particlesim.engine.", "particlesim.bonds.", "particlesim.motions")
+    # Not those of the engine, of bonds and surfaces (test_bonds), nor paths, which are no forces.
+    beyond = (
+        "particlesim.engine.",
+        "particlesim.bonds.",
+        "particlesim.motions",
+        "particlesim.forces.sheet_drag",
+    )
     package = {r for r in registered if r.__module__.startswith("particlesim.")}
     package = {r for r in package if not r.__module__.startswith(beyond)}
     assert package - exercised() == set()

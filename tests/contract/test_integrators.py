@@ -25,12 +25,14 @@ from particlesim.integrators import (
     VELOCITY_VERLET,
     YOSHIDA4,
     Composition,
+    ImplicitMethod,
     Method,
     RungeKutta,
     Verlet,
 )
 
-methods = pytest.mark.parametrize("name", METHODS)
+FIXED_STEP = {name: method for name, method in METHODS.items() if not method.adaptive}
+methods = pytest.mark.parametrize("name", FIXED_STEP)
 EPS = np.finfo(float).eps
 
 
@@ -101,13 +103,15 @@ def test_wrong_compositions_are_refused() -> None:
 def test_methods_without_inertia_keep_their_order() -> None:
     for method in METHODS.values():
         other = METHODS[method.first_order] if method.first_order else method
-        assert isinstance(other, RungeKutta)
+        assert isinstance(other, RungeKutta | ImplicitMethod)
         assert other.order == method.order
 
 
 def test_evaluations() -> None:
     expected = {"explicit_euler": 1, "midpoint": 2, "heun": 2, "rk3": 3, "rk4": 4, "symplectic_euler": 1}
     expected |= {"velocity_verlet": 2, "stormer_verlet": 1, "yoshida4": 3}
+    expected |= {"adaptive_euler": 2, "rk45": 6, "dop853": 12}
+    expected |= {"backward_euler": 1, "trapezoidal": 2, "implicit_midpoint": 1, "bdf2": 1}
     assert {name: m.evaluations for name, m in METHODS.items()} == expected
 
 
@@ -272,7 +276,10 @@ def one_step(name: str, laws: Any, x: float, v: float, h: float) -> NDArray[Any]
 @methods
 @pytest.mark.parametrize("law", ["spring", "pendulum"])
 def test_symplectic_methods_keep_areas(name: str, law: str) -> None:
-    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others
+    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others, but for the trapezoidal rule, which
+    # for a linear force is the midpoint rule.
+    if (name, law) == ("trapezoidal", "spring"):
+        return
     laws = forces(spring=1.0) if law == "spring" else forces(pendulum=1.0)
     d, h = 1e-4, 0.4
     dx = (one_step(name, laws, 0.5 + d, 0.3, h) - one_step(name, laws, 0.5 - d, 0.3, h)) / (2 * d)
@@ -282,7 +289,9 @@ def test_symplectic_methods_keep_areas(name: str, law: str) -> None:
     assert (abs(determinant - 1) < 1e-8) == METHODS[name].symplectic
 
 
-@methods
+@pytest.mark.parametrize(
+    "name", [n for n, m in FIXED_STEP.items() if m.symplectic or not isinstance(m, ImplicitMethod)]
+)
 def test_energy_over_many_steps(name: str) -> None:
     # A pendulum, 10⁵ steps of 0.05, energy on both halves of the run.
     c = columns((1.0, 0, 0), (0, 0, 0), method=name)

@@ -32,7 +32,14 @@ def island(method: str, precision: str = "double", **springs: Any) -> ps.Scenari
                         "pinned": ["left", "top_right"],
                     },
                     "mass": 0.5,
-                    "springs": {"structural": 300.0, "shear": 80.0, "bend": 9.0, "damping": 0.01, **springs},
+                    "springs": {
+                        "structural": 60.0,
+                        "shear": 20.0,
+                        "bend": 3.0,
+                        "dihedral": 1e-4,
+                        "damping": 0.01,
+                        **springs,
+                    },
                 },
                 {
                     "name": "cloud",
@@ -62,7 +69,18 @@ def island(method: str, precision: str = "double", **springs: Any) -> ps.Scenari
                     "tension_only": True,
                 },
             ],
-            "forces": [{"type": "gravity"}, {"type": "linear_drag", "coefficient": 1e-5}],
+            "angles": [
+                {
+                    "on": "cloud",
+                    "triples": [[k, (k + 700) % 1500, (k + 53) % 1500] for k in range(0, 1500, 7)],
+                    "stiffness": 1e-6,
+                }
+            ],
+            "forces": [
+                {"type": "gravity"},
+                {"type": "linear_drag", "coefficient": 1e-5},
+                {"type": "sheet_drag", "fluid": "air", "flow": [{"type": "uniform", "velocity": [3, 1, 5]}]},
+            ],
             "motions": [{"on": "cloth", "path": ["x + 0.002*sin(700*t)", "y", "z - 0.1*t*y"]}],
             "planes": [{"normal": [0, 0, 1], "on": ["cloud"], "restitution": 0.5}],
             "impulses": [{"at": 0.0041, "impulse": [1e-5, 0, 0], "on": ["cloud"]}],
@@ -95,6 +113,7 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
         ("symplectic_euler", "single"),
         ("rk4", "double"),
         ("stormer_verlet", "double"),
+        ("rk45", "double"),
     ],
 )
 def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str) -> None:

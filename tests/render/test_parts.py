@@ -105,7 +105,7 @@ def test_tone_curve_is_exact_below_the_knee_and_never_falls():
 
 def scene_of(points):
     source = single(points)
-    return survey(source, lambda frame: None, 0, 0)
+    return survey(source, lambda frame: None)
 
 
 @pytest.mark.parametrize("shape", [(2, 1, 1), (10, 0.001, 10), (8, 5, 0), (0, 7, 0), (1e-7, 1e-7, 1e-7)])
@@ -264,7 +264,7 @@ def test_values_reach_from_percentile_to_percentile():
     values = np.concatenate([np.linspace(10, 20, 2000), [1e6]])
     frame = ArrayFrame(0.0, np.zeros((2001, 3)), {"heat": values})
     source = ArraySource([frame])
-    low, high = survey(source, partial(values_of, coloring=choose_coloring(source, "heat")), 0, 0).values
+    low, high = survey(source, partial(values_of, coloring=choose_coloring(source, "heat"))).values
     assert low == pytest.approx(10, abs=0.3)
     assert 19.5 < high < 22
 
@@ -274,7 +274,7 @@ def test_positions_that_are_hardly_finite_do_not_spoil_the_picture():
     far = np.array([[1e308, 0, 0], [0, -1e308, 0], [0, 0, 1e120]])
     source = single(np.concatenate([near, far]), velocity=np.concatenate([near, 1e200 * np.ones((3, 3))]))
     coloring = choose_coloring(source, "speed")
-    scene = survey(source, coloring, 0, 0)
+    scene = survey(source, partial(values_of, coloring=coloring))
     assert (scene.low == near.min(axis=0)).all()
     assert (scene.high == near.max(axis=0)).all()
     assert scene.values[1] < 10

@@ -152,3 +152,19 @@ def test_numbers_of_files():
     assert writers.numbered(Path("a.png"), 1) == [Path("a.png")]
     assert writers.numbered(Path("a.png"), 2) == [Path("a-0001.png"), Path("a-0002.png")]
     assert writers.numbered(Path("f/%02d.png"), 1) == [Path("f/01.png")]
+
+
+def test_a_chosen_frame_is_the_picture_of_its_video(cloud, settings, tmp_path):
+    from PIL import Image
+
+    report = render_video(cloud, tmp_path / "one.png", settings, frames=slice(0, 1))
+    with Image.open(report.path) as image:
+        assert (np.asarray(image) == render_frame(cloud, 0, settings)).all()
+
+
+def test_chosen_frames_are_a_picture_each(cloud, settings, tmp_path):
+    slow = settings.model_copy(update={"speed": 1e-3 * float(np.ptp(cloud.times))})  # many pictures per frame
+    report = render_video(cloud, tmp_path / "x.png", slow, frames=slice(0, 3))
+    assert report.frames == 3
+    assert report.paths == tuple(tmp_path / f"x-000{k}.png" for k in (1, 2, 3))
+    assert sorted(tmp_path.iterdir()) == list(report.paths)

@@ -71,8 +71,8 @@ def test_mistakes_in_npy(tmp_path: Path) -> None:
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "folder.csv").mkdir()
-    assert "is a pipe or a device" in str(mistake(tmp_path, "pipe.csv"))
-    assert "is a pipe or a device" in str(mistake(tmp_path, "/dev/zero"))
+    assert "is a pipe" in str(mistake(tmp_path, "pipe.csv"))
+    assert "is a device" in str(mistake(tmp_path, "/dev/zero"))
     assert "is a directory" in str(mistake(tmp_path, "folder.csv"))
     assert "does not exist" in str(mistake(tmp_path, "gone.csv"))
 

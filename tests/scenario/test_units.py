@@ -4,16 +4,17 @@ import contextlib
 import math
 import subprocess
 import sys
+from fractions import Fraction
 from typing import Annotated, Any
 
 import numpy as np
 import pytest
 from annotated_types import Ge, Gt
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from particlesim import units
+from particlesim import unit_table, units
 from particlesim.units import Degrees, Hertz, Kelvin, Kilograms, Metres, Number, RadiansPerSecond, Vector
 
 
@@ -139,10 +140,75 @@ def test_schema_has_unit_limits_and_both_forms() -> None:
     assert properties["loss"]["x-unit"] == "1"
 
 
-def test_pint_is_imported_only_for_text() -> None:
+def test_pint_is_imported_only_for_units_beyond_the_table() -> None:
     program = (
         "import sys; from pydantic import TypeAdapter; from particlesim.units import Metres;"
         "adapter = TypeAdapter(Metres); adapter.validate_python(3); assert 'pint' not in sys.modules;"
-        "adapter.validate_python('3 mm'); assert 'pint' in sys.modules"
+        "adapter.validate_python('3 inch'); assert 'pint' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_table_is_that_of_pint() -> None:
+    registry = units._registry()
+    roots = [registry.parse_units(name) for name in ("m", "kg", "s", "K", "rad")]
+    for symbol, (factor, powers) in unit_table.TABLE.items():
+        quantity = registry.Quantity(Fraction(1), registry.parse_units(symbol))
+        same = registry.Quantity(
+            factor, math.prod((u**p for u, p in zip(roots, powers, strict=True)), start=1)
+        )
+        assert (quantity / same).to_root_units().magnitude == 1, symbol
+        assert units._dimension(registry, quantity.units) == units._dimension(registry, same.units), symbol
+
+
+PAIRS = [
+    (unit, symbol) for unit in units._UNITS for symbol in (unit.symbol, unit.example.split(maxsplit=1)[1])
+] + [
+    (units._VELOCITY, "km/h"),
+    (units._VELOCITY, "mm / ms"),
+    (units._ACCELERATION, "cm/s/s"),
+    (units._ACCELERATION, "m s^-2"),
+    (units._ACCELERATION, "m·s⁻²"),
+    (units._ANGULAR_VELOCITY, "rpm"),
+    (units._ANGULAR_VELOCITY, "deg/min"),
+    (units._ANGLE, "mrad"),
+    (units._RATE, "/h"),
+    (units._RATE, "1 / min"),
+    (units._VISCOSITY, "kg/m/s"),
+    (units._VISCOSITY, "N*s/m**2"),
+    (units._DENSITY, "g/cm³"),
+    (units._MASS_RATE, "kg / m s"),  # is kg s/m, and no damping coefficient
+    (units._PRESSURE, "N/mm^2"),
+    (units._ENERGY, "kW h"),
+    (units._ENERGY, "MPa L"),
+]
+
+
+@pytest.mark.parametrize(
+    ("unit", "symbol"), PAIRS, ids=lambda value: str(value) if isinstance(value, str) else ""
+)
+@given(st.from_regex(r"[+-]?[0-9]{1,12}(\.[0-9]{0,12})?([eE][+-]?[0-9]{1,2})?", fullmatch=True))
+@settings(max_examples=10)
+def test_both_ways_give_the_same_bits(unit: units.Unit, symbol: str, digits: str) -> None:
+    text = f"{digits} {symbol}"
+    quick = unit_table.convert(digits, symbol, unit.symbol)
+    if quick is None:
+        return
+    assert math.copysign(1, quick) == math.copysign(1, unit._by_pint(text, digits, symbol))
+    assert quick == unit._by_pint(text, digits, symbol)
+
+
+def test_common_units_need_no_pint() -> None:
+    code = (
+        "import sys; from particlesim import units; units._ACCELERATION.parse('981 cm/s^2'); "
+        "units._VELOCITY.parse('90 km/h'); units._DENSITY.parse('0.6 g/cm^3'); units._ANGULAR_VELOCITY.parse('60 rpm'); "
+        "sys.exit('pint' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "kgm", "m//s", "m *", "(m)", "m^", "m^2^2", "meter", "°C", "m2", "* m", "m s-1", "1 m"]
+)
+def test_what_the_table_leaves_to_pint(text: str) -> None:
+    assert unit_table.scale(text) is None

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import multiprocessing
+import sys
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import particlesim as ps
 from particlesim.digest import state_digest
 from particlesim.errors import ScenarioError, UsageError
 from particlesim.sweep import Design, InProcess, LocalWorkers, Sweep, SweepProgress, SweepResult, parse_axis
+from particlesim.sweep.plotting import check_plot, plot_table
 
 SCENARIO = """
 format = 1
@@ -245,3 +247,32 @@ def test_ctrl_c_ends_the_workers(tmp_path, monkeypatch) -> None:
     ends.close()
     assert time.perf_counter() - began < 5
     assert not multiprocessing.active_children()
+
+
+def test_parquet_where_pyarrow_is(file, tmp_path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    result = sweep(file, "simulation.seed=1,2", "checks.slow.max=10,1").run(tmp_path / "out", workers=1)
+    assert result.parquet is not None
+    table = parquet.read_table(result.parquet).to_pylist()
+    assert [row["run"] for row in table] == [1, 2, 3, 4]
+    for ours, text in zip(table, rows(result), strict=True):
+        assert repr(ours["kinetic"]) == text["kinetic"]
+        assert ours["status"] == text["status"]
+
+
+def test_without_pyarrow_there_is_no_parquet(file, tmp_path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    result = sweep(file, "simulation.seed=1").run(tmp_path / "out", workers=1)
+    assert result.parquet is None
+    assert result.exit_code == 0
+
+
+def test_plots_need_numbers(file, tmp_path) -> None:
+    swept = sweep(file, "simulation.integrator=heun,rk4")
+    result = swept.run(tmp_path / "out", workers=1)
+    with pytest.raises(UsageError, match="no run has a number"):
+        plot_table(result.table, swept.design, "simulation.integrator", "energy", tmp_path / "plot.png")
+    with pytest.raises(UsageError, match="unknown column"):
+        check_plot("energy", "nothing", swept.columns, tmp_path / "plot.png")
+    with pytest.raises(UsageError, match="unknown ending"):
+        check_plot("energy", "count", swept.columns, tmp_path / "plot.bmp")

@@ -19,7 +19,7 @@ def test_an_existing_file_is_kept_unless_asked(tmp_path, synthetic):
     before = path.read_bytes()
     with pytest.raises(UsageError, match="exists") as caught:
         synthetic.open_writer(path)
-    assert "--force" in caught.value.hint
+    assert "overwrite=True" in caught.value.hint
     assert path.read_bytes() == before
     synthetic.record(path, [5, 5], overwrite=True)
     with reader.open(path) as trajectory:

@@ -1,0 +1,108 @@
+"""Drag on the triangles of a surface, such as cloth in wind, each as a flat plate.
+
+With the plate's unit normal n, its area A, and u = w − v the velocity of the fluid relative to it (w at its middle, v the
+mean of its corners), split into u_n = (u·n) n across and u_t = u − u_n along the plate:
+
+    f = ½ ρ A (c_n |u_n| u_n + c_t |u_t| u_t),   a third of it on every corner.
+
+The parts do not know of each other (independence principle). It does not matter which way n points. On a closed surface
+(a jelly, a closed mesh) only the side that faces the wind is pushed: where the outward normal points with u, there is no
+normal part.
+Source: S. F. Hoerner, Fluid-Dynamic Drag (1965), chapter 3; G. I. Taylor, Proc. R. Soc. A 214, 158 (1952).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt
+from pydantic import model_validator
+
+from particlesim.crossfield import invalid
+from particlesim.flows import AnyFlow
+from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.forces.base import Force
+from particlesim.laws import Particle, Vector, law, triangle_force, velocity
+from particlesim.units import KilogramsPerCubicMetre, Number
+
+
+class SheetDrag(Force):
+    """Drag on the surface of cloth, jelly and meshes: wind fills a sail, and still air slows a falling sheet."""
+
+    type: Literal["sheet_drag"] = "sheet_drag"
+    fluid: FluidName | None = None
+    """Fluid from the table, for its density."""
+    density: Annotated[KilogramsPerCubicMetre, Gt(0)] | None = None
+    """Density ρ of the fluid; the fluid's unless given."""
+    normal_coefficient: Annotated[Number, Ge(0)] = 1.2
+    """Drag coefficient c_n of flow across the surface (a square plate: 1.2)."""
+    tangential_coefficient: Annotated[Number, Ge(0)] = 0.02
+    """Drag coefficient c_t of flow along the surface, friction on both sides together."""
+    flow: tuple[AnyFlow, ...] = ()
+    """Flows of the fluid, added up; at rest unless given."""
+
+    formula: ClassVar[str] = "f = ½ ρ A (c_n |u_n| u_n + c_t |u_t| u_t), u = w − v"
+    energy: ClassVar[str] = "none: dissipative"
+    needs_velocity: ClassVar[bool] = True
+    on_surfaces: ClassVar[bool] = True
+
+    @model_validator(mode="after")
+    def _complete(self) -> SheetDrag:
+        if self.fluid is None and self.density is None:
+            raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
+        if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
+            raise invalid(
+                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well"
+            )
+        return self
+
+    @property
+    def rho(self) -> float:
+        """Density of the fluid [kg/m³]."""
+        return self.density if self.density is not None else FLUIDS[self.fluid or ""].density or 0.0
+
+    def record(self) -> SheetDragRecord:
+        return self.surface_record(False)
+
+    def surface_record(self, closed: bool) -> SheetDragRecord:
+        """The record for an open or a closed surface."""
+        k = 0.5 * self.rho
+        return SheetDragRecord(
+            k * self.normal_coefficient,
+            k * self.tangential_coefficient,
+            1.0 if closed else 0.0,
+            tuple(flow.record() for flow in self.flow),
+        )
+
+
+class SheetDragRecord(NamedTuple):
+    """½ ρ c_n and ½ ρ c_t [kg/m³], 1 for a closed surface and 0 for an open one, and the records of flows."""
+
+    normal: float
+    tangential: float
+    closed: float
+    flow: tuple[Any, ...]
+
+
+class Triangle(NamedTuple):
+    """A triangle: its vector area ½ (x₂ − x₁) × (x₃ − x₁) [m²], and a particle at its middle with its mean velocity."""
+
+    x: float
+    y: float
+    z: float
+    middle: Particle
+
+
+@law(triangle_force, SheetDragRecord)
+def sheet_drag_force(f: SheetDragRecord, s: Triangle) -> Vector:
+    wx, wy, wz = velocity(f.flow, s.middle)
+    ux, uy, uz = wx - s.middle.vx, wy - s.middle.vy, wz - s.middle.vz
+    square = s.x * s.x + s.y * s.y + s.z * s.z
+    area = np.sqrt(square)
+    across = (ux * s.x + uy * s.y + uz * s.z) / square if square > 0 else square - square  # u·n / A
+    tx, ty, tz = ux - across * s.x, uy - across * s.y, uz - across * s.z
+    leeward = f.closed * across > 0
+    n = area - area if leeward else f.normal * square * abs(across) * across
+    t = f.tangential * area * np.sqrt(tx * tx + ty * ty + tz * tz)
+    return n * s.x + t * tx, n * s.y + t * ty, n * s.z + t * tz
