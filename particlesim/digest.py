@@ -34,7 +34,7 @@ def physics_digest(scenario: Scenario) -> str:
     physics = physics_of(to_table(scenario))
     grid = scenario.grid
     physics["simulation"] = {**physics["simulation"], "dt": grid.dt, "substeps": None, "steps": grid.steps}
-    for group, table in zip(scenario.particles, physics["particles"], strict=True):
+    for group, table in zip(scenario.particles, physics.get("particles", ()), strict=True):
         if isinstance(group.layout, File):
             table["layout"]["path"] = _file_digest(scenario.folder, group.layout.path)
     text = json.dumps(physics, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
