@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.checks import Check
+from particlesim.engine.books import total_energy
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.observations import Oracle, Reference, Seen, judged, observer
@@ -33,11 +34,6 @@ class CheckResult:
     def as_data(self) -> dict[str, Any]:
         """As plain data, for JSON; a value that is not finite, which JSON cannot say, is None."""
         return {**asdict(self), "value": self.value if math.isfinite(self.value) else None}
-
-
-def total_energy(row: Mapping[str, float]) -> float:
-    """Kinetic plus all potential energy of a row of the ledger [J]."""
-    return float(sum(value for key, value in row.items() if key == "kinetic" or key.startswith("potential.")))
 
 
 def total(name: str, row: Mapping[str, float], energy_at_start: float) -> float:

@@ -159,6 +159,8 @@ class Course:
             row = simulation.ledger()
             if (column := infinite(row)) is not None:
                 raise simulation.overflow(column)
+        simulation.check()
+        if row:
             log.rows.append(row)
         log.times.append(simulation.time)
         if writer is not None:

@@ -7,7 +7,7 @@ command line ends. `ScenarioError` holds one `Diagnostic` per mistake, so that a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 
@@ -82,10 +82,46 @@ class ScenarioError(UsageError):
         super().__init__("\n".join(_one_line(d) for d in self.diagnostics))
 
 
+@dataclass(frozen=True)
+class PostMortem:
+    """How a run went wrong: the first particle, when and where, and why it may have been.
+
+    `particle` is an id; `time` [s], `position` [m] and `velocity` [m/s] are those of the first sign; `force` is the label of
+    the force that was strongest on it, and `newtons` its size; `stable_dt` is the largest stable step there [s], infinite
+    without a limit, None where it is not known. `cause` is "not finite", "not solved", "energy" or "speed", and `noticed`
+    the time at which that was seen [s]. `frame` and `frame_time` [s] are the last good frame, None before there is one.
+    """
+
+    cause: str
+    noticed: float
+    particle: int
+    group: str
+    time: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    force: str | None
+    newtons: float
+    dt: float
+    stable_dt: float | None
+    frame: int | None = None
+    frame_time: float | None = None
+
+
 class DivergenceError(PsimError):
-    """The simulation produced a NaN or an infinity. What was recorded before it is kept."""
+    """The simulation produced a NaN or an infinity, or energy from nothing. What was recorded before it is kept."""
 
     exit_code = 3
+
+    def __init__(self, message: str, hint: str | None = None, post_mortem: PostMortem | None = None) -> None:
+        super().__init__(message, hint)
+        self.post_mortem = post_mortem
+
+    def after_frame(self, frame: int, time: float) -> None:
+        """Add the last good frame, and its time [s], to what is told."""
+        self.message += f"; the last good frame is number {frame}, at t = {time:.6g} s"
+        self.args = (self.message,)
+        if self.post_mortem is not None:
+            self.post_mortem = replace(self.post_mortem, frame=frame, frame_time=time)
 
 
 class InputOutputError(PsimError):

@@ -153,8 +153,10 @@ def _to_the_end(course: Course) -> None:
         course.run()
         status = "complete"
         summary = course.summary() if course.writer is not None else {}
-    except DivergenceError:
+    except DivergenceError as error:
         status = "diverged"
+        if times := course.log.times:
+            error.after_frame(len(times) - 1, times[-1])
         raise
     except Interrupted:
         status = "interrupted"

@@ -6,6 +6,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -129,6 +130,8 @@ def _print(error: Any) -> None:
 def as_data(error: Any) -> dict[str, Any]:
     """An error as plain data, for JSON."""
     data = {"error": error.message, "hint": error.hint, "exit_code": error.exit_code}
+    if (found := getattr(error, "post_mortem", None)) is not None:
+        data["post_mortem"] = asdict(found)
     return data | {"diagnostics": [_diagnostic(d) for d in getattr(error, "diagnostics", ())]}
 
 

@@ -50,6 +50,7 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "seconds": result.seconds,
         "particle_steps_per_second": result.particle_steps / result.seconds if result.seconds > 0 else None,
         "energy": _ends(result.energy) if result.ledger else None,
+        "work": _work(result),
         "momentum": _momentum(result),
         "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
         "checks": [check.as_data() for check in result.checks],
@@ -62,6 +63,18 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
 
 def _ends(values: Any) -> dict[str, float]:
     return {"first": float(values[0]), "last": float(values[-1])}
+
+
+def _work(result: Result) -> dict[str, float] | None:
+    """The energy that every cause has given [J], and what is left of the balance."""
+    if "balance" not in result.ledger:
+        return None
+    done = {
+        name.removeprefix("work."): float(values[-1])
+        for name, values in result.ledger.items()
+        if name.startswith("work.")
+    }
+    return {**done, "balance": float(result.ledger["balance"][-1])}
 
 
 def _momentum(result: Result) -> dict[str, list[float]] | None:
@@ -84,6 +97,7 @@ def show_summary(told: dict[str, Any]) -> None:
         ("time", steps),
         ("took", duration(told["seconds"]) + (f", {rate(speed)}" if speed else "")),
         ("energy", _change(told["energy"])),
+        ("work", _work_text(told["work"])),
         ("momentum", _momentum_text(told["momentum"])),
         ("springs", _broken(told["broken_springs"])),
         ("checks", "\n".join(_check_text(check) for check in told["checks"])),
@@ -134,6 +148,14 @@ def _change(ends: dict[str, float] | None) -> str:
     first, last = ends["first"], ends["last"]
     text = f"{first:.6g} J → {last:.6g} J"
     return f"{text} ({100 * (last - first) / abs(first):+.3g} %)" if first else text
+
+
+def _work_text(work: dict[str, float] | None) -> str:
+    """'air −1.2 J, contact −3.4 J; 1.1e-09 J of the balance are left'."""
+    if work is None:
+        return ""
+    parts = [f"{name} {joule:.6g} J" for name, joule in work.items() if name != "balance"]
+    return f"{', '.join(parts) or 'none'}; {work['balance']:.3g} J of the balance are left"
 
 
 def _momentum_text(ends: dict[str, list[float]] | None) -> str:

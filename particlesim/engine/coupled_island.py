@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from particlesim.bonds import BondSet, HingeSet, record_of
 from particlesim.bonds.hinge import angles_at
-from particlesim.bonds.spring import Pair
 from particlesim.engine.bonding import Bonds, Breaking
+from particlesim.engine.booking import Opened, SpringBooks, spans
+from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
-from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
+from particlesim.engine.contact import Simple
+from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns, sum_hinges
 from particlesim.engine.coupled import (
     Part,
     Share,
@@ -45,7 +47,6 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
 from particlesim.integrators import ImplicitMethod
-from particlesim.laws import bond_force
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -107,6 +108,14 @@ class CoupledIsland:
                 system=new_system(self.bonds, self._all.x[:, : self._all.count], dtype)
             )
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
+        self.books = Books(scenario, island, dtype) if scenario.output.work else None
+        self._booking = (
+            None
+            if self.books is None
+            else SpringBooks(self.books, island, bounds, self._driven, self._forces_in, self._hinged)
+        )
+        self._kept: list[NDArray[Any]] = []
+        self.kept_from = 0
 
     def _join(self, states: list[GroupState]) -> None:
         """One set of arrays for the island; the groups become views of it."""
@@ -275,7 +284,7 @@ class CoupledIsland:
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
-        return last
+        return last if self._booking is None else min(first + 1, last)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
@@ -284,6 +293,8 @@ class CoupledIsland:
         worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
+        self._keep(first)
+        opened = self._open(first)
         done = [0] * len(shares)
         pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
@@ -297,6 +308,7 @@ class CoupledIsland:
 
         team.each(work, len(shares))
         if done[0] == steps:
+            self._close(opened, last)
             return None, None, None
         step = first + done[0]
         if pace is not None:
@@ -311,20 +323,77 @@ class CoupledIsland:
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         p = self.states[member].particle(row - self._bounds[member], time)
         least = shortest_step(self._method, (step + 1) * self.dt)
-        pulls = tuple(self._pull(bonds, row) for bonds in self.bonds)
-        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least, pulls))
+        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least))
 
-    def _pull(self, bonds: Bonds, row: int) -> float:
-        """Size of the sum of a set of bonds' forces on a particle of the island [N]."""
-        total = np.zeros(3)
-        for end, ends in ((1, bonds.i), (-1, bonds.j)):
-            for k in np.flatnonzero(ends == row):
-                i, j = bonds.i[k], bonds.j[k]
-                line = (self._all.x[:, i] - self._all.x[:, j]).astype(float)
-                speed = (self._all.v[:, i] - self._all.v[:, j]).astype(float)
-                numbers = (float(x[k]) if np.ndim(x) else float(x) for x in (bonds.k, bonds.c, bonds.rest))
-                total += end * np.array(bond_force(bonds.law, Pair(*line, *speed, *numbers)))
-        return float(np.linalg.norm(total))
+    def _open(self, step: int) -> Opened | None:
+        """The state at the beginning of a step whose work is booked; None where none is."""
+        if self.books is None:
+            return None
+        columns = _with(self.island_columns(), self.bonds, [column.copy() for column in self._kept])[0]
+        begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
+        free = None
+        if "contact" in self.books.names:
+            ((mine, work, share),) = self._for(1)
+            free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+            parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
+            step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
+        return Opened(columns, begin, h, free)
+
+    def _close(self, opened: Opened | None, last: int) -> None:
+        """Book the step that has been taken."""
+        if self._booking is None or opened is None:
+            return
+        columns = self.island_columns()
+        bonds = _with(columns, self.bonds, self._kept)[1]
+
+        def parts(whole: Columns) -> list[Columns]:
+            return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+
+        self._booking.close(opened, columns, bonds, parts, last * self.dt)
+        self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _forces_in(
+        self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True
+    ) -> NDArray[np.float64]:
+        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places.
+
+        Without `corners`, hinges and forces on surfaces are left out.
+        """
+        ((mine, work, share),) = self._for(1)
+        share = share if corners else share._replace(corners=())
+        here = tuple(
+            mine[k]._replace(k=bond.k, c=bond.c, breaking=bond.breaking) for k, bond in enumerate(bonds)
+        )
+        island_forces(self.parts, here, columns, work, share, time)
+        return np.array(work.force, float)
+
+    def _hinged(self, columns: Columns) -> float:
+        """Potential energy of all hinges in a state [J]."""
+        return sum(float(sum_hinges(hinges, columns)) for hinges in self.hinges)
+
+    def _keep(self, first: int) -> None:
+        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+        self.kept_from = first
+        now = _changing(self.island_columns(), self.bonds)
+        if not self._kept:
+            self._kept = [np.empty_like(column) for column in now]
+        for mine, column in zip(self._kept, now, strict=True):
+            np.copyto(mine, column)
+
+    def go_back(self) -> None:
+        """Return to the beginning of the last interval, step `kept_from`."""
+        for mine, column in zip(self._kept, _changing(self.island_columns(), self.bonds), strict=True):
+            np.copyto(column, mine)
+
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Bonds, ...], slice]:
+        """The particles some steps after `first`, the beginning of the last interval; their bonds, and which rows these are.
+
+        Nothing of the island changes.
+        """
+        ((mine, work, share),) = self._for(1)
+        columns, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+        step_island(self._staged, self.parts, bonds, columns, work, share, first, steps, self.dt)
+        return columns, bonds, slice(0, self._all.count)
 
     def _unsolved(self, step: int) -> Fault:
         """Where the equations of a step miss most."""
@@ -343,6 +412,32 @@ class CoupledIsland:
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)
+
+
+def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:
+    """All that steps change: motion, what methods remember, clocks, and bonds that can break."""
+    arrays = [c.x, c.y, c.z, c.vx, c.vy, c.vz, *c.memory, *(c.clock or ())]
+    for bond in bonds:
+        if bond.breaking is not None:
+            arrays += [bond.k, bond.c, bond.breaking.when]
+    return arrays
+
+
+def _with(
+    c: Columns, bonds: Sequence[Bonds], arrays: Sequence[NDArray[Any]]
+) -> tuple[Columns, tuple[Bonds, ...]]:
+    """Columns and bonds made of other arrays, in the order of `_changing`."""
+    rest = iter(arrays)
+    motion = {name: next(rest) for name in ("x", "y", "z", "vx", "vy", "vz")}
+    memory = tuple(next(rest) for _ in c.memory)
+    clock = None if c.clock is None else Clock(*(next(rest) for _ in c.clock))
+    made = []
+    for bond in bonds:
+        if bond.breaking is not None:
+            k, damping, when = (next(rest) for _ in range(3))
+            bond = bond._replace(k=k, c=damping, breaking=bond.breaking._replace(when=when))
+        made.append(bond)
+    return c._replace(**motion, memory=memory, clock=clock), tuple(made)
 
 
 def _stretch(c: Columns, a: int, b: int) -> Columns:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.adaptive import step_range_adaptive
-from particlesim.engine.columns import Clock, Columns
+from particlesim.engine.booking import Opened, ParticleBooks, spans
+from particlesim.engine.books import Books
+from particlesim.engine.columns import Clock, Columns, Thermal
+from particlesim.engine.contact import Simple
 from particlesim.engine.independent import BLOCK, Program, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.newton import unsolved
@@ -64,15 +67,13 @@ class Unsolved:
 class Stop:
     """Where a particle was when its own steps could not go on.
 
-    Why (a code of `engine.pace`), when [s], the particle, the shortest step that was allowed [s], and for each set of
-    bonds of the island the force of all on the particle [N].
+    Why (a code of `engine.pace`), when [s], the particle, and the shortest step that was allowed [s].
     """
 
     why: int
     time: float
     particle: Particle
     least: float
-    bonds: tuple[float, ...] = ()
 
 
 @dataclass
@@ -108,6 +109,8 @@ class IndependentIsland:
         self._adaptive = island.method.adaptive
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
+        self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
+        self._booking = None if self.books is None else ParticleBooks(self.books, island, self.program.forces)
 
     @property
     def state(self) -> GroupState:
@@ -127,7 +130,7 @@ class IndependentIsland:
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
-        waits = self._source is not None and self._source.waits
+        waits = self._booking is not None or (self._source is not None and self._source.waits)
         return min(first + 1, last) if waits else last
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
@@ -135,10 +138,12 @@ class IndependentIsland:
         born = None
         if self._source is not None:
             born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        opened = self._open(born, first)
         self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
+            self._close(opened, last)
             return None, None, None
-        faults = self._no_faults()
+        faults = self._no_faults(self.state.count)
         if self.state.count:
             columns = self.columns()[0]
 
@@ -149,12 +154,33 @@ class IndependentIsland:
             team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
+        self._close(opened, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
 
-    def _no_faults(self) -> NDArray[Any]:
+    def _open(self, born: Births | None, step: int) -> Opened | None:
+        """The state at the beginning of a step whose work is booked; None where none is."""
+        if self._booking is None or not self.state.count:
+            return None
+        columns, n = self.columns()[0], self.state.count
+        if born is not None:
+            self._booking.born(columns, born.ids.size, born.times)
+        begin, h = spans(columns.clock, n, step * self.dt, (step + 1) * self.dt)
+        kept, free = snapshot(columns, slice(0, n)), None
+        if self.books is not None and "contact" in self.books.names and not self._fixed:
+            free = snapshot(columns, slice(0, n))
+            program = self.program._replace(contacts=Simple(()))
+            step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_))
+        return Opened(kept, begin, h, free)
+
+    def _close(self, opened: Opened | None, last: int) -> None:
+        """Book the step that has been taken."""
+        if self._booking is not None and opened is not None:
+            self._booking.close(opened, self.columns()[0], self.state.driven, last * self.dt)
+
+    def _no_faults(self, number: int) -> NDArray[Any]:
         """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
-        return np.zeros(self.state.count, np.int8 if self._adaptive else np.bool_)
+        return np.zeros(number, np.int8 if self._adaptive else np.bool_)
 
     def _step(
         self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
@@ -167,37 +193,77 @@ class IndependentIsland:
         else:
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults)
 
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
+        """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.
+
+        The block must be back at `first`. Nothing of the island changes.
+        """
+        low = row - row % self._block
+        part = slice(low, min(low + self._block, self.state.count))
+        return self._stepped(part, first, steps)[0], (), part
+
+    def _stepped(self, part: slice, first: int, steps: int) -> tuple[Columns, NDArray[Any]]:
+        """A copy of some particles after some steps, each for itself, and which of them broke down (and stayed)."""
+        columns = snapshot(self.columns()[0], part)
+        number = part.stop - part.start
+        faults = self._no_faults(number)
+        self._step(columns, first, steps, 0, number, 1, faults)
+        return columns, faults
+
     def _find(self, blocks: NDArray[np.intp], first: int, last: int) -> Fault:
         """The first step and particle at which a number stopped being finite; blocks are back at step `first`."""
-        columns = self.columns()[0]
-        earliest = Fault(0, int(blocks[0]), last)
+        row, end = int(blocks[0]), last
         for block in blocks[:64]:
-            end = min(int(block) + self._block, self.state.count)
-            for step in range(first, min(earliest.step, last)):
-                fault = self._no_faults()
-                self._step(columns, step, 1, int(block), end, 1, fault)
-                if fault.any():
-                    row = int((fault != 0).argmax())
-                    earliest = Fault(0, row, step, self._stop(row, step) if self._adaptive else None)
-                    break
-        return replace(earliest, unsolved=self._unsolved(earliest.row, earliest.step))
+            part = slice(int(block), min(int(block) + self._block, self.state.count))
+            low, high = first, end
+            faults = self._stepped(part, first, high - first)[1]
+            if not faults.any():
+                continue
+            while high - low > 1:  # all is fine after the steps up to `low`, not after those up to `high`
+                middle = (low + high) // 2
+                there = self._stepped(part, first, middle - first)[1]
+                low, high, faults = (low, middle, there) if there.any() else (middle, high, faults)
+            row, end = part.start + int((faults != 0).argmax()), high
+        step = end - 1
+        if self._adaptive:
+            return Fault(0, row, step, stop=self._stop(row, first, step))
+        return Fault(0, row, step, unsolved=self._unsolved(row, first, step))
 
-    def _unsolved(self, row: int, step: int) -> Unsolved | None:
+    def _unsolved(self, row: int, first: int, step: int) -> Unsolved | None:
         """What was left of the equations of an implicit step, where they were not solved."""
         if not isinstance(self._method, ImplicitMethod):
             return None
-        columns, time, end = self.columns()[0], step * self.dt, (step + 1) * self.dt
-        left, iterations = unsolved(self.program, columns, row, time, end, self.dt)
+        columns, _, part = self.replay(row, first, step - first)
+        time, end = step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row - part.start, time, end, self.dt)
         return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
 
-    def _stop(self, row: int, step: int) -> Stop:
-        """Why, when and where a particle's own steps could not go on: the step once more, on a copy."""
-        columns, fault, moment = copied(self.columns()[0]), np.zeros(self.state.count, np.int8), np.zeros(1)
-        step_range_adaptive(self.program, columns, step, 1, self.dt, row, row + 1, 1, False, fault, moment)
+    def _stop(self, row: int, first: int, step: int) -> Stop:
+        """Why, when and where a particle's own steps could not go on: that step once more."""
+        columns, _, part = self.replay(row, first, step - first)
+        number, i = part.stop - part.start, row - part.start
+        fault, moment = np.zeros(number, np.int8), np.zeros(1)
+        step_range_adaptive(self.program, columns, step, 1, self.dt, i, i + 1, 1, False, fault, moment)
         p = self.state.particle(row, moment[0])
-        place = {name: float(getattr(columns, name)[row]) for name in ("x", "y", "z", "vx", "vy", "vz")}
+        place = {name: float(getattr(columns, name)[i]) for name in ("x", "y", "z", "vx", "vy", "vz")}
         least = shortest_step(self._method, (step + 1) * self.dt)
-        return Stop(int(fault[row]), float(moment[0]), p._replace(**place), least)
+        return Stop(int(fault[i]), float(moment[0]), p._replace(**place), least)
+
+
+def snapshot(c: Columns, part: slice) -> Columns:
+    """Some rows of columns; what steps change is copied."""
+    clock = None if c.clock is None else Clock(*(column[part].copy() for column in c.clock))
+    heat = c.thermal
+    if heat is not None:
+        heat = Thermal(heat.start[part], heat.birth[part], heat.rate, heat.ambient)
+    return c._replace(
+        **{name: getattr(c, name)[part].copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        m=c.m[part],
+        r=None if c.r is None else c.r[part],
+        thermal=heat,
+        clock=clock,
+        memory=tuple(column[part].copy() for column in c.memory),
+    )
 
 
 class Source:

@@ -51,7 +51,8 @@ class Blocks(NamedTuple):
 class Linearised:
     """An island near a state: its systems for every force alone, by label, and for all together.
 
-    `how` tells what they stand for: "all particles", "sampled particles", "extreme modes", or "bounds".
+    `how` tells what they stand for: "all particles", "sampled particles", "extreme modes", or "bounds", and what is left
+    out.
     """
 
     forces: dict[str, Linear]
@@ -76,6 +77,13 @@ class IslandModel:
         self.count = sum(state.count for state in island.states)
         self.massless = [group.dynamics.type != "second_order" for group in structure.groups]
 
+    @property
+    def _left_out(self) -> str:
+        """What the linearised island lacks, in words."""
+        return (
+            " (without hinges and surfaces)" if self.structure.hinges or any(self.structure.surfaces) else ""
+        )
+
     def linearise(self) -> Linearised:
         """Systems of each force alone and of all together."""
         if isinstance(self.island, CoupledIsland):
@@ -84,6 +92,14 @@ class IslandModel:
         alone = {label: self._stacked([part]) for label, part in blocks.items()}
         how = "all particles" if 0 < self.count <= SAMPLE else "sampled particles"
         return Linearised(alone, self._stacked(list(blocks.values())), how)
+
+    def single(self, member: int, p: Particle) -> Linear:
+        """One particle of a group, under all forces on single particles."""
+        group = self.structure.groups[member]
+        terms = [_jacobians(group, [p], record) for record in self.records[member].values()]
+        if flow := getattr(group.dynamics, "flow", ()):
+            terms.append(_gradients([p], tuple(f.record() for f in flow)))
+        return self._stacked([Blocks(np.zeros(1, np.int64), kx, kv) for kx, kv in terms])
 
     def box(self) -> tuple[float, float] | None:
         """Bounds on the stiffness [1/s²] and the damping [1/s] of all modes of an island of springs: cheap, never too small.
@@ -155,8 +171,9 @@ class IslandModel:
         for label, blocks in self._blocks(self.count).items():
             terms[label] = [_diagonal(blocks.rows, part, self.count) for part in (blocks.kx, blocks.kv)]
         alone = {label: self._modes(kx, kv, w) for label, (kx, kv) in terms.items()}
-        kx, kv = (sum(parts) for parts in zip(*terms.values(), strict=True))
-        return Linearised(alone, self._modes(kx, kv, w), "all particles")
+        zero = np.zeros((3 * self.count, 3 * self.count))
+        kx, kv = (sum((part[k] for part in terms.values()), zero) for k in (0, 1))
+        return Linearised(alone, self._modes(kx, kv, w), "all particles" + self._left_out)
 
     def _modes(self, kx: Floats, kv: Floats, w: Floats) -> Linear:
         """Modes of an island's matrices, in coordinates of free particles: eigenvalues λ where the method has a function of
@@ -192,8 +209,9 @@ class IslandModel:
         }
         for label, blocks in self._blocks(SAMPLE).items():
             alone[label] = Linear(blocks.kx, None if all(self.massless) else blocks.kv)
-        together = self._damped(find(list(springs.values()), w) + self._background())
-        return Linearised(alone, together, "extreme modes" if exact else "bounds")
+        modes = find(list(springs.values()), w) if springs else np.zeros((1, 2))
+        together = self._damped(modes + self._background())
+        return Linearised(alone, together, ("extreme modes" if exact else "bounds") + self._left_out)
 
     def _damped(self, modes: Floats) -> Linear:
         """Pairs (k, d) as systems; without inertia x' = −k x."""

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.bonds.spring import Pair
 from particlesim.engine.bonding import Bonds, pair_of
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch
 from particlesim.engine.compile import inline, stub
-from particlesim.laws import bond_potential, force, potential
+from particlesim.laws import bond_force, bond_potential, force, potential
 from particlesim.team import Team
 
 CHUNK = 4096
@@ -107,3 +108,58 @@ def measure(
 def bond_energy(bonds: Sequence[Bonds], columns: Any) -> list[float]:
     """Potential energy of each set of bonds [J]."""
     return [float(sum_bonds(bond, columns)) for bond in bonds]
+
+
+@kernel
+def each_energy(potentials: Any, c: Any, times: Any, out: Any) -> None:
+    """Kinetic energy and potentials of every particle at a time of its own [J], into out [1 + potentials, n]."""
+    for i in range(c.x.size):
+        p = fetch(c, i, times[i])
+        u, v, w = float(p.vx), float(p.vy), float(p.vz)
+        out[0, i] = 0.5 * float(p.m) * (u * u + v * v + w * w)
+        tally(potentials, p, out[:, i], 1)
+
+
+def tally_power(forces: Any, p: Any, row: Any, k: Any) -> Any:
+    """Put the power f·v of each force into row[k], row[k + 1] ..."""
+    return stub()
+
+
+@inline(tally_power)
+def _tally_power(forces: Any, p: Any, row: Any, k: Any) -> Callable[..., Any]:
+    if len(forces) == 0:
+        return lambda forces, p, row, k: None
+
+    def impl(forces: Any, p: Any, row: Any, k: Any) -> None:
+        fx, fy, fz = force(forces[0], p)
+        row[k] = float(fx) * p.vx + float(fy) * p.vy + float(fz) * p.vz
+        tally_power(forces[1:], p, row, k + 1)
+
+    return impl
+
+
+@kernel
+def each_power(forces: Any, c: Any, times: Any, out: Any) -> None:
+    """Power of every force on every particle at a time of its own [W], into out [forces, n]."""
+    for i in range(c.x.size):
+        tally_power(forces, fetch(c, i, times[i]), out[:, i], 0)
+
+
+@kernel
+def each_force(forces: Any, c: Any, times: Any, out: Any) -> None:
+    """Total one-particle force on every particle at a time of its own [N], into out [3, n]."""
+    for i in range(c.x.size):
+        out[0, i], out[1, i], out[2, i] = force(forces, fetch(c, i, times[i]))
+
+
+@kernel
+def damping_power(bond: Any, c: Any) -> float:
+    """Power of the dampers of all bonds of a law [W]: what their force does beyond that of the springs."""
+    total = 0.0
+    for k in range(bond.i.size):
+        if bond.i[k] >= 0:
+            p = pair_of(bond, c, k)
+            fx, fy, fz = bond_force(bond.law, p)
+            gx, gy, gz = bond_force(bond.law, Pair(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.k, p.c - p.c, p.rest))
+            total += float(fx - gx) * p.vx + float(fy - gy) * p.vy + float(fz - gz) * p.vz
+    return total

@@ -11,41 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.books import total_energy, work_columns
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import OWN_STEPS, Births, Fault, IndependentIsland, Unsolved
+from particlesim.engine.divergence import Guard, not_finite, overflowed
+from particlesim.engine.islands import OWN_STEPS, Births, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
-from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
 from particlesim.engine.state import Deaths, GroupState
 from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
-from particlesim.laws import Particle, force, has_law, potential
+from particlesim.laws import has_law, potential
 from particlesim.scenario.scenario import Scenario, acts_on
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
-
-WHY = {
-    NOT_FINITE: (
-        "feels a force that is not finite at t = {t:.9g} s",
-        "keep it away from where a force has no value",
-    ),
-    TOO_SHORT: (
-        "needs steps below {least:.3g} s at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
-        "shorter steps (minimum_step)",
-    ),
-    TOO_MANY: (
-        f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
-        "allow more error (tolerance), use a method of higher order, or a smaller dt",
-    ),
-}
-"""What is told of a particle whose own steps could not go on, and what to do about it."""
 
 
 @dataclass
@@ -84,6 +68,10 @@ class Simulation:
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._ledger_columns = self._name_columns()
+        self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
+        self._energies: list[dict[str, float]] = []
+        self._energies_of = -1
+        self._guard = Guard(self)
 
     def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
@@ -130,25 +118,26 @@ class Simulation:
     def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
         """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
 
-        Raises DivergenceError when a number stops being finite; the state is then that of the step's beginning for the
-        particles concerned.
+        Raises DivergenceError when a number stops being finite; the particles concerned are then back at the beginning of
+        the interval.
         """
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            for island in self._islands:
-                self._advance(island, self.step, last)
+            for number in range(len(self._islands)):
+                self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()
 
-    def _advance(self, island: IndependentIsland | CoupledIsland, first: int, last: int) -> None:
+    def _advance(self, number: int, first: int, last: int) -> None:
+        island = self._islands[number]
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
             if fault is not None:
-                raise self._divergence(island, fault)
+                raise not_finite(self, number, fault, first)
             self.particle_steps += sum(state.count for state in island.states) * (until - first)
             if born is not None and born.ids.size:
                 self.events.births.append(born)
@@ -161,6 +150,7 @@ class Simulation:
         for at, k in self._kicks:
             if at == self.step:
                 kick = self.scenario.impulses[k]
+                self._guard.forget()
                 for group, state in zip(self.scenario.groups, self.states, strict=True):
                     chosen = (
                         state.name in kick.on
@@ -168,7 +158,10 @@ class Simulation:
                         else group.dynamics.type == "second_order"
                     )
                     if chosen:
+                        before = state.kinetic() if self.scenario.output.work else 0.0
                         state.kick(kick.impulse)
+                        if self.scenario.output.work:
+                            self.impulse_work[0] += state.kinetic() - before
 
     def take_events(self) -> Events:
         """Births and deaths since the last call."""
@@ -191,7 +184,8 @@ class Simulation:
     def _name_columns(self) -> tuple[str, ...]:
         forces = sorted({k for here, _ in self._sources for k in here})
         bonds = range(len(self.scenario.forces), len(self._labels))
-        return (*MOTION, *(f"potential.{self._labels[k]}" for k in (*forces, *bonds)))
+        potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
+        return (*MOTION, *potentials, *work_columns(self.scenario, self.graph))
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -200,29 +194,55 @@ class Simulation:
     def ledger(self) -> dict[str, float]:
         """Kinetic and potential energies [J], momentum [kg m/s] and angular momentum [kg m²/s] about the origin.
 
+        With `work` under [output] also the work of every cause, and what is left of the balance [J].
+
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
-        columns = {
-            state.name: c
-            for island in self._islands
-            for state, c in zip(island.states, island.columns(), strict=True)
-        }
-        for (forces, records), group in zip(self._sources, self.scenario.groups, strict=True):
-            sums = measure(records, columns[group.name], self.time, self.team).tolist()
+        self._energies = [self._island_energies(number, total) for number in range(len(self._islands))]
+        self._energies_of = self.step
+        for energies in self._energies:
+            for name, value in energies.items():
+                total[name] += value
+        if self.scenario.output.work:
+            self._balance(total)
+        return total
+
+    def _balance(self, total: dict[str, float]) -> None:
+        """Add the work that has been done and what is left of the balance [J]."""
+        for island in self._islands:
+            if island.books is not None:
+                for name, joule in zip(island.books.names, island.books.totals, strict=True):
+                    total[f"work.{name}"] += float(joule)
+        if self.scenario.impulses:
+            total["work.impulses"] += float(self.impulse_work[0])
+        energy = total_energy(total)
+        if self.step == 0:
+            self.energy_at_start[0] = energy
+        done = sum(value for name, value in total.items() if name.startswith("work."))
+        total["balance"] = energy - float(self.energy_at_start[0]) - done
+
+    def _island_energies(self, number: int, total: dict[str, float]) -> dict[str, float]:
+        """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
+        island, structure = self._islands[number], self.graph.islands[number]
+        found = {"kinetic": 0.0}
+        for columns, group in zip(island.columns(), structure.groups, strict=True):
+            forces, records = self._sources[self.scenario.groups.index(group)]
+            sums = measure(records, columns, self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
-                for key, value in zip(MOTION, sums, strict=False):
+                found["kinetic"] += sums[0]
+                for key, value in zip(MOTION[1:], sums[1:], strict=False):
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
-                total[f"potential.{self._labels[k]}"] += value
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                energies = bond_energy(island.bonds, island.island_columns())
-                for bonds, energy in zip(structure.bonds, energies, strict=True):
-                    total[f"potential.{bonds.name}"] += energy
-                for hinges, made in zip(structure.hinges, island.hinges, strict=True):
-                    total[f"potential.{hinges.name}"] += float(sum_hinges(made, island.island_columns()))
-        return total
+                label = f"potential.{self._labels[k]}"
+                found[label] = found.get(label, 0.0) + value
+        if isinstance(island, CoupledIsland):
+            energies = bond_energy(island.bonds, island.island_columns())
+            for bonds, energy in zip(structure.bonds, energies, strict=True):
+                found[f"potential.{bonds.name}"] = energy
+            for hinges, made in zip(structure.hinges, island.hinges, strict=True):
+                found[f"potential.{hinges.name}"] = float(sum_hinges(made, island.island_columns()))
+        return found
 
     def broken(self) -> dict[str, tuple[int, int]]:
         """For every set of springs that can break: how many are broken, and how many there were."""
@@ -259,81 +279,20 @@ class Simulation:
                 return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
         raise ValueError(f"{state.name} is no group of this simulation")
 
-    def _divergence(self, island: IndependentIsland | CoupledIsland, fault: Fault) -> DivergenceError:
-        """Which particle, when, where, and the force that did most."""
-        state = island.states[fault.member]
-        time = fault.step * self.scenario.grid.dt
-        row = fault.row
-        if fault.unsolved is not None:
-            return _unsolved(fault.unsolved, time, f"particle {state.id[row]} of {state.name!r}")
-        p = state.particle(row, time) if fault.stop is None else fault.stop.particle
-        pulls: tuple[tuple[str, float], ...] = ()
-        what = f"is no longer finite after the step from t = {time:.9g} s"
-        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s"
-        if fault.stop is not None:
-            what, hint = WHY[fault.stop.why]
-            what = what.format(t=fault.stop.time, least=fault.stop.least)
-            names = [bonds.name for bonds in self.graph.islands[self._islands.index(island)].bonds]
-            pulls = tuple(zip(names, fault.stop.bonds, strict=False))
-        situation = self._situation(state.name, p, pulls)
-        return DivergenceError(f"particle {state.id[row]} of {state.name!r} {what}; it was {situation}", hint)
+    def check(self) -> None:
+        """Whether the present state makes sense; costs next to nothing.
+
+        Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
+        """
+        self._guard.look(self._energies if self._energies_of == self.step else None)
 
     def overflow(self, quantity: str) -> DivergenceError:
         """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""
-        fastest = [(np.abs(s.v[:, : s.count]).max(axis=0), s) for s in self.states if s.count]
-        speeds, state = max(fastest, key=lambda pair: pair[0].max())
-        row = int(speeds.argmax())
-        message = (
-            f"the ledger's {quantity} is no longer finite at t = {self.time:.9g} s; particle {state.id[row]} of "
-            f"{state.name!r} was {self._situation(state.name, state.particle(row, self.time))}"
-        )
-        hint = f"try a smaller step than dt = {self.scenario.grid.dt:.6g} s, or smaller forces"
-        return DivergenceError(message, hint)
-
-    def _situation(self, group_name: str, p: Particle, pulls: tuple[tuple[str, float], ...] = ()) -> str:
-        """Where a particle is, how fast, and under which force; `pulls` are those of springs [N]."""
-        where = (
-            f"at ({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-        )
-        name, size = self._strongest(group_name, p)
-        for spring, pull in pulls:
-            if pull > size:
-                name, size = spring, pull
-        return (
-            where if name is None else f"{where}, and the strongest force on it was {name} with {size:.6g} N"
-        )
-
-    def _strongest(self, group_name: str, p: Particle) -> tuple[str | None, float]:
-        group = next(g for g in self.scenario.groups if g.name == group_name)
-        best: tuple[str | None, float] = (None, -1.0)
-        for label, law in zip(self._labels, self.scenario.forces, strict=False):
-            if acts_on(law, group) and not law.on_surfaces:
-                try:
-                    with np.errstate(all="ignore"):
-                        size = float(np.sqrt(np.square(np.array(force(law.record(), p), dtype=float)).sum()))
-                except (ArithmeticError, ValueError):  # what compiled code answers with an infinity or a NaN
-                    return label, float("nan")
-                if not np.isfinite(size):
-                    return label, size
-                if size > best[1]:
-                    best = (label, size)
-        return best
+        return overflowed(self, quantity)
 
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
-
-
-def _unsolved(missed: Unsolved, time: float, particle: str) -> DivergenceError:
-    """The error of an implicit step without a solution."""
-    spent = f"{missed.iterations} Newton iterations"
-    if missed.linear:
-        spent += f" with {missed.linear} iterations of the linear solver"
-    return DivergenceError(
-        f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
-        f"{missed.residual:.3g} of the first was left, most of it at {particle}",
-        "try a smaller dt, a larger tolerance, or more iterations",
-    )
 
 
 def rows(states: Sequence[GroupState]) -> list[slice]:

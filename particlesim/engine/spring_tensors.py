@@ -43,8 +43,8 @@ class Tensors(NamedTuple):
 def tensors(bond: Bonds, columns: Any) -> Tensors:
     """A set of springs at the present state.
 
-    Strings count as taut and struts as pressed, as they have to be stable when they are. Coincident ends have no direction: they pull back in
-    every one.
+    Strings count as taut and struts as pressed, as they have to be stable when they are. Coincident ends have no direction:
+    they pull back in every one.
     """
     real = np.flatnonzero(bond.i >= 0)
     i, j = bond.i[real], bond.j[real]

@@ -40,6 +40,7 @@ class IslandStability:
     """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
     (`step`); 0: none is stable, infinite: no limit.
 
+    Adaptive methods have no limit: they choose steps that are short enough.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s]; `how` is that of `Linearised`.
     """
@@ -62,7 +63,7 @@ class IslandStability:
                 f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
                 f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
             )
-        sure = " that is sure" if self.how == "bounds" else ""
+        sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
             f"{self._strictest()}: {advice(self.step)}"
@@ -167,28 +168,23 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
     structure, grid = model.structure, simulation.scenario.grid
     method = structure.method
     found = model.linearise()
-    if method.adaptive:  # it shortens its steps by itself
-        return IslandStability(
-            tuple(group.name for group in structure.groups),
-            method,
-            dict.fromkeys(found.forces, math.inf),
-            math.inf,
-            -math.inf,
-            found.how,
-            eigenvalues(found.together).ravel(),
-        )
+    names = tuple(group.name for group in structure.groups)
+    values = eigenvalues(found.together).ravel()
+    if method.adaptive:
+        free = dict.fromkeys(found.forces, math.inf)
+        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values)
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
     return IslandStability(
-        tuple(group.name for group in structure.groups),
+        names,
         method,
         {label: largest_step(method, system) for label, system in found.forces.items()},
         largest_step(method, found.together),
         total,
         found.how,
-        eigenvalues(found.together).ravel(),
+        values,
     )
 
 

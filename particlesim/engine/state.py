@@ -194,6 +194,12 @@ class GroupState:
         if self.memory:
             self.memory[-1][:n] = 0
 
+    def kinetic(self) -> float:
+        """Kinetic energy of the group [J]."""
+        n = self.count
+        speed2 = (self.v[:, :n].astype(float) ** 2).sum(axis=0)
+        return float((0.5 * self.mass[:n].astype(float) * speed2).sum())
+
     def bury(self, time: float) -> Deaths:
         """Take out all particles whose clock has stopped by `time`; the others keep their order."""
         n = self.count

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.integrators.base import Composition, Method, Verlet
+from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
 
 Complex = NDArray[Any]
 
@@ -106,8 +106,19 @@ def has_function(method: Method) -> bool:
 
 def amplification(method: Any, z: Complex) -> Complex:
     """R(z) for an array of z, infinite at its poles."""
-    with np.errstate(all="ignore"):
-        value = np.asarray(method.amplification(z), complex)
+
+    def one(z: complex) -> complex:
+        try:
+            return complex(method.amplification(complex(z)))
+        except ZeroDivisionError:
+            return complex(np.inf)
+
+    if isinstance(method, RungeKutta):  # a polynomial, which takes arrays
+        with np.errstate(all="ignore"):
+            response: Any = method.amplification(z)  # type: ignore[arg-type]
+            value = np.array(response, complex)
+    else:
+        value = np.array([one(element) for element in np.ravel(z)], complex).reshape(np.shape(z))
     return np.where(np.isnan(value), np.inf, value)
 
 

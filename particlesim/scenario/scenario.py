@@ -210,6 +210,7 @@ class Scenario(Model):
             undifferentiable,
             _times,
             _kicks,
+            _booked,
             _pins,
             _motions,
             _pairs,
@@ -384,6 +385,28 @@ def _kicks(scenario: Scenario) -> Iterator[Invalid]:
                 )
         if impulse.on is None and len(inert) == len(tables):
             yield Invalid("there is no group with inertia to kick", ("impulses", k))
+
+
+def _booked(scenario: Scenario) -> Iterator[Invalid]:
+    """Work is booked for particles with inertia and steps that are known."""
+    if not scenario.output.work:
+        return
+    for path, group in _group_tables(scenario):
+        method = method_for(group.integrator or scenario.simulation.integrator)
+        if group.dynamics.type != "second_order":
+            yield Invalid(
+                f"work is booked for particles with inertia, and {group.name!r} has none",
+                ("output", "work"),
+                (((*path, "dynamics"), "here"),),
+            )
+        elif method.adaptive:
+            own = group.integrator is not None
+            yield Invalid(
+                f"work is booked step by step, and {method.name} chooses steps of its own",
+                ("output", "work"),
+                (((*path, "integrator") if own else ("simulation", "integrator"), "here"),),
+                hint="rk4 and yoshida4 keep the balance to the fourth order of the step",
+            )
 
 
 def _pins(scenario: Scenario) -> Iterator[Invalid]:

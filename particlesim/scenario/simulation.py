@@ -65,6 +65,9 @@ class Output(Model):
     """Simulated time between checkpoints, from which psim run --resume goes on; it does not matter unless given."""
     checkpoint_wall: Annotated[Seconds, Gt(0)] = 60.0
     """Wall-clock time between checkpoints."""
+    work: bool = False
+    """In the ledger also the work of drag, dampers, contact, motions, births and whatever else gives energy or takes it, and
+    what is left of the balance. Takes a few times as long as the run without."""
 
     @model_validator(mode="after")
     def _one_interval(self) -> Output:
@@ -75,6 +78,8 @@ class Output(Model):
                 at=(given[1],),
                 also=[((given[0],), f"{given[0]} is given here")],
             )
+        if self.work and not self.ledger:
+            raise invalid("work is booked in the ledger", at=("work",), also=[(("ledger",), "false here")])
         if self.fields is not None and len(set(self.fields)) < len(self.fields):
             raise invalid("a field is named twice", at=("fields",))
         return self

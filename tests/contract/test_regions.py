@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from particlesim.engine.stability import unlimited
 from particlesim.integrators import METHODS
 from particlesim.integrators.regions import Linear, eigenvalues, growth, largest_step
 
@@ -134,3 +135,11 @@ def test_a_turning_frame_is_neutral_for_runge_kutta_and_unstable_for_kicks() -> 
     )
     assert largest_step(METHODS["rk4"], turning) * OMEGA == pytest.approx(2 * math.sqrt(2), rel=1e-6)
     assert largest_step(METHODS["symplectic_euler"], turning) == 0.0
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "trapezoidal", "implicit_midpoint", "bdf2"])
+def test_a_stable_methods_have_no_limit(method: str) -> None:
+    assert largest_step(METHODS[method], mode(OMEGA**2, 0.4)) == math.inf
+    assert largest_step(METHODS[method], mode(OMEGA**2, 0.0)) == math.inf
+    assert method in unlimited()
+    assert "rk4" not in unlimited()

@@ -91,8 +91,8 @@ def test_runs_are_bounded_below_the_limit_and_grow_beyond(method: str) -> None:
     # swings with at most 1/√(1 − 0.98²) = 5 times the amplitude, and RK4 is damped.
     limit = LIMITS[method] / OMEGA
     stretch = []
-    for part in (0.98, 1.01):
-        result = ps.run(ps.from_table(dumbbell(part * limit, method, 200)))
+    for part, steps in ((0.98, 200), (1.01, 60 if method == "symplectic_euler" else 200)):
+        result = ps.run(ps.from_table(dumbbell(part * limit, method, steps)))
         a, b = result.final.position
         stretch.append(abs(np.linalg.norm(a - b) - 1.0))
         assert bool(result.warnings) == (part > 1)

@@ -1,0 +1,154 @@
+"""Work: the energy that particles get and lose other than from one potential to another, by cause.
+
+Between the beginning and the end of a step a particle is taken to move on the Hermite curve of both states and
+accelerations; with x̄ = (x₀ + x₁)/2 + h (v₀ − v₁)/8 and v̄ = (v₀ + v₁)/2 + h (a₀ − a₁)/8 in the middle, the work of a force is
+W = h (P₀ + 4 P̄ + P₁)/6, P = f·v, by Simpson's rule: of fourth order, so that what is left of the balance
+
+    E(t) − E(0) − Σ W
+
+is the error of the integrator. A step in which a particle may touch something is taken twice, with and without contact; the
+difference of the energies at its end is the work of contact. Nothing here changes the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.emitters import Emitter
+from particlesim.engine.bonding import Bonds
+from particlesim.engine.columns import Columns
+from particlesim.engine.measure import damping_power, each_energy, each_force, each_power
+from particlesim.engine.program import as_precision
+from particlesim.forces import Force
+from particlesim.graph import Graph, Island
+from particlesim.laws import has_law, potential
+from particlesim.scenario.scenario import Scenario
+
+Floats = NDArray[np.float64]
+
+
+class Books:
+    """The accounts of an island: `names` of the causes and `totals` [J], in the same order."""
+
+    def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
+        self.names = causes(scenario, structure)
+        self.totals = np.zeros(len(self.names))
+        labels = scenario.force_labels()
+        named = list(zip(labels, scenario.forces, strict=False))
+        self._spent = [_chosen(named, mine, dtype, conservative=False) for mine in structure.forces]
+        self._stored = [_chosen(named, mine, dtype, conservative=True) for mine in structure.forces]
+
+    def add(self, name: str, joule: float) -> None:
+        """Book an amount of energy [J]."""
+        self.totals[self.names.index(name)] += joule
+
+    def spends(self, member: int) -> bool:
+        """Whether a group feels forces without a potential."""
+        return bool(self._spent[member][0])
+
+    def energies(self, member: int, columns: Columns, times: Floats) -> Floats:
+        """Kinetic and potential energy of every particle of a group at its time [J], without that of springs, shape [n]."""
+        records = self._stored[member][1]
+        out = np.zeros((1 + len(records), len(times)))
+        each_energy(records, columns, times, out)
+        return np.asarray(out.sum(axis=0))
+
+    def powers(self, member: int, columns: Columns, times: Floats) -> Floats:
+        """Power of every force without a potential on every particle of a group [W], shape [forces, n]."""
+        records = self._spent[member][1]
+        out = np.zeros((len(records), len(times)))
+        each_power(records, columns, times, out)
+        return out
+
+    def book_powers(self, member: int, powers: Sequence[Floats], h: Floats) -> None:
+        """Book the work of forces from powers at the beginning, middle and end of steps of lengths h [s], shape [n]."""
+        begin, middle, end = powers
+        work = (h / 6 * (begin + 4 * middle + end))[:, h > 0].sum(axis=1)
+        for label, joule in zip(self._spent[member][0], work, strict=True):
+            self.add(label, float(joule))
+
+
+def causes(scenario: Scenario, structure: Island) -> tuple[str, ...]:
+    """What may give energy to an island or take it: labels of forces and springs, and names of other causes."""
+    labels = scenario.force_labels()
+    found = [
+        label
+        for label, law in zip(labels, scenario.forces, strict=False)
+        if not _stores(law) and any(law is mine for forces in structure.forces for mine in forces)
+    ]
+    found += [bonds.name for bonds in structure.bonds if bonds.law.damped]
+    found += [f"{bonds.name}.breaking" for bonds in structure.bonds if bonds.law.breaks]
+    if any(structure.surfaces):
+        found.append("surfaces")
+    if any(structure.planes):
+        found.append("contact")
+    if any(structure.motions):
+        found.append("motion")
+    if any(isinstance(group, Emitter) for group in structure.groups):
+        found.append("births")
+    if mortal(structure):
+        found.append("deaths")
+    return tuple(found)
+
+
+def work_columns(scenario: Scenario, graph: Graph) -> tuple[str, ...]:
+    """Columns of the ledger for work: of every cause in any island, impulses, and what is left of the balance."""
+    if not scenario.output.work:
+        return ()
+    found = [name for island in graph.islands for name in causes(scenario, island)]
+    found += ["impulses"] if scenario.impulses else []
+    return (*(f"work.{name}" for name in dict.fromkeys(found)), "balance")
+
+
+def total_energy(row: Mapping[str, float]) -> float:
+    """Kinetic plus all potential energy of a row of the ledger [J]."""
+    return float(sum(value for key, value in row.items() if key == "kinetic" or key.startswith("potential.")))
+
+
+def mortal(structure: Island) -> bool:
+    """Whether particles of an island may die."""
+    return any(isinstance(group, Emitter) for group in structure.groups) or any(
+        plane.contact == "kill" for planes in structure.planes for plane in planes
+    )
+
+
+def _stores(law: Force) -> bool:
+    return has_law(potential, law.record())
+
+
+def _chosen(
+    named: Sequence[tuple[str, Force]], mine: Sequence[Force], dtype: np.dtype[Any], *, conservative: bool
+) -> tuple[tuple[str, ...], tuple[Any, ...]]:
+    """Labels and records of the forces on a group that have a potential, or of those that have none."""
+    here = [
+        (label, as_precision(law.record(), dtype))
+        for label, law in named
+        if _stores(law) is conservative and any(law is other for other in mine)
+    ]
+    return tuple(label for label, _ in here), tuple(record for _, record in here)
+
+
+def halfway(before: Columns, after: Columns, a0: Floats, a1: Floats, h: Floats) -> Columns:
+    """The state in the middle of steps of lengths h [s] from one state to another; accelerations have shape [3, n]."""
+    moved: dict[str, Any] = {}
+    for axis, (x, v) in enumerate((("x", "vx"), ("y", "vy"), ("z", "vz"))):
+        x0, x1, v0, v1 = (getattr(c, name).astype(float) for name in (x, v) for c in (before, after))
+        moved[x] = (0.5 * (x0 + x1) + h * (v0 - v1) / 8).astype(before.x.dtype)
+        moved[v] = (0.5 * (v0 + v1) + h * (a0[axis] - a1[axis]) / 8).astype(before.x.dtype)
+    return after._replace(**moved)
+
+
+def accelerations(forces: Any, columns: Columns, times: Floats) -> Floats:
+    """Accelerations of single particles, each at its time [m/s²], shape [3, n]."""
+    out = np.zeros((3, len(times)))
+    each_force(forces, columns, times, out)
+    return np.asarray(out / columns.m)
+
+
+def damping(bonds: Sequence[Bonds], columns: Columns) -> Floats:
+    """Power of the dampers of every set of bonds [W]."""
+    return np.array([damping_power(bond, columns) for bond in bonds])

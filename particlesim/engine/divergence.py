@@ -1,0 +1,387 @@
+"""When a run has gone wrong, and what the first sign of it was.
+
+Numbers that are no longer finite are the end of a divergence, not its beginning: by then everything near has been thrown
+about. So the last interval is run again from its beginning, on a copy, to find by bisection the first step at which a
+particle was much faster than its speed and the forces at that beginning could make it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bonds.spring import Pair
+from particlesim.emitters import Emitter
+from particlesim.engine.columns import Columns
+from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.islands import Fault, IndependentIsland
+from particlesim.engine.linear import IslandModel
+from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
+from particlesim.engine.stability import advice
+from particlesim.errors import DivergenceError, PostMortem
+from particlesim.forces import Force
+from particlesim.graph import Island
+from particlesim.integrators.regions import largest_step
+from particlesim.laws import Particle, bond_force, evaluate, force, has_law, potential
+from particlesim.scenario.scenario import acts_on
+
+if TYPE_CHECKING:
+    from particlesim.engine.simulation import Simulation
+
+TOO_FAST = 100.0
+"""Times the speed that an interval's beginning explains, beyond which a particle has run away."""
+TOO_MUCH = 1000.0
+"""Times the energy that is accounted for, beyond which energy comes from nothing. Symplectic methods near their limit let
+the energy of a stable mode swing by a factor of 1/(1 − (hω/2)²): a hundred, at 99.5 % of it."""
+NOISE = 1e-9
+"""Part of the energies at the start that rounding may feign."""
+LIGHT = 299_792_458.0
+"""Speed of light [m/s]."""
+
+WHY = {
+    NOT_FINITE: (
+        "feels a force that is not finite at t = {t:.9g} s",
+        "keep it away from where a force has no value",
+    ),
+    TOO_SHORT: (
+        "needs steps below {least:.3g} s at t = {t:.9g} s",
+        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "shorter steps (minimum_step)",
+    ),
+    TOO_MANY: (
+        f"has taken {MOST_STEPS:,} steps within one dt by t = {{t:.9g}} s",
+        "allow more error (tolerance), use a method of higher order, or a smaller dt",
+    ),
+}
+"""What is told of a particle whose own steps could not go on, and what to do about it."""
+
+
+class Sign(NamedTuple):
+    """The first sign: its step, the row, the particle before that step, its place in the columns, columns and bonds."""
+
+    step: int
+    row: int
+    particle: Particle
+    place: int
+    bonds: tuple[Any, ...]
+    columns: Columns
+
+
+class Guard:
+    """Looks at every frame whether islands are still in their senses.
+
+    An island that nothing feeds (no emission, wind, motion or field without a potential) must not gain energy: with K the
+    kinetic energy and U_f the potentials,
+
+        K + Σ_f max(U_f − U_f⁰, 0)  ≤  1000 · (K⁰ + Σ_f max(U_f⁰, U_f⁰ − U_f, 0))
+
+    up to rounding, where ⁰ is the start, or the time of the last kick: what has been gained is at most what there was or has
+    been given. It takes the ledger. Other islands are only watched
+    for speeds beyond that of light that have grown a thousandfold since the last frame.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._closed = [_closed(structure) for structure in simulation.graph.islands]
+        self._base: list[tuple[int, dict[str, float]] | None] = [None] * len(self._closed)
+        self._fastest = [math.inf] * len(self._closed)
+
+    def forget(self) -> None:
+        """Take the energies of the next frame as a new beginning: something has changed them from outside."""
+        self._base = [None] * len(self._base)
+
+    def look(self, energies: Sequence[dict[str, float]] | None) -> None:
+        """Judge the present state; `energies` are those of every island, "kinetic" and potentials [J], if they are known.
+
+        Raises DivergenceError.
+        """
+        for number, island in enumerate(self._simulation.islands):
+            if energies is not None and self._closed[number]:
+                excess = self._excess(number, island, energies[number])
+                if excess > TOO_MUCH:
+                    raise ran_away(self._simulation, number, "energy", excess)
+                continue
+            fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
+            if fastest > LIGHT and fastest > TOO_MUCH * self._fastest[number]:
+                raise ran_away(self._simulation, number, "speed", fastest)
+            self._fastest[number] = fastest
+
+    def _excess(self, number: int, island: IndependentIsland | CoupledIsland, now: dict[str, float]) -> float:
+        """How many times the energy that there can be there is."""
+        count = sum(state.count for state in island.states)
+        base = self._base[number]
+        if base is None or base[0] != count:
+            self._base[number] = (count, now)
+            return 0.0
+        start = base[1]
+        gained = now["kinetic"]
+        given = start["kinetic"] + NOISE * sum(map(abs, start.values()))
+        for name in now:
+            if name != "kinetic":
+                gained += max(now[name] - start[name], 0.0)
+                given += max(start[name], start[name] - now[name], 0.0)
+        return gained / given if given > 0 else 0.0
+
+
+def _closed(structure: Island) -> bool:
+    """Whether nothing feeds energy to an island."""
+    winds = any(law.flow for laws in structure.surfaces for law in laws)
+    return (
+        not winds
+        and not any(structure.motions)
+        and all(
+            not isinstance(group, Emitter)
+            and group.dynamics.type == "second_order"
+            and all(_conserves(law) for law in forces)
+            for group, forces in zip(structure.groups, structure.forces, strict=True)
+        )
+    )
+
+
+def _conserves(law: Force) -> bool:
+    """Whether a force derives from a potential that stands still, or only takes energy."""
+    if has_law(potential, law.record()):
+        return law.type != "field"  # a written potential may depend on time
+    return hasattr(law, "flow") and not law.flow
+
+
+def _fastest(v: NDArray[Any]) -> float:
+    """The largest component of a velocity [m/s]."""
+    return float(max(v.max(), -v.min())) if v.size else 0.0
+
+
+def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) -> DivergenceError:
+    """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
+    island = simulation.islands[number]
+    row = fault.row + sum(state.count for state in island.states[: fault.member])
+    dt = simulation.scenario.grid.dt
+    time = fault.step * dt
+    if fault.stop is not None:
+        what, hint = WHY[fault.stop.why]
+        sign = _stopped(island, row, fault, first)
+        text = f"particle {{who}} {what.format(t=fault.stop.time, least=fault.stop.least)}; it was"
+        return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
+    columns, bonds, rows = island.replay(row, first, fault.step - first)
+    if (missed := fault.unsolved) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        spent = f"{missed.iterations} Newton iterations"
+        if missed.linear:
+            spent += f" with {missed.linear} iterations of the linear solver"
+        text = (
+            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
+            f"{missed.residual:.3g} of the first was left, most of it at particle {{who}}, which was"
+        )
+        hint = "try a smaller dt, a larger tolerance, or more iterations"
+        return _report(simulation, number, sign, "not solved", time, text, hint)
+    over = f"no longer finite after the step from t = {time:.9g} s"
+    early = _first_sign(simulation, number, row, first, fault.step)
+    if early is None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        return _report(simulation, number, sign, "not finite", time, f"particle {{who}} is {over}; it was")
+    text = (
+        f"particle {{who}} ran away at t = {early.particle.t:.9g} s, faster than {TOO_FAST:g} times what forces could "
+        f"give it, and numbers were {over}; it was"
+    )
+    return _report(simulation, number, early, "not finite", time, text)
+
+
+def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, first: int) -> Sign:
+    """Where a method that chooses its steps could not go on; an island of springs is there already."""
+    assert fault.stop is not None
+    p = fault.stop.particle
+    if isinstance(island, CoupledIsland):
+        return Sign(fault.step, row, p, row, island.bonds, island.island_columns())
+    columns, bonds, rows = island.replay(row, first, fault.step - first)
+    return Sign(fault.step, row, p, row - rows.start, bonds, columns)
+
+
+def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
+    """The post-mortem of a simulation with finite numbers whose ledger has a quantity that is not."""
+    fastest = [
+        (_speeds(columns).max(initial=0.0), number)
+        for number, island in enumerate(simulation.islands)
+        for columns in island.columns()
+    ]
+    number = max(fastest)[1]
+    text = f"the ledger's {quantity} is no longer finite at t = {simulation.time:.9g} s; particle {{who}} was"
+    hint = f"try a smaller step than dt = {simulation.scenario.grid.dt:.6g} s, or smaller forces"
+    return _report(
+        simulation, number, _fastest_now(simulation, number), "not finite", simulation.time, text, hint
+    )
+
+
+def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> DivergenceError:
+    """The post-mortem of an island whose energy or speed has grown beyond reason by the present step."""
+    island = simulation.islands[number]
+    sign = None
+    adaptive = simulation.graph.islands[number].method.adaptive
+    if isinstance(island, CoupledIsland) and not adaptive and island.kept_from < simulation.step:
+        sign = _first_sign(simulation, number, 0, island.kept_from, simulation.step)
+    if sign is None:
+        sign = _fastest_now(simulation, number)
+    names = " and ".join(repr(state.name) for state in island.states)
+    if cause == "energy":
+        why = f"the energy of {names} had grown {size:.3g}-fold with nothing to feed it"
+    else:
+        why = f"speeds in {names} had grown a thousandfold since the last frame, to {size:.3g} m/s"
+    text = f"particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; by t = {simulation.time:.9g} s {why}; it was"
+    return _report(simulation, number, sign, cause, simulation.time, text)
+
+
+def _fastest_now(simulation: Simulation, number: int) -> Sign:
+    """The particle of an island that is fastest at present."""
+    island = simulation.islands[number]
+    columns = island.island_columns() if isinstance(island, CoupledIsland) else island.columns()[0]
+    row = int(np.argmax(_speeds(columns)))
+    bonds = island.bonds if isinstance(island, CoupledIsland) else ()
+    return Sign(simulation.step, row, _particle(columns, row, simulation.time), row, bonds, columns)
+
+
+def _first_sign(simulation: Simulation, number: int, row: int, first: int, last: int) -> Sign | None:
+    """The step in (first, last] at which a particle was first too fast; None if there was none."""
+    island, dt = simulation.islands[number], simulation.scenario.grid.dt
+    if last <= first:
+        return None
+    start = island.replay(row, first, 0)[0]
+    after = island.replay(row, first, 1)[0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = after._replace(**{v: getattr(after, v) - getattr(start, v) for v in ("vx", "vy", "vz")})
+    speed, kick = (float(_speeds(c).max(initial=0.0)) for c in (start, change))
+
+    def too_fast(step: int) -> bool:
+        allowed = TOO_FAST * (speed + (kick if math.isfinite(kick) else 0.0) * (step - first))
+        return bool((_speeds(island.replay(row, first, step - first)[0]) > allowed).any())
+
+    if not too_fast(last):
+        return None
+    low, high = first, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if too_fast(middle) else (middle, high)
+    columns, bonds, rows = island.replay(row, first, high - first)
+    index = int(np.argmax(_speeds(columns)))
+    return Sign(high, rows.start + index, _particle(columns, index, high * dt), index, bonds, columns)
+
+
+def _speeds(c: Columns) -> NDArray[np.float64]:
+    """Speeds of all particles [m/s], infinite where they are no numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        vx, vy, vz = (column.astype(float) for column in (c.vx, c.vy, c.vz))
+        return np.asarray(np.nan_to_num(np.hypot(np.hypot(vx, vy), vz), nan=np.inf))
+
+
+def _particle(c: Columns, i: int, time: float) -> Particle:
+    """Particle i of columns, in plain Python."""
+    heat = 0.0
+    if c.thermal is not None:
+        excess = (c.thermal.start[i] - c.thermal.ambient) * math.exp(
+            -c.thermal.rate * (time - c.thermal.birth[i])
+        )
+        heat = float(c.thermal.ambient + excess)
+    x, y, z, vx, vy, vz, m = (float(column[i]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m))
+    return Particle(x, y, z, vx, vy, vz, m, 0.0 if c.r is None else float(c.r[i]), heat, time, 1 / m)
+
+
+def _report(
+    simulation: Simulation,
+    number: int,
+    sign: Sign,
+    cause: str,
+    noticed: float,
+    text: str,
+    hint: str | None = None,
+) -> DivergenceError:
+    """Message, hint and data of a post-mortem. `text` says what happened to {who}, up to where it was."""
+    island, structure = simulation.islands[number], simulation.graph.islands[number]
+    member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
+    state, p = island.states[member], sign.particle
+    row = sign.row - sum(other.count for other in island.states[:member])
+    dt = simulation.scenario.grid.dt
+    name, size = _strongest(simulation, structure, member, sign)
+    stable = _stable_step(simulation, number, member, p)
+    found = PostMortem(
+        cause,
+        noticed,
+        int(state.id[row]),
+        state.name,
+        p.t,
+        (p.x, p.y, p.z),
+        (p.vx, p.vy, p.vz),
+        name,
+        size,
+        dt,
+        stable,
+    )
+    where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
+    message = text.replace("{who}", f"{found.particle} of {found.group!r}") + f" at {where}"
+    if name is not None:
+        message += f", and the strongest force on it was {name} with {size:.6g} N"
+    if stable is not None and math.isfinite(stable):
+        limit = f"{stable:.3g} s" if stable > 0 else "none"
+        message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
+    hint = hint or f"try a smaller step than dt = {dt:.6g} s"
+    if stable is not None and 0 < stable < dt:
+        hint += f": {advice(stable)}"
+    return DivergenceError(message, hint, found)
+
+
+def _stable_step(simulation: Simulation, number: int, member: int, p: Particle) -> float | None:
+    """The largest stable step of an island of springs when the interval began, or of a single particle at its place [s]."""
+    island, structure = simulation.islands[number], simulation.graph.islands[number]
+    if structure.method.adaptive:
+        return math.inf
+    if isinstance(island, CoupledIsland):
+        island.go_back()
+    try:
+        model = IslandModel(simulation.scenario, structure, island, p.t)
+        system = model.linearise().together if structure.coupled else model.single(member, p)
+        return largest_step(structure.method, system)
+    except (ArithmeticError, np.linalg.LinAlgError, ValueError):
+        return None  # numbers too wild to tell
+
+
+def _strongest(
+    simulation: Simulation, structure: Island, member: int, sign: Sign
+) -> tuple[str | None, float]:
+    """The label of the strongest force on the particle of the sign, and its size [N]; springs of a set are added up."""
+    sizes: dict[str, float] = {}
+    group = structure.groups[member]
+    for label, law in zip(simulation.scenario.force_labels(), simulation.scenario.forces, strict=False):
+        if acts_on(law, group) and not law.on_surfaces:
+            try:
+                with np.errstate(all="ignore"):
+                    sizes[label] = _length(evaluate(force, law.record(), sign.particle))
+            except (ArithmeticError, ValueError):  # what compiled code answers with an infinity or a NaN
+                sizes[label] = math.nan
+    for bonds, made in zip(structure.bonds, sign.bonds, strict=False):
+        sizes[bonds.name] = _length(_pull(made, sign.columns, sign.place))
+    wild = next((label for label, size in sizes.items() if not math.isfinite(size)), None)
+    if wild is not None:
+        return wild, sizes[wild]
+    best = max(sizes, key=lambda label: sizes[label], default=None)
+    return best, math.nan if best is None else sizes[best]
+
+
+def _pull(bond: Any, c: Columns, row: int) -> NDArray[np.float64]:
+    """Force of all bonds of a set on a particle [N]."""
+    total = np.zeros(3)
+    with np.errstate(all="ignore"):
+        for k in np.flatnonzero((bond.i == row) | (bond.j == row)):
+            i, j = bond.i[k], bond.j[k]
+            apart = (float(column[i]) - float(column[j]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz))
+            constants = (
+                float(column if np.ndim(column) == 0 else column[k]) for column in (bond.k, bond.c, bond.rest)
+            )
+            pull = np.array(bond_force(bond.law, Pair(*map(np.float64, (*apart, *constants)))))
+            total += pull if i == row else -pull
+    return total
+
+
+def _length(vector: Any) -> float:
+    return math.hypot(*map(float, vector))

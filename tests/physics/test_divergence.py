@@ -1,0 +1,130 @@
+"""Runs that go wrong stop soon, and say which particle was the first, under which force, and what to try."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import points, table
+
+import particlesim as ps
+
+
+def post_mortem(scenario: dict[str, Any]) -> tuple[ps.DivergenceError, Any]:
+    with pytest.raises(ps.DivergenceError) as caught:
+        ps.run(ps.from_table(scenario))
+    assert caught.value.post_mortem is not None
+    return caught.value, caught.value.post_mortem
+
+
+def chain(dt: float, steps: int, **more: Any) -> dict[str, Any]:
+    """Eleven particles in a row, and one spring, between 6 and 7, that is a hundred times as stiff as the others."""
+    row = [(0.1 * k * (1 + 1e-3 * (k % 3)), 0.0, 0.0) for k in range(11)]
+    soft = [[k, k + 1] for k in range(10) if k != 6]
+    springs = [
+        {"name": "soft", "on": "row", "pairs": soft, "stiffness": 100.0, "rest_length": 0.1},
+        {"name": "hard", "on": "row", "pairs": [[6, 7]], "stiffness": 1e4, "rest_length": 0.1},
+    ]
+    return table(
+        steps * dt,
+        dt,
+        "symplectic_euler",
+        particles=[points(*row, name="row")],
+        springs=springs,
+        **more,
+    )
+
+
+HARD = math.sqrt(2e4)  # ω of the hard spring alone, with masses of 1 kg
+
+
+@pytest.mark.parametrize("ledger", [True, False])
+def test_the_first_sign_is_at_the_spring_that_is_too_stiff(ledger: bool) -> None:
+    # At hω = 2.05 the hard spring's stretch grows by 1.56 in a step. With the ledger, energies show it at the first frame;
+    # without, in one interval, numbers overflow. Either way the first to run away is an end of that spring.
+    dt = 2.05 / HARD
+    steps = 100 if ledger else 3000
+    error, found = post_mortem(chain(dt, 10 * steps, output={"ledger": ledger, "every": steps}))
+    assert found.cause == ("energy" if ledger else "not finite")
+    assert found.particle in (6, 7)
+    assert found.group == "row"
+    assert found.force == "hard"
+    assert found.newtons > 0
+    assert found.stable_dt == pytest.approx(2 / HARD, rel=0.02)
+    assert found.dt == pytest.approx(dt)
+    assert found.time < 60 * dt
+    assert found.noticed <= steps * dt * (1 + 1e-9)
+    assert (found.frame, found.frame_time) == (0, 0.0)
+    assert "hard" in str(error)
+    assert "simulation.dt = 0.012" in str(error)
+
+
+def test_what_is_stable_raises_no_alarm() -> None:
+    # At 99 % of the limit the energy of the hard spring swings by a factor of 1/(1 − 0.98) = 50.
+    result = ps.run(ps.from_table(chain(0.985 * 2 / HARD, 4000, output={"ledger": True, "every": 10})))
+    assert len(result.times) == 401
+
+
+def test_energy_that_is_given_raises_no_alarm() -> None:
+    # At rest at the start: the well gives all energy there is; then a kick brings a million times as much.
+    scenario = table(
+        2.0,
+        0.01,
+        particles=[points((0.1, 0, 0))],
+        forces=[{"type": "point_spring", "stiffness": 1.0, "anchor": [0, 0, 0]}],
+        impulses=[{"impulse": [100, 0, 0], "at": 1.0}],
+        output={"ledger": True, "every": 1},
+    )
+    assert len(ps.run(ps.from_table(scenario)).times) == 201
+
+
+def test_a_particle_alone() -> None:
+    # hω = 3: μ² + 7 μ + 1 = 0, the amplitude grows by 6.85 in a step; numbers end after 370 steps or 3.7 s.
+    well = {"type": "point_spring", "name": "well", "stiffness": 9e4, "anchor": [0, 0, 0]}
+    calm = points(*[(0.0, 0.1 * k, 0.0) for k in range(5)], name="calm")
+    scenario = table(
+        10.0,
+        0.01,
+        "symplectic_euler",
+        particles=[calm, points((0.0, 0, 0), (0.1, 0, 0), name="wild")],
+        forces=[{**well, "on": ["wild"]}, {"type": "gravity", "acceleration": [0, -1e-3, 0], "on": ["wild"]}],
+        output={"ledger": False},
+    )
+    error, found = post_mortem(scenario)
+    assert (found.group, found.particle, found.force) == ("wild", 6, "well")
+    assert found.stable_dt == pytest.approx(2 / 300, rel=1e-6)
+    # Explained at the start are 9e3 m/s² · t: x grows by 6.85 a step, so that 100 times as much is passed within 6 steps.
+    assert 0.02 <= found.time <= 0.06
+    assert "simulation.dt = 0.006" in error.hint
+    assert found.noticed == pytest.approx(3.7, abs=0.1)
+
+
+def test_speeds_beyond_light_end_a_run_that_is_fed() -> None:
+    # A field that pushes outwards, f = 1e4 x: x = 0.1 cosh 100 t passes c at t = 0.17 s; the ledger cannot know.
+    push = {"type": "field", "force": ["1e4*x", "0", "0"]}
+    scenario = table(
+        5.0,
+        1e-3,
+        "rk4",
+        particles=[points((0.1, 0, 0))],
+        forces=[push],
+        output={"ledger": True, "every": 100},
+    )
+    _, found = post_mortem(scenario)
+    assert found.cause == "speed"
+    assert found.noticed == pytest.approx(0.2) or found.noticed == pytest.approx(0.3)
+    assert found.frame_time == pytest.approx(found.noticed - 0.1)
+
+
+def test_frames_before_are_kept(tmp_path: Any) -> None:
+    path = tmp_path / "chain.vtkhdf"
+    scenario = ps.from_table(chain(2.05 / HARD, 1000, output={"ledger": True, "every": 5}))
+    with pytest.raises(ps.DivergenceError) as caught:
+        ps.run(scenario, path)
+    with ps.open(path) as trajectory:
+        assert trajectory.status == "diverged"
+        assert len(trajectory) == caught.value.post_mortem.frame + 1
+        assert trajectory.times[-1] == caught.value.post_mortem.frame_time
+        assert np.isfinite(trajectory[-1].position).all()

@@ -1,0 +1,209 @@
+"""The books of work: every cause against a closed form, and a balance that closes to the error of the method."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import EPS, G, points, simulate, table
+
+import particlesim as ps
+
+BOOKED = {"ledger": True, "work": True}
+
+
+def booked(duration: float, dt: float, method: str, **parts: Any) -> ps.Result:
+    every = max(round(duration / dt) // 25, 1)
+    return simulate(duration, dt, method, output={**BOOKED, "every": every}, **parts)
+
+
+def observed(run: Any, dt: float) -> float:
+    """The order with which what is left of the balance falls when steps are halved."""
+    coarse, fine = (np.abs(run(step).ledger["balance"]).max() for step in (dt, dt / 2))
+    return math.log2(coarse / fine)
+
+
+@pytest.mark.parametrize(("method", "order"), [("symplectic_euler", 1), ("rk4", 4)])
+def test_drag_takes_what_it_takes(method: str, order: int) -> None:
+    # Thrown upwards at 20 m/s: v' = −g − (k/m) v, W = −k ∫ v² dt with v = (v₀ + u) e^(−t/τ) − u, u = gτ, τ = m/k.
+    m, k, v0, t = 0.5, 0.4, 20.0, 2.0
+    tau = m / k
+    u = G * tau
+    a, b = (
+        (v0 + u) ** 2 * tau / 2 * (1 - math.exp(-2 * t / tau)),
+        2 * (v0 + u) * u * tau * (1 - math.exp(-t / tau)),
+    )
+    exact = -k * (a - b + u * u * t)
+
+    def run(dt: float) -> ps.Result:
+        return booked(
+            t,
+            dt,
+            method,
+            particles=[points((0, 0, 0), velocity=[(0, v0, 0)], mass=m)],
+            forces=[{"type": "gravity"}, {"type": "linear_drag", "name": "air", "coefficient": k}],
+        )
+
+    assert observed(run, 0.1) == pytest.approx(order, abs=0.35)
+    fine = run(0.01)
+    assert fine.ledger["work.air"][-1] == pytest.approx(exact, rel=1e-2 if order == 1 else 1e-7)
+    assert fine.ledger["work.air"][0] == fine.ledger["balance"][0] == 0.0
+
+
+def test_a_bounce_takes_one_minus_the_square_of_the_restitution() -> None:
+    # Dropped from 2 m, the first impact is at 0.64 s, the second 0.64 s after that. Velocity Verlet keeps energy in fall.
+    result = booked(
+        1.0,
+        0.01,
+        "velocity_verlet",
+        particles=[points((0, 2, 0), mass=3.0)],
+        forces=[{"type": "gravity"}],
+        planes=[{"restitution": 0.5}],
+    )
+    assert result.ledger["work.contact"][-1] == pytest.approx(-3 * G * 2 * (1 - 0.25), rel=1e-12)
+    assert abs(result.ledger["balance"][-1]) < 200 * EPS * 3 * G * 2
+
+
+def test_contact_and_drag_together_leave_no_more_than_the_method_errs() -> None:
+    result = booked(
+        3.0,
+        0.01,
+        "rk4",
+        particles=[points((0, 2, 0), velocity=[(1, 0, 0)], mass=0.1, radius=0.05)],
+        forces=[{"type": "gravity"}, {"type": "linear_drag", "coefficient": 0.05}],
+        planes=[{"restitution": 0.8, "tangential_loss": 0.3}],
+    )
+    ledger = result.ledger
+    lost = result.energy[0] - result.energy[-1]
+    assert ledger["work.contact"][-1] + ledger["work.linear_drag"][-1] == pytest.approx(
+        -lost, abs=1e-6 * lost
+    )
+
+
+def sprung(dt: float, method: str, t: float = 1.0, **more: Any) -> ps.Result:
+    """Two masses, a stretched spring and a damper."""
+    return booked(
+        t,
+        dt,
+        method,
+        particles=[points((0, 0, 0), (1.2, 0, 0), name="pair", mass=0.5)],
+        springs=[
+            {"on": "pair", "pairs": [[0, 1]], "stiffness": 50.0, "rest_length": 1.0, "damping": 0.3} | more
+        ],
+    )
+
+
+@pytest.mark.parametrize(("method", "order"), [("symplectic_euler", 1), ("rk4", 4)])
+def test_dampers(method: str, order: int) -> None:
+    # ω = 14/s: the order shows from hω = 0.07 on; symplectic Euler's energy swings meanwhile, hence the largest of all.
+    assert observed(lambda dt: sprung(dt, method), 0.005) == pytest.approx(order, abs=0.35)
+    result = sprung(0.001, "rk4")
+    lost = result.energy[0] - result.energy[-1]
+    assert lost > 0.5
+    assert result.ledger["work.springs"][-1] == pytest.approx(-lost, rel=1e-8)
+
+
+def test_springs_that_break_take_their_energy_with_them() -> None:
+    # Pulled apart at 1 m/s: at the end of the first step with a stretch beyond 0.3 m it breaks, with ½ k s² in it.
+    result = booked(
+        1.0,
+        0.01,
+        "velocity_verlet",
+        particles=[points((0, 0, 0), (1, 0, 0), velocity=[(-2, 0, 0), (2, 0, 0)], name="pair")],
+        springs=[{"on": "pair", "pairs": [[0, 1]], "stiffness": 5.0, "break_strain": 0.3}],
+    )
+    taken = -result.ledger["work.springs.breaking"][-1]
+    assert 0.5 * 5 * 0.3**2 < taken < 0.5 * 5 * 0.35**2
+    assert result.ledger["potential.springs"][-1] == 0
+    assert abs(result.ledger["balance"][-1]) < 1e-4
+
+
+def test_a_pin_that_is_led_works() -> None:
+    # The hook swings as 0.1 sin 5t and pulls a mass by a spring.
+    def run(dt: float) -> ps.Result:
+        return booked(
+            1.5,
+            dt,
+            "rk4",
+            particles=[points((0, 0, 0), (1, 0, 0), name="pair", mass=0.5, pinned=[0])],
+            springs=[{"on": "pair", "pairs": [[0, 1]], "stiffness": 20.0, "damping": 0.2}],
+            motions=[{"on": "pair", "particles": [0], "path": ["0.1*sin(5*t)", "0", "0"]}],
+        )
+
+    assert observed(run, 0.05) > 3.6  # as long as the fifth order of RK4's own energy error prevails, more
+    assert abs(run(0.005).ledger["work.motion"][-1]) > 0.01
+
+
+def test_births_deaths_and_kicks() -> None:
+    # Ten drops of 1 g born at 3 m/s, 2 m up, each living 0.25 s: births bring ½mv² + mgy, deaths take as much, as free
+    # fall keeps it. A kick of 0.01 N s at 0.5 s finds those alive.
+    result = booked(
+        1.0,
+        0.01,
+        "velocity_verlet",
+        emitters=[
+            {
+                "rate": 10.0,
+                "shape": {"type": "point", "position": [0, 2, 0]},
+                "speed": 3.0,
+                "mass": 1e-3,
+                "lifetime": 0.25,
+            }
+        ],
+        forces=[{"type": "gravity"}],
+        impulses=[{"impulse": [0.01, 0, 0], "at": 0.5}],
+    )
+    each = 1e-3 * (0.5 * 9 + G * 2)
+    ledger = result.ledger
+    assert result.born == 10
+    assert ledger["work.births"][-1] == pytest.approx(10 * each, rel=1e-12)
+    alive = len(result.final)
+    kicked = 0.01**2 / (2 * 1e-3)
+    number = round(ledger["work.impulses"][-1] / kicked)
+    assert ledger["work.impulses"][-1] == pytest.approx(number * kicked, rel=1e-9)
+    assert ledger["work.deaths"][-1] == pytest.approx(-(10 - alive) * each - number * kicked, rel=1e-9)
+    assert abs(ledger["balance"][-1]) < 1e-12
+
+
+def test_books_change_nothing_and_have_the_same_bits_for_any_number_of_threads() -> None:
+    size = {
+        "layout": {
+            "type": "cloth",
+            "origin": [0, 1, 0],
+            "size": [1.9, 1.9],
+            "resolution": [40, 40],
+            "pinned": "left",
+        }
+    }
+    group = {**size, "name": "flag", "mass": 0.2, "springs": {"structural": 20.0, "damping": 0.01}}
+    parts = {
+        "particles": [group],
+        "forces": [{"type": "gravity"}, {"type": "linear_drag", "coefficient": 1e-4}],
+        "planes": [{"point": [0, 0.9, 0], "restitution": 0.3}],
+    }
+    with_, without = (
+        table(0.1, 0.002, "symplectic_euler", output={"ledger": True, "work": work}, **parts)
+        for work in (True, False)
+    )
+    one, two = (ps.run(ps.from_table(with_), threads=n) for n in (1, 2))
+    plain = ps.run(ps.from_table(without), threads=2)
+    assert np.array_equal(one.final.position, plain.final.position)
+    assert all(np.array_equal(one.ledger[name], two.ledger[name]) for name in one.ledger)
+    assert set(one.ledger) - set(plain.ledger) == {
+        "work.linear_drag",
+        "work.flag.structural",
+        "work.contact",
+        "balance",
+    }
+
+
+def test_work_needs_inertia_known_steps_and_a_ledger() -> None:
+    one = points((0, 0, 0), name="grain")
+    with pytest.raises(ps.ScenarioError, match="chooses steps of its own"):
+        booked(1.0, 0.1, "rk45", particles=[one])
+    with pytest.raises(ps.ScenarioError, match="'grain' has none"):
+        booked(1.0, 0.1, "rk4", particles=[{**one, "dynamics": {"type": "first_order", "drag": 1.0}}])
+    with pytest.raises(ps.ScenarioError, match="booked in the ledger"):
+        simulate(1.0, 0.1, particles=[one], output={"ledger": False, "work": True})
