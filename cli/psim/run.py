@@ -47,7 +47,10 @@ def run(
             help="Make the trajectory the reference of the checks that name one, if all others hold.",
         ),
     ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Print what would run and about how long it would take, and stop."),
+    ] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
 
@@ -59,7 +62,7 @@ def run(
     loaded = ps.load(scenario, overrides or ())
     path = _output(scenario, output)
     if dry_run:
-        _dry_run(loaded, scenario, path, as_json)
+        _dry_run(loaded, scenario, path, threads, as_json)
         return
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force)
@@ -85,6 +88,9 @@ def run(
     if bless and result.passed and not quiet:
         _show_blessed(loaded)
     if not result.passed:
+        from psim.annotations import annotate_checks
+
+        annotate_checks(result, scenario)
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)
@@ -129,11 +135,13 @@ def _output(scenario: Path, output: Path | None) -> Path:
     return path
 
 
-def _dry_run(loaded: Scenario, scenario: Path, path: Path, as_json: bool) -> None:
+def _dry_run(loaded: Scenario, scenario: Path, path: Path, threads: int | None, as_json: bool) -> None:
+    from particlesim.calibration import estimated_seconds
     from psim.plan import plan, show_plan
     from psim.talk import print_json
 
     planned = plan(loaded, path)
+    planned["seconds"] = estimated_seconds(loaded, threads=threads)
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})
     else:

@@ -15,7 +15,7 @@ from particlesim.engine.books import total_energy, work_columns
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.divergence import Guard, not_finite, overflowed
-from particlesim.engine.islands import Births, IndependentIsland
+from particlesim.engine.islands import OWN_STEPS, Births, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
 from particlesim.engine.program import as_precision
@@ -64,6 +64,7 @@ class Simulation:
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
+        self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._ledger_columns = self._name_columns()
@@ -123,7 +124,7 @@ class Simulation:
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
-            last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
+            last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
             for number in range(len(self._islands)):
                 self._advance(number, self.step, last)
             self.step = last
