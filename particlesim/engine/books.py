@@ -106,7 +106,12 @@ def work_columns(scenario: Scenario, graph: Graph) -> tuple[str, ...]:
 
 def total_energy(row: Mapping[str, float]) -> float:
     """Kinetic plus all potential energy of a row of the ledger [J]."""
-    return float(sum(value for key, value in row.items() if key == "kinetic" or key.startswith("potential.")))
+    return float(sum(value for key, value in row.items() if is_energy(key)))
+
+
+def is_energy(column: str) -> bool:
+    """Whether a column of the ledger is an energy that particles have."""
+    return column == "kinetic" or column.startswith("potential.")
 
 
 def mortal(structure: Island) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.emitters import Emitter
+from particlesim.engine.books import is_energy
 from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Fault, IndependentIsland
@@ -87,12 +88,15 @@ class Guard:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._closed = [_closed(structure) for structure in simulation.graph.islands]
-        self._base: list[tuple[int, dict[str, float]] | None] = [None] * len(self._closed)
-        self._fastest = [math.inf] * len(self._closed)
+        self._names = [name for name in simulation.ledger_columns() if is_energy(name)]
+        # Of every island: its energies and its number of particles at the beginning (−1: not known), its largest speed.
+        self._base = np.zeros((len(self._closed), len(self._names)))
+        self._count = np.full(len(self._closed), -1)
+        self._fastest = np.full(len(self._closed), math.inf)
 
     def forget(self) -> None:
         """Take the energies of the next frame as a new beginning: something has changed them from outside."""
-        self._base = [None] * len(self._base)
+        self._count[:] = -1
 
     def look(self, energies: Sequence[dict[str, float]] | None) -> None:
         """Judge the present state; `energies` are those of every island, "kinetic" and potentials [J], if they are known.
@@ -113,11 +117,11 @@ class Guard:
     def _excess(self, number: int, island: IndependentIsland | CoupledIsland, now: dict[str, float]) -> float:
         """How many times the energy that there can be there is."""
         count = sum(state.count for state in island.states)
-        base = self._base[number]
-        if base is None or base[0] != count:
-            self._base[number] = (count, now)
+        if self._count[number] != count:
+            self._count[number] = count
+            self._base[number] = [now.get(name, 0.0) for name in self._names]
             return 0.0
-        start = base[1]
+        start = dict(zip(self._names, self._base[number].tolist(), strict=True))
         gained = now["kinetic"]
         given = start["kinetic"] + NOISE * sum(map(abs, start.values()))
         for name in now:

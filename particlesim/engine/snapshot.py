@@ -17,8 +17,10 @@ from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
 from particlesim.engine.bonding import Bonds
+from particlesim.engine.books import Books
 from particlesim.engine.coupled import Work
 from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.divergence import Guard
 from particlesim.engine.islands import Births, IndependentIsland
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state import Deaths, GroupState
@@ -47,10 +49,18 @@ FOLLOWS: dict[type, frozenset[str]] = {
         {
             *("scenario", "graph", "team", "states", "events"),
             *("_dt", "_islands", "_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("_energies", "_energies_of"),
         }
     ),
-    IndependentIsland: frozenset(("program",)),
-    CoupledIsland: frozenset(("parts", "_all", "_bounds", "_driven", "_method", "_shares", "_staged")),
+    Guard: frozenset(("_simulation", "_closed", "_names")),
+    Books: frozenset(("names", "_spent", "_stored")),
+    IndependentIsland: frozenset(("program", "_booking")),
+    CoupledIsland: frozenset(
+        {
+            *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "_corners", "_driven"),
+            *("_kept", "_method", "_shares", "_staged"),
+        }
+    ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),
     Work: frozenset(("force", "before", "slopes", "pull")),
 }
