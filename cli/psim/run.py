@@ -74,11 +74,6 @@ def run(
 
     loaded = ps.load(scenario, overrides or ())
     path = _output(scenario, output)
-    if dry_run:
-        _dry_run(loaded, scenario, path, as_json)
-        return
-    film = path.with_suffix(".mp4") if video else None
-    _check_targets(loaded, path, film, force, resume)
     options = {
         "overwrite": force,
         "threads": threads,
@@ -88,6 +83,11 @@ def run(
         "checkpoint_wall": parse_seconds("--checkpoint-wall", checkpoint_wall),
         "max_wall": parse_seconds("--max-wall", max_wall),
     }
+    if dry_run:
+        _dry_run(loaded, scenario, path, as_json)
+        return
+    film = path.with_suffix(".mp4") if video else None
+    _check_targets(loaded, path, film, force, resume)
     quiet = quiet or as_json
     said: list[str] = []
     result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options, said))
