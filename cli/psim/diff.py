@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psim.annotations import annotate
 from psim.complete import trajectory_files
 from psim.options import Tolerance
 from psim.talk import facts, paint, print_json
@@ -44,7 +45,10 @@ def tell(compared: Comparison, a: str, b: str, *, as_json: bool) -> None:
         print_json({"a": a, "b": b, **_as_data(compared)})
     else:
         _show(compared, a, b)
-    if not compared.same:
+    if compared.first is not None:
+        first = compared.first
+        place = f" at {_place(first)}" if first.time is not None else ""
+        annotate("error", f"{a} and {b} differ: {first.what}{place}")
         raise typer.Exit(1)
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import facts, listed, number, paint, warn
+from psim.talk import duration, facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
@@ -78,7 +78,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
             ("steps", steps),
             ("method", f"{planned['integrator']}, {planned['precision']} precision"),
             ("stable dt", "\n".join(stability_rows(planned["stability"]))),
-            ("work", f"about {number(planned['particle_steps'])} particle-steps"),
+            ("work", f"about {number(planned['particle_steps'])} particle-steps{_takes(planned)}"),
             ("frames", f"{planned['frames']:,} with {', '.join(planned['fields'])}"),
             ("memory", f"about {size(planned['memory'])}"),
             ("disk", f"{bound} {size(planned['disk'])} for {planned['output']}"),
@@ -89,6 +89,12 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
         warn(line)
     if planned["output"] is not None and Path(planned["output"]).exists():
         warn(f"{planned['output']} exists; psim run needs --force or another --output")
+
+
+def _takes(planned: dict[str, Any]) -> str:
+    """', some 12 s of stepping' where that has been estimated."""
+    seconds = planned.get("seconds")
+    return "" if seconds is None else f", some {duration(seconds)} of stepping"
 
 
 def stability_rows(found: dict[str, Any] | None) -> list[str]:

@@ -55,6 +55,9 @@ def report(error: BaseException, *, as_json: bool = False) -> int:
     told: PsimError = error if isinstance(error, PsimError) else _as_psim_error(error)
     if isinstance(told, OutputExistsError):
         told.hint = "Overwrite it with --force, or choose another name."
+    from psim.annotations import annotate_error
+
+    annotate_error(told)
     if as_json and _print_json(told):
         return told.exit_code
     if getattr(error, "filename", None) == OUTPUT:

@@ -62,7 +62,10 @@ def run(
     checkpoint_every: CheckpointEvery = None,
     checkpoint_wall: CheckpointWall = None,
     max_wall: MaxWall = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would run, and stop.")] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Print what would run and about how long it would take, and stop."),
+    ] = False,
 ) -> None:
     """Run a scenario and write its trajectory.
 
@@ -84,7 +87,7 @@ def run(
         "max_wall": parse_seconds("--max-wall", max_wall),
     }
     if dry_run:
-        _dry_run(loaded, scenario, path, as_json)
+        _dry_run(loaded, scenario, path, threads, as_json)
         return
     film = path.with_suffix(".mp4") if video else None
     _check_targets(loaded, path, film, force, resume)
@@ -108,6 +111,9 @@ def run(
     if bless and result.passed and not quiet:
         _show_blessed(loaded)
     if not result.passed:
+        from psim.annotations import annotate_checks
+
+        annotate_checks(result, scenario)
         if not as_json:
             show_failures(result)
         raise typer.Exit(1)
@@ -152,11 +158,13 @@ def _output(scenario: Path, output: Path | None) -> Path:
     return path
 
 
-def _dry_run(loaded: Scenario, scenario: Path, path: Path, as_json: bool) -> None:
+def _dry_run(loaded: Scenario, scenario: Path, path: Path, threads: int | None, as_json: bool) -> None:
+    from particlesim.calibration import estimated_seconds
     from psim.plan import plan, show_plan
     from psim.talk import print_json
 
     planned = plan(loaded, path)
+    planned["seconds"] = estimated_seconds(loaded, threads=threads)
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})
     else:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psim.annotations import annotate
 from psim.complete import override_keys, scenario_files
 from psim.options import Overrides, Quiet
 from psim.progress import sweep_progress
 from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
 if TYPE_CHECKING:
-    from particlesim.sweep import SweepResult
+    from particlesim.sweep import Executor, SweepResult
 
 MANY = 10**6
 """Runs beyond which a sweep is taken for a slip of the hand."""
@@ -84,6 +86,20 @@ def sweep(
             "--workers", "-j", metavar="N", min=1, help="Worker processes; one per core by default."
         ),
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Runs go to the workers of this Dask scheduler: tcp://node7:8786.",
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster", metavar="NAME", help="Runs go to jobs of a batch system, --workers of them: slurm."
+        ),
+    ] = None,
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Begin no run after one that did not end well.")
     ] = False,
@@ -137,10 +153,15 @@ def sweep(
     if columns is not None:
         check_plot(*columns, planned.columns, folder / PLOT)
     quiet = quiet or as_json
-    with sweep_progress(scenario.stem, quiet=quiet) as progress:
+    workers = workers or told.workers
+    with (
+        _executor(scheduler, cluster, workers) as executor,
+        sweep_progress(scenario.stem, quiet=quiet) as progress,
+    ):
         result = planned.run(
             folder,
-            workers=workers or told.workers,
+            workers=workers,
+            executor=executor,
             fail_fast=fail_fast or told.fail_fast,
             force=force,
             progress=progress,
@@ -149,6 +170,9 @@ def sweep(
     if columns is not None and not result.interrupted:
         picture = folder / PLOT
         plot_table(result.table, design, *columns, picture)
+    for failure in result.failures:
+        values = ", ".join(f"{key}={value}" for key, value in failure.parameters.items())
+        annotate("error", f"{failure.status}: run {failure.run} ({values}): {failure.cause}", scenario)
     if as_json:
         print_json(_as_data(result) | {"plot": None if picture is None else str(picture)})
     else:
@@ -160,6 +184,27 @@ def sweep(
                 print_path(picture)
     if result.exit_code:
         raise typer.Exit(result.exit_code)
+
+
+def _executor(
+    scheduler: str | None, cluster: str | None, workers: int | None
+) -> AbstractContextManager[Executor | None]:
+    """Who does the runs; None for processes on this machine. Raises UsageError."""
+    from particlesim.errors import UsageError
+
+    if scheduler is None and cluster is None:
+        return nullcontext()
+    from particlesim.sweep import cluster as clusters
+
+    if scheduler is not None and cluster is not None:
+        raise UsageError(
+            "--scheduler and --cluster contradict each other", "Slurm starts a scheduler of its own."
+        )
+    if scheduler is not None:
+        return clusters.scheduler(scheduler)
+    if cluster != "slurm":
+        raise UsageError(f"there is no cluster {cluster!r}", "There is: slurm. For others: --scheduler.")
+    return clusters.slurm(workers or 1)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from psim.annotations import annotate
 from psim.options import Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import run_progress
 from psim.talk import paint, print_json
@@ -46,6 +47,10 @@ def verify(
         print_json({"scenario": str(scenario), **found.as_data(), "exit_code": code})
     else:
         _show(found, str(scenario))
+    for row in found.rows:
+        if row.verdict == "below":
+            seen = f"{row.method} has the order {row.expected}, and {row.order:.2f} is observed"
+            annotate("error", f"{row.field} of {row.group}: {seen}", scenario)
     if code:
         raise typer.Exit(code)
 

@@ -1,6 +1,6 @@
 """The block kernel of adaptive methods: every particle takes as many steps of its own inside a grid step as its error asks.
 
-The particles of a block that are still under way are packed into columns of their own, the *desk*, so that the loop that
+The particles of a block that are still under way are packed into columns of their own, the desk, so that the loop that
 tries a step for each of them vectorises whatever is left of the block. A second loop accepts or rejects, lets particles meet
 colliders, and takes those off the desk that have arrived. The last step ends exactly at the end of the grid step; the
 step that a particle would have taken stays in its memory.
@@ -9,27 +9,50 @@ step that a particle would have taken stays in its memory.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import types
 
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
     KEPT,
-    Thermal,
     block_of,
     fetch,
     keep,
     note,
     put_back,
     span,
-    store,
-    temperature,
     type_of,
 )
 from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
+from particlesim.engine.desk import (
+    AGAIN,
+    AHEAD,
+    BEYOND,
+    DESK,
+    ERROR,
+    INVERSE,
+    MASS,
+    NOW,
+    PREVIOUS,
+    RADIUS,
+    SLOPE,
+    STATE,
+    STEP,
+    STOP,
+    TAKEN,
+    TRIES,
+    at,
+    bring_heat,
+    leave,
+    move,
+    new_desk,
+    put,
+    rate_at,
+    response,
+    slope_here,
+)
 from particlesim.engine.independent import refresh
 from particlesim.engine.pace import (
     MOST_STEPS,
@@ -43,153 +66,9 @@ from particlesim.engine.pace import (
     why_short,
 )
 from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
-from particlesim.laws import PASS, Particle
+from particlesim.laws import PASS
 
 Impl = Callable[..., Any]
-
-DESK = 256
-"""Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
-
-# Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
-# (x, y, z, vx, vy, vz each), mass, its inverse, radius.
-STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
-# Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
-# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was
-# rejected; temperature at birth, and birth.
-NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-
-
-class Desk(NamedTuple):
-    """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
-    `thermal`, None when no law reads the temperature."""
-
-    row: Any
-    body: Any
-    clock: Any
-    thermal: Any
-
-
-class Heated(NamedTuple):
-    """Dynamics of particle k of a desk whose temperature changes within the step."""
-
-    dynamics: Any
-    thermal: Any
-    k: int
-
-
-@inline(derivative)
-def _heated_derivative(dynamics: Any, forces: Any, p: Any) -> Impl | None:
-    if getattr(dynamics, "instance_class", None) is not Heated:
-        return None
-
-    def impl(dynamics: Any, forces: Any, p: Any) -> Any:
-        warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
-        q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
-        return derivative(dynamics.dynamics, forces, q)
-
-    return impl
-
-
-def response(dynamics: Any, d: Any, k: Any) -> Any:
-    """How particle k of a desk responds to force; with its temperature if a law reads it."""
-    return stub()
-
-
-@inline(response)
-def _response(dynamics: Any, d: Any, k: Any) -> Impl:
-    if isinstance(d.types[3], types.NoneType):
-        return lambda dynamics, d, k: dynamics
-    return lambda dynamics, d, k: Heated(dynamics, d.thermal, k)
-
-
-# The desk
-
-
-def new_desk(c: Any) -> Any:
-    """An empty desk for particles of some columns."""
-    return stub()
-
-
-@inline(new_desk)
-def _new_desk(c: Any) -> Impl:
-    def impl(c: Any) -> Any:
-        clock = np.empty((CLOCK, DESK))
-        return Desk(
-            np.empty(DESK, np.int64), np.empty((BODY, DESK), c.x.dtype), clock, warmth_of(c.thermal, clock)
-        )
-
-    return impl
-
-
-def warmth_of(thermal: Any, clock: Any) -> Any:
-    """The rows of a desk that hold temperatures at birth, with the law of cooling; None without."""
-    return stub()
-
-
-@inline(warmth_of)
-def _warmth_of(thermal: Any, clock: Any) -> Impl:
-    if isinstance(thermal, types.NoneType):
-        return lambda thermal, clock: None
-    return lambda thermal, clock: Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
-
-
-def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Any:
-    """Temperature at birth and birth of particle i of a block to column k of a desk."""
-    return stub()
-
-
-@inline(bring_heat)
-def _bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Impl:
-    if isinstance(thermal, types.NoneType):
-        return lambda thermal, i, clock, k: None
-
-    def impl(thermal: Any, i: Any, clock: Any, k: Any) -> None:
-        clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
-
-    return impl
-
-
-@inlined
-def at(d: Any, k: Any, s: Any, t: Any) -> Any:
-    """Particle k of a desk with one of its states, as the laws see it at time t."""
-    b = d.body
-    x = b[s, k]
-    return Particle(
-        x,
-        b[s + 1, k],
-        b[s + 2, k],
-        b[s + 3, k],
-        b[s + 4, k],
-        b[s + 5, k],
-        b[MASS, k],
-        b[RADIUS, k],
-        temperature(d.thermal, k, t, x),
-        t,
-        b[INVERSE, k],
-    )
-
-
-@inlined
-def rate_at(d: Any, k: Any, s: Any) -> Any:
-    """A slope of particle k of a desk."""
-    b = d.body
-    return Rate(b[s, k], b[s + 1, k], b[s + 2, k], b[s + 3, k], b[s + 4, k], b[s + 5, k])
-
-
-@inlined
-def put(d: Any, k: Any, s: Any, r: Any) -> None:
-    """A state or slope of particle k of a desk."""
-    b = d.body
-    b[s, k], b[s + 1, k], b[s + 2, k] = r.x, r.y, r.z
-    b[s + 3, k], b[s + 4, k], b[s + 5, k] = r.vx, r.vy, r.vz
-
-
-@inlined
-def slope_here(program: Any, d: Any, k: Any) -> None:
-    """Set the slope of particle k of a desk at its present state."""
-    p = at(d, k, STATE, d.clock[NOW, k])
-    put(d, k, SLOPE, derivative(response(program.dynamics, d, k), program.forces, p))
-
 
 # One try
 
@@ -371,24 +250,6 @@ def _touch(program: Any, d: Any, k: Any, q: Any) -> Impl:
         return inside, q, outcome
 
     return careful
-
-
-@inlined
-def leave(c: Any, d: Any, k: Any) -> None:
-    """Write particle k of a desk back to the block."""
-    i = d.row[k]
-    store(c, i, rate_at(d, k, STATE))
-    c.memory[0][i], c.memory[1][i] = d.clock[STEP, k], d.clock[PREVIOUS, k]
-
-
-@inlined
-def move(d: Any, k: Any, n: Any) -> None:
-    """Column n of a desk to column k."""
-    d.row[k] = d.row[n]
-    for s in range(BODY):
-        d.body[s, k] = d.body[s, n]
-    for s in range(CLOCK):
-        d.clock[s, k] = d.clock[s, n]
 
 
 def judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Any:

@@ -97,6 +97,18 @@ def _of_bonds(column: Any, first: Any, last: Any) -> Impl:
     return lambda column, first, last: column
 
 
+def chunks_of(bonds: Any) -> Any:
+    """Chunks of particles that pieces of bonds are sorted by; none without bonds."""
+    return stub()
+
+
+@inline(chunks_of)
+def _chunks_of(bonds: Any) -> Impl:
+    if len(bonds) == 0:
+        return lambda bonds: 0
+    return lambda bonds: bonds[0].begin.size - 1
+
+
 def add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Any:
     """Add the forces of all bonds to `total`, chunk after chunk, so that the sets share what is in the cache."""
     return stub()
@@ -104,11 +116,8 @@ def add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Any:
 
 @inline(add_bonds)
 def _add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Impl:
-    if len(bonds) == 0:
-        return lambda bonds, c, total, pull: None
-
     def impl(bonds: Any, c: Any, total: Any, pull: Any) -> None:
-        for chunk in range(bonds[0].begin.size - 1):
+        for chunk in range(chunks_of(bonds)):
             _add_chunk(bonds, c, total, pull, chunk)
 
     return impl

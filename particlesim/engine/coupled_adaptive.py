@@ -151,10 +151,18 @@ def _attempt(
 
 
 @inlined
-def carry(slopes: Any, last: Any, share: Any) -> None:
-    """The slopes at the end of a step are those at the beginning of the next."""
+def land(
+    parts: Any, bonds: Any, c: Any, work: Any, share: Any, disturbed: Any, t: Any, end: Any, h: Any
+) -> None:
+    """The end of a step: contacts and breaking bonds; without any, its last slopes are the first of the next."""
+    if disturbed:
+        collide(parts, c, work.before, share, t, end, h)
+        meet(share.gate, share.threads)
+        break_bonds(bonds, c, share, end)
+        return
     for k in range(6):
-        source, target = slopes[last, k, share.first : share.last], slopes[0, k, share.first : share.last]
+        source = work.slopes[len(work.slopes) - 1, k, share.first : share.last]
+        target = work.slopes[0, k, share.first : share.last]
         for i in range(source.size):
             target[i] = source[i]
 
@@ -187,7 +195,7 @@ def step_island_adaptive(
     """
     spread = np.empty((len(method.errors), 6, share.chunk), work.before.dtype)
     step, previous = float(c.memory[0][0]), float(c.memory[1][0])
-    stale, again, last = True, False, method.c.size - 1
+    stale, again = True, False
     for s in range(steps):
         t, end = (first_step_number + s) * dt, (first_step_number + s + 1) * dt
         now, tries = t, 0
@@ -213,13 +221,8 @@ def step_island_adaptive(
                 step = wish if whole else max(step, wish)
                 previous = max(error, SMALLEST) if whole else previous
                 again = False
-                if pace.disturbed:
-                    collide(parts, c, work.before, share, now, then, h)
-                    meet(share.gate, share.threads)
-                    break_bonds(bonds, c, share, then)
-                    stale = True
-                else:
-                    carry(work.slopes, last, share)
+                land(parts, bonds, c, work, share, pace.disturbed, now, then, h)
+                stale = pace.disturbed
                 now = then
             else:
                 step, again = wish, True

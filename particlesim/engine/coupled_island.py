@@ -103,7 +103,9 @@ class CoupledIsland:
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
-            self._work = self._work._replace(system=new_system(self.bonds, self._all.count, dtype))
+            self._work = self._work._replace(
+                system=new_system(self.bonds, self._all.x[:, : self._all.count], dtype)
+            )
         self._shares: dict[int, list[tuple[tuple[Bonds, ...], Work, Share]]] = {}
 
     def _join(self, states: list[GroupState]) -> None:

@@ -1,9 +1,10 @@
 """Implicit steps of an island: one linear solve, or Newton's method.
 
-The unknown is the velocity V of all particles at a time t + c h, with X = X₀ + γ h V. A Newton iteration linearises at (X, V),
-with compressed springs made definite (`particlesim.engine.stiffness`), and solves for the change of V. As what is left out
-belongs to the matrix alone and not to the forces, a converged step solves the equations of the method; without
-convergence, backward Euler is of first order all the same. Pinned particles have no unknown: they do not move, or are led.
+The unknown is the velocity V of all particles at a time t + c h, with X = X₀ + γ h V. A Newton iteration linearises at
+(X, V), with compressed springs made definite (`particlesim.engine.stiffness`), and solves for the change of V. What that
+leaves out belongs to the matrix alone and not to the forces, so that a converged step solves the equations of the method;
+without convergence, backward Euler is of first order all the same. Pinned particles have no unknown: they do not move, or
+are led.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ HALVINGS = 6
 
 class StagedImplicit(NamedTuple):
     """Numbers of an implicit method: γ, c, weights of the past and of the slope at the start, whether (X, V) is the middle;
-    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and on linear iterations."""
+    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and linear iterations."""
 
     gamma: float
     node: float

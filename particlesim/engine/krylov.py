@@ -1,8 +1,9 @@
 """Iterations that solve an island's linear equations on several threads, with the same bits for any number of them.
 
 Symmetric positive definite equations are solved by conjugate gradients, others by BiCGStab, both preconditioned by the 3 × 3
-blocks on the diagonal. Dot products are summed over each chunk of particles, and then over the chunks in order; all threads
-compute the same scalars, and so decide alike. The size of a residual is √(rᵀ M⁻¹ r), with M the blocks.
+blocks on the diagonal and by lattices (`particlesim.engine.multilevel`). Dot products are summed over each chunk of
+particles, and then over the chunks in order; all threads compute the same scalars, and so decide alike. The size of a
+residual is √(rᵀ M⁻¹ r), with M the preconditioner.
 
 Source: Y. Saad, Iterative Methods for Sparse Linear Systems, algorithms 9.1 and 7.7.
 """
@@ -17,6 +18,7 @@ import numpy as np
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import type_of
 from particlesim.engine.compile import inlined, outline, outlined, stub
+from particlesim.engine.multilevel import carry
 from particlesim.engine.stiffness import LANES, multiply
 
 Impl = Callable[..., Any]
@@ -80,8 +82,9 @@ def summed(s: Any, row: Any) -> float:
 
 
 @outlined
-def precondition(s: Any, r: Any, z: Any, lo: Any, hi: Any) -> None:
-    """z = M⁻¹ r for particles [lo, hi)."""
+def precondition(s: Any, r: Any, z: Any, share: Any) -> None:
+    """z = M⁻¹ r for the particles of a share; r need not be in place, and z is not yet."""
+    lo, hi = share.first, share.last
     xx, yy, zz = s.block[0, lo:hi], s.block[1, lo:hi], s.block[2, lo:hi]
     xy, xz, yz = s.block[3, lo:hi], s.block[4, lo:hi], s.block[5, lo:hi]
     rx, ry, rz = r[0, lo:hi], r[1, lo:hi], r[2, lo:hi]
@@ -90,6 +93,7 @@ def precondition(s: Any, r: Any, z: Any, lo: Any, hi: Any) -> None:
         zx[i] = xx[i] * rx[i] + xy[i] * ry[i] + xz[i] * rz[i]
         zy[i] = xy[i] * rx[i] + yy[i] * ry[i] + yz[i] * rz[i]
         zw[i] = xz[i] * rx[i] + yz[i] * ry[i] + zz[i] * rz[i]
+    carry(s, r, z, share)
 
 
 @outlined
@@ -120,7 +124,7 @@ def size2(s: Any, share: Any) -> Any:
 @outline(size2)
 def _size2(s: Any, share: Any) -> Impl:
     def impl(s: Any, share: Any) -> Any:
-        precondition(s, s.residual, s.near, share.first, share.last)
+        precondition(s, s.residual, s.near, share)
         dots(s, 0, s.residual, s.near, share)
         meet(share.gate, share.threads)
         return summed(s, 0)
@@ -192,7 +196,7 @@ def _stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: An
         for iteration in range(limit):
             if size <= goal:
                 return SOLVED, size, iteration
-            precondition(s, s.direction, s.near, lo, hi)
+            precondition(s, s.direction, s.near, share)
             meet(share.gate, share.threads)
             _free_product(bonds, s, s.product, plain, share)
             dots(s, 1, s.shadow, s.product, share)
@@ -200,7 +204,7 @@ def _stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: An
             step = rho / summed(s, 1)
             add_scaled(s.solution, step, s.near, lo, hi)
             add_scaled(s.residual, -step, s.product, lo, hi)
-            precondition(s, s.residual, s.near, lo, hi)
+            precondition(s, s.residual, s.near, share)
             meet(share.gate, share.threads)
             _free_product(bonds, s, s.other, plain, share)
             dots(s, 1, s.other, s.residual, share)

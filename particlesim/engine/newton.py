@@ -47,7 +47,7 @@ class Start(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The particle at the solved time, whether it solves the equations, what is left of the residual, and iterations made."""
+    """The particle at the solved time, whether it solves the equations, what is left of the residual, and iterations."""
 
     particle: Any
     solved: bool

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from particlesim.emitters import Emitter
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import Births, Fault, IndependentIsland, Unsolved
+from particlesim.engine.islands import OWN_STEPS, Births, Fault, IndependentIsland, Unsolved
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.populate import populate
@@ -80,6 +80,7 @@ class Simulation:
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
+        self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._ledger_columns = self._name_columns()
@@ -135,7 +136,7 @@ class Simulation:
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
-            last = min(last, self.step + max(64, PIECE // max(self.count, 1)))
+            last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
             for island in self._islands:
                 self._advance(island, self.step, last)
             self.step = last

@@ -18,12 +18,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
-from particlesim.engine.bonding import Bonds, of_bond, of_bonds
+from particlesim.engine.bonding import Bonds, chunks_of, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
 from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
+from particlesim.engine.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.runs import (
     FIRST,
     HOLES,
@@ -52,17 +54,19 @@ class System(NamedTuple):
     """Arrays of an island's equations; n particles, vectors of shape [3, n].
 
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
-    on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
+    on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
+    particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its sums; `partial`: sums of
-    chunks [4, chunks]; `flags`; `report`: how the
-    last step ended, its relative residual, and its Newton and linear iterations.
+    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its
+    sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
+    Newton and linear iterations.
     """
 
     inertia: Any
     free: Any
     own: Any
     block: Any
+    anchor: Any
     base: Any
     lead: Any
     residual: Any
@@ -73,6 +77,7 @@ class System(NamedTuple):
     shadow: Any
     other: Any
     springs: tuple[Any, ...]
+    lattices: Lattices
     pull: Any
     lanes: Any
     partial: Any
@@ -80,8 +85,9 @@ class System(NamedTuple):
     report: Any
 
 
-def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
-    """Arrays for an island of `count` particles."""
+def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> System:
+    """Arrays for an island of particles that are at `place` [3, n] at the start."""
+    count = place.shape[1]
     chunk = chunk_size(count)
 
     def rows(number: int) -> Any:
@@ -92,6 +98,7 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         free=np.zeros(count, dtype),
         own=rows(9),
         block=rows(6),
+        anchor=rows(6),
         base=rows(6),
         lead=rows(3),
         residual=rows(3),
@@ -101,6 +108,7 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         product=rows(3),
         shadow=rows(3),
         other=rows(3),
+        lattices=_lattices(bonds, place, dtype),
         springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
         pull=np.zeros((7, chunk), dtype),
         lanes=np.zeros(LANES),
@@ -108,6 +116,15 @@ def new_system(bonds: Sequence[Bonds], count: int, dtype: Any) -> System:
         flags=np.zeros(FLAGS * 64, np.int64),
         report=np.zeros(4),
     )
+
+
+def _lattices(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Lattices:
+    there = [np.flatnonzero(bond.i >= 0) for bond in bonds]
+    i, j = (
+        np.concatenate([getattr(bond, end)[k] for bond, k in zip(bonds, there, strict=True)]) for end in "ij"
+    )
+    stiffness = [np.broadcast_to(bond.k, bond.i.shape)[k] for bond, k in zip(bonds, there, strict=True)]
+    return new_lattices(place.astype(float), i, j, np.concatenate(stiffness).astype(float), dtype)
 
 
 @inlined
@@ -122,6 +139,8 @@ def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
     s.block[3, i] = (g[1] + g[3]) * type_of(inertia, 0.5)
     s.block[4, i] = (g[2] + g[6]) * type_of(inertia, 0.5)
     s.block[5, i] = (g[5] + g[7]) * type_of(inertia, 0.5)
+    for k in range(6):
+        s.anchor[k, i] = s.block[k, i]
     apart = abs(g[1] - g[3]) + abs(g[2] - g[6]) + abs(g[5] - g[7])
     size = abs(g[0]) + abs(g[4]) + abs(g[8]) + abs(g[1]) + abs(g[2]) + abs(g[5])
     return apart > type_of(inertia, 1e-6) * (size + inertia), size + apart > 0
@@ -254,7 +273,7 @@ def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Any:
 @inline(add_springs)
 def _add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Impl:
     def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> None:
-        for chunk in range(bonds[0].begin.size - 1):
+        for chunk in range(chunks_of(bonds)):
             _stiff_chunk(bonds, springs, c, s, reach, chunk)
 
     return impl
@@ -322,16 +341,19 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
                 out, found = spring[row, first:last], s.pull[row, :n]
                 for k in range(n):
                     out[k] = found[k]
-            _add_blocks(s, a, n, type_of(reach, -1))
+            _add_blocks(s, a, b, n, type_of(reach, -1))
         if piece[OWNS_SECOND]:
-            _add_blocks(s, b, n, type_of(reach, 1))
+            _add_blocks(s, b, a, n, type_of(reach, 1))
 
     return impl
 
 
 @outlined
-def _add_blocks(s: Any, at: Any, n: Any, sign: Any) -> None:
-    """Add the springs in `pull` to particles at … at + n − 1: q 1 + w wᵀ to the blocks, the gains to the residuals."""
+def _add_blocks(s: Any, at: Any, other: Any, n: Any, sign: Any) -> None:
+    """Add the springs in `pull` to particles at … at + n − 1: q 1 + w wᵀ to the blocks, the gains to the residuals.
+
+    Their other ends are other … other + n − 1; those that are held anchor the particles.
+    """
     wx, wy, wz, q = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
     xx, yy, zz = s.block[0, at : at + n], s.block[1, at : at + n], s.block[2, at : at + n]
     xy, xz, yz = s.block[3, at : at + n], s.block[4, at : at + n], s.block[5, at : at + n]
@@ -342,7 +364,15 @@ def _add_blocks(s: Any, at: Any, n: Any, sign: Any) -> None:
         xy[k] += wx[k] * wy[k]
         xz[k] += wx[k] * wz[k]
         yz[k] += wy[k] * wz[k]
-    free = s.free[at : at + n]
+    free, partner = s.free[at : at + n], s.free[other : other + n]
+    for k in range(n):
+        if not partner[k] > 0:
+            s.anchor[0, at + k] += q[k] + wx[k] * wx[k]
+            s.anchor[1, at + k] += q[k] + wy[k] * wy[k]
+            s.anchor[2, at + k] += q[k] + wz[k] * wz[k]
+            s.anchor[3, at + k] += wx[k] * wy[k]
+            s.anchor[4, at + k] += wx[k] * wz[k]
+            s.anchor[5, at + k] += wy[k] * wz[k]
     for axis in range(3):
         residual, gain = s.residual[axis, at : at + n], s.pull[4 + axis, :n]
         for k in range(n):
@@ -372,7 +402,7 @@ def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, shar
                 own = x[row, lo:hi]
                 for i in range(d.size):
                     out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
-        for chunk in range(bonds[0].begin.size - 1):
+        for chunk in range(chunks_of(bonds)):
             _times_chunk(bonds, springs, s.pull, x, y, chunk)
 
     return impl
@@ -442,24 +472,13 @@ def invert(s: Any, lo: Any, hi: Any) -> None:
     A block that is not positive definite (a force that pushes away) gives way to the inertia.
     """
     for i in range(lo, hi):
-        xx, yy, zz, xy, xz, yz = (
-            s.block[0, i],
-            s.block[1, i],
-            s.block[2, i],
-            s.block[3, i],
-            s.block[4, i],
-            s.block[5, i],
+        good, inverse = inverse_of(
+            s.block[0, i], s.block[1, i], s.block[2, i], s.block[3, i], s.block[4, i], s.block[5, i]
         )
-        cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        determinant = xx * cx + xy * cy + xz * cz
-        good = (xx > 0) & (xx * yy - xy * xy > 0) & (determinant > 0)
-        scale = s.free[i] / determinant if good else s.free[i] / s.inertia[i]
-        s.block[0, i] = scale * cx if good else scale
-        s.block[1, i] = scale * (xx * zz - xz * xz) if good else scale
-        s.block[2, i] = scale * (xx * yy - xy * xy) if good else scale
-        s.block[3, i] = scale * cy if good else scale - scale
-        s.block[4, i] = scale * cz if good else scale - scale
-        s.block[5, i] = scale * (xy * xz - xx * yz) if good else scale - scale
+        instead = type_of(s.free[i], 1) / s.inertia[i]
+        for k in range(6):
+            otherwise = instead if k < 3 else instead - instead
+            s.block[k, i] = s.free[i] * (inverse[k] if good else otherwise)
 
 
 @outlined
@@ -495,6 +514,7 @@ def _linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t
         for lo in range(share.first, share.last, share.chunk):
             hi = min(lo + share.chunk, share.last)
             s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)
+        gather_blocks(s, share)
         invert(s, share.first, share.last)
         meet(share.gate, share.threads)
         general, coupled = False, False

@@ -23,7 +23,7 @@ from particlesim.integrators.options import Options
 from particlesim.units import Number
 
 TOLERANCE = 1e-8
-LINEAR_TOLERANCE = 1e-4
+LINEAR_TOLERANCE = 1e-3
 MAX_ITERATIONS = 50
 MAX_LINEAR_ITERATIONS = 10_000
 
@@ -54,7 +54,7 @@ class BackwardEuler(Options):
     converged: bool = False
     """Newton iterations until the residual is small (true), or one linear solve per step (false)."""
     tolerance: Tolerance | None = None
-    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-4 unless given; in
+    """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-3 unless given; in
     an island of springs), or with `converged` of the step's equations (1e-8 unless given)."""
     max_iterations: Count | None = None
     """With `converged`: Newton iterations in a step at most (50 unless given); more end the run."""
@@ -94,9 +94,10 @@ class ImplicitRecord(NamedTuple):
 class ImplicitMethod(Method):
     """V = V₀ + γ h a(X, V), X = X₀ + γ h V at t + c h, with c = `node`.
 
-    V₀ = v + past (v − v₋) + slope h a, and likewise X₀, where v₋ belongs to the step before. (X, V) is the new state, or with
-    `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with v − v₋ = h a and
-    x − x₋ = h v − ½ h² a, of second order at least. Raises ValueError at import when order conditions up to order 2 are missed.
+    V₀ = v + past (v − v₋) + slope h a, and likewise X₀, where v₋ belongs to the step before. (X, V) is the new state, or
+    with `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with v − v₋ = h a and
+    x − x₋ = h v − ½ h² a, of second order at least. Raises ValueError at import when order conditions up to order 2 are
+    missed.
     """
 
     options: ClassVar[type[Options]] = Implicit
@@ -153,7 +154,7 @@ class ImplicitMethod(Method):
         )
 
     def amplification(self, z: Any) -> Any:
-        """What a step multiplies the solution of y' = λ y by, for a complex z = h λ or an array of them; of two the larger."""
+        """What a step multiplies the solution of y' = λ y by, for z = h λ or an array of them; of two roots the larger."""
         if not self.past:
             y = (1 + self.slope * z) / (1 - self.gamma * z)
             return 2 * y - 1 if self.ahead else y

@@ -6,7 +6,7 @@ A group with triangles is a surface, springs without triangles are lines, everyt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +19,11 @@ from particlesim.render.stage import Array, Float32s
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.team import Team
 
-INNER = (".shear", ".bend")
-"""Springs of a body that are not drawn: as lines they would hide the others."""
+BEND = ".bend"
+"""Springs to every other particle: they lie on others, and are not drawn."""
+
+SHEAR = ".shear"
+"""Diagonals: drawn in a bridge, but not where they brace a surface, whose threads they would hide."""
 
 GRAIN = 1 << 12
 """Least number of triangles or normals for a piece of work."""
@@ -60,7 +63,8 @@ class Bodies:
         surfaces = [each for name, each in found.items() if len(each.triangles) and style(name) == "surface"]
         self.triangles = np.concatenate([np.empty((0, 3), np.int64), *(s.triangles for s in surfaces)])
         self.torn = np.concatenate([np.empty(0), *(_torn(each, found) for each in surfaces)])
-        self.lines = Springs.of([each for name, each in found.items() if _is_line(name, style)])
+        skins = {name for name, each in found.items() if len(each.triangles)}
+        self.lines = Springs.of([each for name, each in found.items() if _is_line(name, style, skins)])
         self.springs = Springs.of([each for name, each in found.items() if _shows_strain(name, style)])
         self._limit = 1 + max(
             (int(ids.max()) for ids in (self.triangles, self.springs.pairs) if len(ids)), default=-1
@@ -176,14 +180,17 @@ def _styles(found: Mapping[str, Any], settings: RenderSettings) -> Callable[[str
     return style
 
 
-def _is_line(name: str, style: Callable[[str], str]) -> bool:
-    """Whether a set of springs is drawn: one of a body like its group, any other by its own name."""
-    return not name.endswith(INNER) and style(name.rpartition(".")[0] or name) == "lines"
+def _is_line(name: str, style: Callable[[str], str], skins: Collection[str]) -> bool:
+    """Whether a set of springs is drawn: one of a body like its group, any other by its own name; `skins`: bodies that
+    have a surface."""
+    body = name.rpartition(".")[0]
+    inner = name.endswith(BEND) or (name.endswith(SHEAR) and body in skins)
+    return not inner and style(body or name) == "lines"
 
 
 def _shows_strain(name: str, style: Callable[[str], str]) -> bool:
     """Whether a set of springs counts where points of surfaces show their strain."""
-    return not name.endswith(".bend") and style(name.rpartition(".")[0] or name) != "hidden"
+    return not name.endswith(BEND) and style(name.rpartition(".")[0] or name) != "hidden"
 
 
 def _torn(surface: Any, found: Mapping[str, Any]) -> Array:

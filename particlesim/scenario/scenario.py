@@ -28,6 +28,7 @@ from particlesim.motions import Motion
 from particlesim.names import did_you_mean
 from particlesim.scenario.agreement import disagreements, untimely
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.jacobians import undifferentiable
 from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
 from particlesim.scenario.simulation import FieldName, Output, Simulation
@@ -111,6 +112,11 @@ class Scenario(Model):
     def overrides(self) -> tuple[str, ...]:
         """What was set beside the file, as 'key=value'."""
         return self._overrides
+
+    @property
+    def source(self) -> Source | None:
+        """The text that it is from, with the place of every value; None for a scenario made in Python."""
+        return self._source
 
     @property
     def written_format(self) -> int:
@@ -201,6 +207,7 @@ class Scenario(Model):
             _names,
             _references,
             _needs,
+            undifferentiable,
             _times,
             _kicks,
             _pins,

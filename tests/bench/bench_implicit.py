@@ -2,8 +2,9 @@
 
     python tests/bench/bench_implicit.py [--threads 2] [--width 100] [--seconds 1] [--rounds 3]
 
-The cloth hangs by two corners and swings. Its stiffness is chosen so that steps of 1/60 s are 100 times as long as the longest
-that symplectic Euler can take, which the same run measures by trying. Both runs are timed in turn; the best of each counts.
+The cloth hangs by two corners and swings. Its stiffness is chosen so that steps of 1/60 s are 100 times as long as the
+longest that symplectic Euler can take, which the same run measures by trying. Both runs are timed in turn; the best of
+each counts.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def compare(width: int, threads: int, seconds: float, rounds: int) -> None:
     stiffness = (unit * BEYOND / STEP) ** 2
     limit = unit / stiffness**0.5
     print(
-        f"cloth {width}², k = {stiffness:.4g} N/m; explicit limit {limit * 1e6:.1f} µs, 1/60 s is {STEP / limit:.0f} times that"
+        f"cloth {width}², k = {stiffness:.4g} N/m; limit {limit * 1e6:.1f} µs, 1/60 s is {STEP / limit:.0f} × that"
     )
     steps = round(seconds / STEP)
     best: dict[str, float] = {}
@@ -109,7 +110,7 @@ def compare(width: int, threads: int, seconds: float, rounds: int) -> None:
             best[name] = min(best.get(name, np.inf), taken)
             lowest = implicit.states[0].position[:, 1].min()
             print(
-                f"  {name}: {np.mean(spent):.0f} linear iterations per step, {max(spent)} at most; lowest point {lowest:.4f} m"
+                f"  {name}: {np.mean(spent):.0f} iterations a step, {max(spent)} at most; lowest point {lowest:.4f} m"
             )
             implicit.close()
     for name, taken in best.items():

@@ -95,7 +95,10 @@ def test_dry_run_writes_nothing(psim):
         "new/a.vtkhdf",
     ):
         assert words in ended.out
-    assert psim("run", "tiny.toml", "--dry-run", "--json").json["steps"] == 10
+    told = psim("run", "tiny.toml", "--dry-run", "--json").json
+    assert told["steps"] == 10
+    assert 0 < told["seconds"] < 60
+    assert "of stepping" in psim("run", "tiny.toml", "--dry-run").out
     assert files() == before
 
 

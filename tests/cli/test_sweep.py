@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -146,3 +147,16 @@ def test_one_sweep_at_a_time_in_a_folder(psim) -> None:
     assert ended.code == 2
     assert "another sweep is at work" in ended.err
     assert psim("sweep", "tiny.toml", "--vary", "simulation.seed=1,2", "-o", "out", "-j", 1).code == 0
+
+
+def test_clusters_that_are_none(psim, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    for arguments, message in (
+        (("--cluster", "pbs"), "there is no cluster 'pbs'"),
+        (("--cluster", "slurm", "--scheduler", "tcp://localhost:1"), "contradict"),
+        (("--scheduler", "tcp://localhost:1"), "pip install 'particlesim[cluster]'"),
+    ):
+        ended = psim("sweep", "tiny.toml", "--vary", "simulation.seed=1,2", *arguments)
+        assert ended.code == 2
+        assert message in ended.err
+    assert not Path("outputs").exists()

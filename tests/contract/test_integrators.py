@@ -25,11 +25,13 @@ from particlesim.integrators import (
     VELOCITY_VERLET,
     YOSHIDA4,
     Composition,
+    EmbeddedRungeKutta,
     ImplicitMethod,
     Method,
     RungeKutta,
     Verlet,
 )
+from particlesim.integrators.trees import rooted_trees
 
 FIXED_STEP = {name: method for name, method in METHODS.items() if not method.adaptive}
 methods = pytest.mark.parametrize("name", FIXED_STEP)
@@ -79,6 +81,22 @@ def test_wrong_tableaus_are_refused() -> None:
     for method, change in wrong:
         with pytest.raises(ValueError, match=method.name):
             replace(method, **change)
+
+
+def test_there_is_an_order_condition_for_every_rooted_tree() -> None:
+    # 1, 1, 2, 4, 9, 20, 48, 115 trees of 1 to 8 nodes (OEIS A000081)
+    trees = rooted_trees(8)
+    assert [sum(tree.nodes == n for tree in trees) for n in range(1, 9)] == [1, 1, 2, 4, 9, 20, 48, 115]
+    # RK45 holds all of them to order 5 and not to order 6, DOP853 to 8.
+    for name, order in (("rk45", 5), ("dop853", 8)):
+        method = METHODS[name]
+        assert isinstance(method, EmbeddedRungeKutta)
+        with pytest.raises(ValueError, match=f"{name}: a condition of order {order + 1}"):
+            replace(method, order=order + 1)
+        for k in range(len(method.errors)):
+            orders = [q + (j == k) for j, q in enumerate(method.error_orders)]
+            with pytest.raises(ValueError, match=f"{name}: a condition of order {orders[k]}"):
+                replace(method, error_orders=tuple(orders))
 
 
 def test_wrong_compositions_are_refused() -> None:
@@ -183,7 +201,7 @@ def test_explicit_euler_with_a_constant_force() -> None:
     assert (end[0], end[3]) == (450, 100)
 
 
-@pytest.mark.parametrize("name", [n for n, m in METHODS.items() if m.order >= 2])
+@pytest.mark.parametrize("name", [n for n, m in FIXED_STEP.items() if m.order >= 2])
 def test_projectile_is_exact_for_second_order(name: str) -> None:
     # x = x0 + v0 t + ½ g t², v = v0 + g t
     end = final(name, forces(gravity=(0, -9.80665, 0)), (1, 2, 3), (4, 5, 6), 2.0, 64)
@@ -276,8 +294,8 @@ def one_step(name: str, laws: Any, x: float, v: float, h: float) -> NDArray[Any]
 @methods
 @pytest.mark.parametrize("law", ["spring", "pendulum"])
 def test_symplectic_methods_keep_areas(name: str, law: str) -> None:
-    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others, but for the trapezoidal rule, which
-    # for a linear force is the midpoint rule.
+    # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others. For a linear force
+    # the trapezoidal rule is the midpoint rule.
     if (name, law) == ("trapezoidal", "spring"):
         return
     laws = forces(spring=1.0) if law == "spring" else forces(pendulum=1.0)

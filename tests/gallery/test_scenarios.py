@@ -40,7 +40,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("projectile", "projectile_drag", "fountain", "terminal_velocity", "buoyant_ball"),
         *("bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
-        *("jelly_drop", "trampoline", "bridge_collapse"),
+        *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
     }
 
 

@@ -67,5 +67,27 @@ def test_wrong_methods_are_named_with_the_right_ones() -> None:
     assert path == "particles.0.integrator"
 
 
+@pytest.mark.parametrize("tolerance", [0, -1e-3, "nan"])
+def test_tolerances_are_positive_numbers(tolerance: Any) -> None:
+    _, path, _ = mistake({"method": "rk45", "tolerance": tolerance})
+    assert path == "simulation.integrator.tolerance"
+
+
+def test_options_are_those_of_the_method() -> None:
+    (island,) = build_graph(scenario({"method": "rk45", "tolerance": 1e-4, "minimum_step": "1 ms"})).islands
+    assert (island.method.name, island.method.tolerance, island.method.minimum_step) == ("rk45", 1e-4, 1e-3)  # type: ignore[attr-defined]
+    assert island.method.label == "rk45 (tolerance = 0.0001, minimum_step = 0.001)"
+    words, path, allowed = mistake({"method": "dop853", "tolerence": 1e-4})
+    assert (words, path) == ("unknown key 'tolerence'", "simulation.integrator.tolerence")
+    assert allowed == "method, tolerance, position_tolerance, velocity_tolerance, minimum_step"
+
+
+def test_a_tolerance_that_the_numbers_cannot_hold_is_refused() -> None:
+    words, path, allowed = mistake("rk4", integrator={"method": "rk45", "tolerance": 1e-15})
+    assert words == "double precision cannot hold a tolerance of 1e-15"
+    assert path == "particles.0.integrator.tolerance"
+    assert "1.4e-14" in allowed
+
+
 def test_method_for_reads_both_forms() -> None:
     assert method_for("rk4") == method_for(METHODS["rk4"].options(method="rk4"))

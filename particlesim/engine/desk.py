@@ -1,0 +1,174 @@
+"""The desk of adaptive methods: the particles of a block that are under way, packed, so that loops have no gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from particlesim.engine.columns import Thermal, store, temperature
+from particlesim.engine.compile import inline, inlined, stub
+from particlesim.engine.steppers import Rate, derivative
+from particlesim.laws import Particle
+
+Impl = Callable[..., Any]
+
+DESK = 256
+"""Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
+
+# Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
+# (x, y, z, vx, vy, vz each), mass, its inverse, radius.
+STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
+# Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
+# tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was
+# rejected; temperature at birth, and birth.
+NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+
+
+class Desk(NamedTuple):
+    """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
+    `thermal`, None when no law reads the temperature."""
+
+    row: Any
+    body: Any
+    clock: Any
+    thermal: Any
+
+
+class Heated(NamedTuple):
+    """Dynamics of particle k of a desk whose temperature changes within the step."""
+
+    dynamics: Any
+    thermal: Any
+    k: int
+
+
+@inline(derivative)
+def _heated_derivative(dynamics: Any, forces: Any, p: Any) -> Impl | None:
+    if getattr(dynamics, "instance_class", None) is not Heated:
+        return None
+
+    def impl(dynamics: Any, forces: Any, p: Any) -> Any:
+        warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
+        q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
+        return derivative(dynamics.dynamics, forces, q)
+
+    return impl
+
+
+def response(dynamics: Any, d: Any, k: Any) -> Any:
+    """How particle k of a desk responds to force; with its temperature if a law reads it."""
+    return stub()
+
+
+@inline(response)
+def _response(dynamics: Any, d: Any, k: Any) -> Impl:
+    if isinstance(d.types[3], types.NoneType):
+        return lambda dynamics, d, k: dynamics
+    return lambda dynamics, d, k: Heated(dynamics, d.thermal, k)
+
+
+def new_desk(c: Any) -> Any:
+    """An empty desk for particles of some columns."""
+    return stub()
+
+
+@inline(new_desk)
+def _new_desk(c: Any) -> Impl:
+    def impl(c: Any) -> Any:
+        clock = np.empty((CLOCK, DESK))
+        return Desk(
+            np.empty(DESK, np.int64), np.empty((BODY, DESK), c.x.dtype), clock, warmth_of(c.thermal, clock)
+        )
+
+    return impl
+
+
+def warmth_of(thermal: Any, clock: Any) -> Any:
+    """The rows of a desk that hold temperatures at birth, with the law of cooling; None without."""
+    return stub()
+
+
+@inline(warmth_of)
+def _warmth_of(thermal: Any, clock: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, clock: None
+    return lambda thermal, clock: Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
+
+
+def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Any:
+    """Temperature at birth and birth of particle i of a block to column k of a desk."""
+    return stub()
+
+
+@inline(bring_heat)
+def _bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Impl:
+    if isinstance(thermal, types.NoneType):
+        return lambda thermal, i, clock, k: None
+
+    def impl(thermal: Any, i: Any, clock: Any, k: Any) -> None:
+        clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
+
+    return impl
+
+
+@inlined
+def at(d: Any, k: Any, s: Any, t: Any) -> Any:
+    """Particle k of a desk with one of its states, as the laws see it at time t."""
+    b = d.body
+    x = b[s, k]
+    return Particle(
+        x,
+        b[s + 1, k],
+        b[s + 2, k],
+        b[s + 3, k],
+        b[s + 4, k],
+        b[s + 5, k],
+        b[MASS, k],
+        b[RADIUS, k],
+        temperature(d.thermal, k, t, x),
+        t,
+        b[INVERSE, k],
+    )
+
+
+@inlined
+def rate_at(d: Any, k: Any, s: Any) -> Any:
+    """A slope of particle k of a desk."""
+    b = d.body
+    return Rate(b[s, k], b[s + 1, k], b[s + 2, k], b[s + 3, k], b[s + 4, k], b[s + 5, k])
+
+
+@inlined
+def put(d: Any, k: Any, s: Any, r: Any) -> None:
+    """A state or slope of particle k of a desk."""
+    b = d.body
+    b[s, k], b[s + 1, k], b[s + 2, k] = r.x, r.y, r.z
+    b[s + 3, k], b[s + 4, k], b[s + 5, k] = r.vx, r.vy, r.vz
+
+
+@inlined
+def slope_here(program: Any, d: Any, k: Any) -> None:
+    """Set the slope of particle k of a desk at its present state."""
+    p = at(d, k, STATE, d.clock[NOW, k])
+    put(d, k, SLOPE, derivative(response(program.dynamics, d, k), program.forces, p))
+
+
+@inlined
+def leave(c: Any, d: Any, k: Any) -> None:
+    """Write particle k of a desk back to the block."""
+    i = d.row[k]
+    store(c, i, rate_at(d, k, STATE))
+    c.memory[0][i], c.memory[1][i] = d.clock[STEP, k], d.clock[PREVIOUS, k]
+
+
+@inlined
+def move(d: Any, k: Any, n: Any) -> None:
+    """Column n of a desk to column k."""
+    d.row[k] = d.row[n]
+    for s in range(BODY):
+        d.body[s, k] = d.body[s, n]
+    for s in range(CLOCK):
+        d.clock[s, k] = d.clock[s, n]
