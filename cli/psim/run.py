@@ -77,11 +77,6 @@ def run(
 
     loaded = ps.load(scenario, overrides or ())
     path = _output(scenario, output)
-    if dry_run:
-        _dry_run(loaded, scenario, path, threads, as_json)
-        return
-    film = path.with_suffix(".mp4") if video else None
-    _check_targets(loaded, path, film, force, resume)
     options = {
         "overwrite": force,
         "threads": threads,
@@ -91,6 +86,11 @@ def run(
         "checkpoint_wall": parse_seconds("--checkpoint-wall", checkpoint_wall),
         "max_wall": parse_seconds("--max-wall", max_wall),
     }
+    if dry_run:
+        _dry_run(loaded, scenario, path, threads, as_json)
+        return
+    film = path.with_suffix(".mp4") if video else None
+    _check_targets(loaded, path, film, force, resume)
     quiet = quiet or as_json
     said: list[str] = []
     result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options, said))
