@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 FIRST_LINE, LINE_EVERY = 10.0, 30.0
 """Seconds before the first plain line, and between them: a log of CI stays short."""
+REDRAWN = 8
+"""Times per second that a bar is drawn."""
 
 
 @contextmanager
@@ -91,11 +93,17 @@ def sweep_progress(name: str, *, quiet: bool) -> Iterator[Callable[[SweepProgres
 
         yield line
     else:
-        with _bar(name) as bar:
+        # No thread redraws it: workers can then be copies of this process.
+        with _bar(name, auto_refresh=False) as bar:
             task = bar.add_task(plain(name), total=None, note="preparing")
+            redraw_at = 0.0
 
             def show(p: SweepProgress) -> None:
+                nonlocal redraw_at
                 bar.update(task, total=p.total, completed=p.ended, note=_sweep_note(p))
+                if time.perf_counter() > redraw_at:
+                    bar.refresh()
+                    redraw_at = time.perf_counter() + 1 / REDRAWN
 
             yield show
 
@@ -154,7 +162,7 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
     return line
 
 
-def _bar(name: str) -> Any:
+def _bar(name: str, *, auto_refresh: bool = True) -> Any:
     """A bar that takes itself away when the work is done: a summary follows."""
     from rich.console import Console
     from rich.progress import (
@@ -175,5 +183,6 @@ def _bar(name: str) -> Any:
         TimeRemainingColumn(compact=True),
         console=Console(stderr=True, highlight=False),
         transient=True,
-        refresh_per_second=8,
+        refresh_per_second=REDRAWN,
+        auto_refresh=auto_refresh,
     )

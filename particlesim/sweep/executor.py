@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import sys
+import threading
+import time
+import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, TypeAlias, TypeVar
@@ -63,7 +67,7 @@ class LocalWorkers:
             while True:
                 ahead = AHEAD if short else 1
                 while len(team) < self._count and queue.more():
-                    team.append(_Worker(task))
+                    team.append(_Worker(task, [worker.connection for worker in team]))
                 for worker in team:
                     while len(worker.waiting) < ahead and queue.more():
                         worker.give(queue.next())
@@ -127,13 +131,19 @@ class _Queue:
 class _Worker:
     """A worker process, and the runs that it has been given, in order."""
 
-    def __init__(self, task: Callable[[int], Any]) -> None:
-        context = multiprocessing.get_context("spawn")
+    def __init__(self, task: Callable[[int], Any], others: Sequence[Connection]) -> None:
+        forks = _may_fork()
+        context: Any = multiprocessing.get_context("fork" if forks else "spawn")
         self.connection, theirs = context.Pipe()
         self.waiting: deque[int] = deque()
         self._ready = False
-        self._process = context.Process(target=_work, args=(task, theirs), daemon=True)
-        self._process.start()
+        # A copy of this process has copies of our ends, too, which would hide that we are gone.
+        inherited = [self.connection, *others] if forks else []
+        self._process = context.Process(target=_work, args=(task, theirs, inherited), daemon=True)
+        with warnings.catch_warnings():
+            # Python 3.12 counts threads of libraries as well; those that NumPy starts live through a fork.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._process.start()
         theirs.close()  # so that the end of the worker is the end of the stream
 
     def give(self, number: int) -> None:
@@ -173,13 +183,20 @@ class _Worker:
         self._process.close()
 
 
-def _work(task: Callable[[int], Any], connection: Connection) -> None:
-    """What a worker does: runs, until nobody listens."""
-    import time
+def _may_fork() -> bool:
+    """Whether workers can be copies of this process, ready at once: on Linux, if no thread of ours could hold a lock."""
+    return sys.platform == "linux" and threading.active_count() == 1
 
+
+def _work(task: Callable[[int], Any], connection: Connection, inherited: Sequence[Connection]) -> None:
+    """What a worker does: runs, until nobody listens."""
+    for each in inherited:
+        each.close()
     # Ctrl-C reaches the whole group of processes; the one that started the workers decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
     try:
         connection.send(Ready())
         while True:
