@@ -84,21 +84,22 @@ def put_new(temporary: Path, path: Path) -> None:
         temporary.replace(path)
 
 
-def write_error(path: Path, error: BaseException) -> InputOutputError:
-    """What to tell about a failed write of `path`."""
+def write_error(path: Path, error: BaseException, kept: str = "") -> InputOutputError:
+    """What to tell about a failed write of `path`, of which `kept` (a sentence) can still be read."""
     text = str(error)
-    if getattr(error, "errno", None) == errno.ENOSPC or f"errno = {errno.ENOSPC}," in text:
-        return InputOutputError(
-            f"the disk is full: {path} could not be written further",
-            "What was finished is kept. Free some space, record fewer fields or frames, or write elsewhere.",
-        )
     # HDF5 puts the system's message into a long text of file positions.
-    inside = re.search(r"error message = '([^']*)'", text)
-    number = getattr(error, "errno", None)
-    reason = os.strerror(number) if number else inside[1] if inside else None
-    return InputOutputError(
-        f"writing {path} failed" + (f": {reason}" if reason else ""), "What was finished before is kept."
-    )
+    inside = re.search(r"errno = (\d+), error message = '([^']*)'", text)
+    number = getattr(error, "errno", None) or (int(inside[1]) if inside else None)
+    if number == errno.ENOSPC:
+        message = f"the disk is full: {path} could not be written further"
+        advice = "Free some space, record fewer fields or frames, or write elsewhere."
+    elif number == errno.EFBIG:
+        message = f"writing {path} failed: {os.strerror(errno.EFBIG)}"
+        advice = "Files may not grow further here: see `ulimit -f`, or record fewer fields or frames."
+    else:
+        reason = os.strerror(number) if number else inside[2] if inside else None
+        message, advice = f"writing {path} failed" + (f": {reason}" if reason else ""), ""
+    return InputOutputError(message, " ".join(filter(None, (kept, advice))) or None)
 
 
 def _temporary_name(path: Path) -> Path:
