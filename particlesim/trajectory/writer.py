@@ -157,6 +157,8 @@ class TrajectoryWriter:
                 create_file(temporary, **layout)
                 if os.name == "posix":
                     self._open(temporary)
+            if self.path.is_symlink():
+                discard_checkpoints(self.path)  # they are beside the link, and not those beside its target
             if os.name != "posix":
                 self._open(self.path)
         except BaseException:
