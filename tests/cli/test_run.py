@@ -222,8 +222,11 @@ def test_interrupted_rendering_leaves_nothing(psim, monkeypatch):
     monkeypatch.setattr(Renderer, "draw", interrupt)
     ended = psim("run", "tiny.toml", "--video")
     assert ended.code == 130
-    assert "interrupted" in ended.err
+    assert "interrupted: stopped while the video was made" in ended.err
+    assert "outputs/tiny.vtkhdf is complete; its video: psim render outputs/tiny.vtkhdf\n" in ended.err
     assert set(files()) == {"tiny.toml", "outputs", "outputs/tiny.vtkhdf"}
+    monkeypatch.setattr(Renderer, "draw", draw)
+    assert psim("render", "outputs/tiny.vtkhdf").code == 0
 
 
 def test_reader_that_goes_away_is_no_mistake():
