@@ -40,6 +40,14 @@ def test_a_start_that_cannot_be_stored_is_refused(tmp_path, x, v, field):
         assert trajectory[-1].position[0, 1] == pytest.approx(x + v, rel=1e-12)
 
 
+def test_a_start_that_the_run_itself_cannot_hold_is_refused():
+    for x, v in ((1e39, 0), (0, 1e39)):
+        table = scenario(x, v).model_dump(mode="json", exclude_unset=True)
+        table["simulation"]["precision"] = "single"
+        with pytest.raises(ps.UsageError, match="numbers of 'far' are beyond 3"):
+            ps.run(ps.from_table(table))
+
+
 def test_what_grows_beyond_what_can_be_stored_is_told(tmp_path):
     """3 × 10³⁸ + 10³⁸ t passes 3.4 × 10³⁸ between 0.25 s and 0.5 s."""
     path = tmp_path / "a.vtkhdf"
