@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from particlesim.forces.field import Field
+from particlesim.forces.gravity import Gravity
 from particlesim.graph import method_of
 from particlesim.groups import Group
 from particlesim.integrators import Composition
@@ -14,7 +15,13 @@ LIVELY = 0.9
 
 def advice(scenario: Scenario) -> tuple[str, ...]:
     """One sentence for each doubtful choice."""
-    return (*_format(scenario), *_order(scenario), *_projection(scenario))
+    return (
+        *_format(scenario),
+        *_order(scenario),
+        *_projection(scenario),
+        *_twice(scenario),
+        *_never(scenario),
+    )
 
 
 def _format(scenario: Scenario) -> list[str]:
@@ -56,4 +63,29 @@ def _projection(scenario: Scenario) -> list[str]:
         'are lifted out of it; detection = "continuous" does not'
         for k, plane in enumerate(scenario.planes)
         if plane.contact == "bounce" and plane.detection == "discrete" and plane.restitution > LIVELY
+    ]
+
+
+def _twice(scenario: Scenario) -> list[str]:
+    """Uniform gravity that acts on a group more than once, as after copying a block."""
+    found = []
+    labels = [
+        (label, force)
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if isinstance(force, Gravity)
+    ]
+    for group in scenario.groups:
+        here = [label for label, force in labels if acts_on(force, group)]
+        if len(here) > 1:
+            found.append(f"{' and '.join(here)} act together on {group.name!r}: gravity adds up")
+    return found
+
+
+def _never(scenario: Scenario) -> list[str]:
+    """Bursts that the run does not come to."""
+    return [
+        f"the burst of {emitter.name!r} at {burst.at:.6g} s is never born: the run ends at {scenario.grid.duration:.6g} s"
+        for emitter in scenario.emitters
+        for burst in emitter.bursts()
+        if burst.at >= scenario.grid.duration
     ]

@@ -34,7 +34,7 @@ from particlesim.trajectory.checkpoint_file import previous_path
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import check_ledger, check_stored
+from particlesim.validity import check_ledger, check_stored, misplaced
 
 __all__ = ["Progress", "Result", "run"]
 
@@ -95,9 +95,9 @@ def run(
     check_ledger(simulation)
     if path is not None:
         check_stored(simulation)
-    unstable = suspects(simulation).warnings
+    doubts = (*suspects(simulation).warnings, *misplaced(simulation))
     if warn is not None:
-        for text in unstable:
+        for text in doubts:
             warn(text)
     with held_signals() as signals:
         if found is not None and path is not None:
@@ -118,7 +118,7 @@ def run(
     result = _result(course, path, _notes(resume, found))
     if bless and path is not None and result.passed:
         give_blessing(scenario, path)
-    return replace(result, warnings=(*unstable, *result.warnings))
+    return replace(result, warnings=(*doubts, *result.warnings))
 
 
 def _check_arguments(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.engine.misplaced import overlaps
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
@@ -63,6 +64,21 @@ def _extremes(simulation: Simulation) -> str:
     far = [np.abs(state.x[:, : state.count]).max() for state in simulation.states if state.count]
     fast = [np.abs(state.v[:, : state.count]).max() for state in simulation.states if state.count]
     return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
+
+
+def misplaced(simulation: Simulation) -> tuple[str, ...]:
+    """A sentence for every group and plane with particles that are inside of it at the start."""
+    found = []
+    for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True):
+        for overlap in overlaps(island, structure):
+            state, deepest = overlap.state, int(overlap.depth.argmax())
+            name = overlap.plane.name or f"planes.{simulation.scenario.planes.index(overlap.plane)}"
+            found.append(
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
+                f"(id {state.id[deepest]}) by {overlap.depth[deepest]:.3g} m: the first step puts them on its surface, "
+                "which changes their energy"
+            )
+    return tuple(found)
 
 
 class Watch:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from psim.talk import duration, facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
+    from particlesim.engine.stability import Stability
     from particlesim.scenario.scenario import Scenario
 
 MOST_PARTICLES = 2_000_000
@@ -26,13 +27,12 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
     Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
     """
     from particlesim.advice import advice
-    from particlesim.analysis.stability import stability
     from particlesim.bounds import check_fits, needs
     from particlesim.integrators import method_for
 
     required = needs(scenario)
     check_fits(required, output)
-    found = stability(scenario) if required.particles <= MOST_PARTICLES else None
+    found, doubts = _first_look(scenario) if required.particles <= MOST_PARTICLES else (None, ())
     grid = scenario.grid
     return {
         "title": scenario.title,
@@ -54,8 +54,22 @@ def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
         "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
-        "advice": [*(() if found is None else found.warnings), *advice(scenario)],
+        "advice": [*doubts, *advice(scenario)],
     }
+
+
+def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
+    """What the initial state tells: largest stable steps, and what to doubt."""
+    from particlesim.engine.simulation import Simulation
+    from particlesim.engine.stability import stability
+    from particlesim.validity import misplaced
+
+    simulation = Simulation(scenario, threads=1)
+    try:
+        found = stability(simulation)
+        return found, (*found.warnings, *misplaced(simulation))
+    finally:
+        simulation.close()
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

@@ -134,7 +134,7 @@ class _Due:
 
 
 class _Speed:
-    """Particle-steps per second since the first interval: the one in which kernels are compiled does not count."""
+    """How fast a run is since its first interval: the one in which kernels are compiled does not count."""
 
     def __init__(self) -> None:
         self._first: Progress | None = None
@@ -146,6 +146,12 @@ class _Speed:
         seconds = p.elapsed - self._first.elapsed
         return rate((p.particle_steps - self._first.particle_steps) / seconds) if seconds > 0 else ""
 
+    def left(self, p: Progress) -> float:
+        """Seconds to the end, once `of` has had something to tell."""
+        assert self._first is not None
+        done = p.step - self._first.step
+        return (p.elapsed - self._first.elapsed) * (p.steps - p.step) / done if done else 0.0
+
 
 def _plain_run(name: str) -> Callable[[Progress], None]:
     due, speed = _Due(), _Speed()
@@ -153,7 +159,7 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
     def line(p: Progress) -> None:
         fast = speed.of(p)
         if fast and due.now():
-            left = duration(p.elapsed * (p.steps - p.step) / p.step)
+            left = duration(speed.left(p))
             done = f"{100 * p.step / p.steps:.0f} %"
             say(
                 f"{plain(name)}: {done}, t = {p.time:.4g} s, {counted(p.particles, 'particle')}, {fast}, {left} left"

@@ -21,6 +21,7 @@ from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Fault, IndependentIsland
 from particlesim.engine.linear import IslandModel
+from particlesim.engine.misplaced import overlaps
 from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.stability import advice
 from particlesim.errors import DivergenceError, PostMortem
@@ -75,8 +76,8 @@ class Sign(NamedTuple):
 class Guard:
     """Looks at every frame whether islands are still in their senses.
 
-    An island that nothing feeds (no emission, wind, motion or field without a potential) must not gain energy: with K the
-    kinetic energy and U_f the potentials,
+    An island that nothing feeds (no emission, wind, motion, field without a potential, or start inside of a plane) must not
+    gain energy: with K the kinetic energy and U_f the potentials,
 
         K + Σ_f max(U_f − U_f⁰, 0)  ≤  1000 · (K⁰ + Σ_f max(U_f⁰, U_f⁰ − U_f, 0))
 
@@ -87,7 +88,10 @@ class Guard:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        self._closed = [_closed(structure) for structure in simulation.graph.islands]
+        self._closed = [
+            _closed(structure) and not any(overlaps(island, structure))
+            for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True)
+        ]
         self._names = [name for name in simulation.ledger_columns() if is_energy(name)]
         # Of every island: its energies and its number of particles at the beginning (−1: not known), its largest speed.
         self._base = np.zeros((len(self._closed), len(self._names)))

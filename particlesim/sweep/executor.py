@@ -75,7 +75,7 @@ class LocalWorkers:
                 if not busy:
                     return
                 for connection in wait(list(busy)):
-                    worker = busy[connection]  # type: ignore[index]
+                    worker = busy[connection]
                     message = worker.receive()
                     if isinstance(message, Ready):
                         continue

@@ -109,9 +109,7 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("method", "precision"),
     [
-        ("symplectic_euler", "double"),
         ("symplectic_euler", "single"),
-        ("rk4", "double"),
         ("stormer_verlet", "double"),
         ("rk45", "double"),
     ],

@@ -41,3 +41,29 @@ def test_lively_projection() -> None:
     assert any("can add energy" in line for line in lively)
     assert advice(ps.from_table(table("rk4", gravity, restitution=0.5, detection="discrete"))) == ()
     assert advice(ps.from_table(table("rk4", gravity, restitution=1.0))) == ()
+
+
+def test_gravity_twice_and_a_burst_that_never_comes() -> None:
+    gravity = {"type": "gravity"}
+    copied = table("rk4", gravity) | {"forces": [gravity, gravity]}
+    copied["emitters"] = [
+        {
+            "name": "late",
+            "burst": [{"count": 1, "at": 0.9}, {"count": 1, "at": 1.0}],
+            "shape": {"type": "point", "position": [0, 1, 0]},
+        }
+    ]
+    said = advice(ps.from_table(copied))
+    assert sum("gravity adds up" in line for line in said) == 2  # one for each group
+    assert sum("is never born" in line for line in said) == 1
+    assert "at 1 s" in next(line for line in said if "never born" in line)
+
+
+@pytest.mark.parametrize(("height", "told"), [(1.0, False), (0.1, False), (0.05, True), (-3.0, True)])
+def test_a_start_inside_a_plane(height: float, told: bool) -> None:
+    scene = table("rk4", {"type": "gravity"}) | {"planes": [{"name": "floor"}]}
+    scene["particles"][0]["layout"]["position"] = [[0, height, 0], [0, 2, 0]]
+    warnings = ps.run(ps.from_table(scene)).warnings
+    assert any("start inside plane floor" in line for line in warnings) is told
+    scene["particles"][0]["pinned"] = True
+    assert not ps.run(ps.from_table(scene)).warnings
