@@ -164,10 +164,11 @@ class Course:
             log.rows.append(row)
         log.times.append(simulation.time)
         if writer is not None:
-            fields = simulation.scenario.recorded_fields()
-            writer.append(
-                simulation.time, simulation.step, columns_of(simulation, fields, writer.buffer), row
+            fields, now = simulation.scenario.recorded_fields(), simulation.time
+            columns = columns_of(
+                simulation, fields, writer.buffer, lambda field: self.watch.overflowed(field, now)
             )
+            writer.append(now, simulation.step, columns, row)
         return row
 
     def _take_events(self) -> None:

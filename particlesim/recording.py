@@ -17,20 +17,38 @@ Array = NDArray[Any]
 Buffer = Callable[[str, int], Array]
 
 
-def column(simulation: Simulation, field: str, out: Array) -> Array:
-    """Fill `out`, of shape [n] or [n, 3], with a field of all particles, group after group."""
-    for k, (state, part) in enumerate(zip(simulation.states, rows(simulation.states), strict=True)):
-        if state.count:
-            _fill(simulation, state, k, field, out[part])
+def column(
+    simulation: Simulation, field: str, out: Array, overflowed: Callable[[str], None] | None = None
+) -> Array:
+    """Fill `out`, of shape [n] or [n, 3], with a field of all particles, group after group.
+
+    Beyond 3.4e38 a float32 is infinite; the state is not, and the run goes on. `overflowed(field)` is called then.
+    """
+
+    def note(*_: object) -> None:
+        if overflowed is not None:
+            overflowed(field)
+
+    with np.errstate(over="call", call=note):
+        for k, (state, part) in enumerate(zip(simulation.states, rows(simulation.states), strict=True)):
+            if state.count:
+                _fill(simulation, state, k, field, out[part], note)
     return out
 
 
-def _fill(simulation: Simulation, state: GroupState, number: int, field: str, out: Array) -> None:
+def _fill(
+    simulation: Simulation,
+    state: GroupState,
+    number: int,
+    field: str,
+    out: Array,
+    note: Callable[..., None],
+) -> None:
     n, time = state.count, simulation.time
     if field == "position":
-        _interleave(simulation, state.x, out)
+        _interleave(simulation, state.x, out, note)
     elif field == "velocity":
-        _interleave(simulation, state.v, out)
+        _interleave(simulation, state.v, out, note)
     elif field == "force":
         out[:] = simulation.forces_on(state)
     elif field == "acceleration":
@@ -47,21 +65,27 @@ def _fill(simulation: Simulation, state: GroupState, number: int, field: str, ou
         out[:] = {"id": state.id, "mass": state.mass, "radius": state.radius}[field][:n]
 
 
-def _interleave(simulation: Simulation, arrays: Array, out: Array) -> None:
+def _interleave(simulation: Simulation, arrays: Array, out: Array, note: Callable[..., None]) -> None:
     """Structure of arrays [3, n] to rows [n, 3], by pieces that stay in cache."""
 
     def work(first: int, last: int) -> None:
-        # Beyond 3.4e38 a stored float32 is infinite; the state is not, and the run goes on.
-        with np.errstate(over="ignore"):
+        with np.errstate(over="call", call=note):  # each thread has its own
             out[first:last] = arrays[:, first:last].T
 
     simulation.team.over_range(len(out), 1 << 14, work, worth=len(out) >= 1 << 17)
 
 
-def columns_of(simulation: Simulation, fields: tuple[str, ...], buffer: Buffer) -> dict[str, Array]:
-    """All columns of a frame, in arrays from `buffer(field, n)`."""
+def columns_of(
+    simulation: Simulation,
+    fields: tuple[str, ...],
+    buffer: Buffer,
+    overflowed: Callable[[str], None] | None = None,
+) -> dict[str, Array]:
+    """All columns of a frame, in arrays from `buffer(field, n)`; `overflowed` as in `column`."""
     n = simulation.count
-    return {name: column(simulation, name, buffer(name, n)) for name in ("position", "id", *fields)}
+    return {
+        name: column(simulation, name, buffer(name, n), overflowed) for name in ("position", "id", *fields)
+    }
 
 
 def frame_of(simulation: Simulation, index: int) -> Frame:

@@ -34,7 +34,7 @@ from particlesim.trajectory.checkpoint_file import previous_path
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter
-from particlesim.validity import check_ledger, misplaced
+from particlesim.validity import check_ledger, check_stored, misplaced
 
 __all__ = ["Progress", "Result", "run"]
 
@@ -93,6 +93,8 @@ def run(
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
+    if path is not None:
+        check_stored(simulation)
     doubts = (*suspects(simulation).warnings, *misplaced(simulation))
     if warn is not None:
         for text in doubts:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,12 @@ TOO_LARGE = "sums of m v²/2, m g y and the like must stay below 1.8e308: smalle
 """What to do about energies that no number can hold."""
 
 
+LARGEST = float(np.finfo(np.float32).max)
+"""What single precision holds."""
+
+STORED = 'precision = "double" under [output] stores it'
+
+
 def check_ledger(simulation: Simulation) -> None:
     """Refuse a start whose energies or momenta are beyond all numbers. Raises UsageError."""
     if not simulation.scenario.output.ledger:
@@ -29,6 +37,21 @@ def check_ledger(simulation: Simulation) -> None:
         raise UsageError(
             f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
         )
+
+
+def check_stored(simulation: Simulation) -> None:
+    """Refuse a start that double precision holds and the trajectory does not. Raises UsageError."""
+    scenario = simulation.scenario
+    if (scenario.simulation.precision, scenario.output.precision) != ("double", "single"):
+        return
+    for state in simulation.states:
+        for field, values in (("position", state.x), ("velocity", state.v)):
+            part = values[:, : state.count]
+            if part.size and max(part.max(), -part.min()) > LARGEST:
+                raise UsageError(
+                    f"the trajectory cannot store a {field} that is beyond {LARGEST:.2g}: {_extremes(simulation)}",
+                    STORED,
+                )
 
 
 def infinite(row: dict[str, float]) -> str | None:
@@ -63,6 +86,7 @@ class Watch:
 
     def __init__(self, scenario: Scenario) -> None:
         self._largest: dict[str, tuple[float, float]] = {}
+        self._overflowed: dict[str, float] = {}
         self._laws = [
             (label, force)
             for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
@@ -85,18 +109,27 @@ class Watch:
                     if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
                         self._largest[label] = (reynolds, simulation.time)
 
-    def state(self) -> dict[str, list[float]]:
-        """What it has seen so far, as plain data."""
-        return {label: list(seen) for label, seen in self._largest.items()}
+    def overflowed(self, field: str, time: float) -> None:
+        """Take note of a field that the trajectory stores as infinite at a time [s], though it is not."""
+        self._overflowed.setdefault(field, time)
 
-    def restore(self, state: dict[str, list[float]]) -> None:
+    def state(self) -> dict[str, dict[str, Any]]:
+        """What it has seen so far, as plain data."""
+        return {"reynolds": self._largest, "overflowed": self._overflowed}
+
+    def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
         """Go on from a `state`."""
-        self._largest = {label: (reynolds, time) for label, (reynolds, time) in state.items()}
+        self._largest = {label: (reynolds, time) for label, (reynolds, time) in state["reynolds"].items()}
+        self._overflowed = dict(state["overflowed"])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to tell the user."""
-        return tuple(
+        stored = tuple(
+            f"{field}: from t = {time:.6g} s on, some are beyond {LARGEST:.2g} and stored as infinite; {STORED}"
+            for field, time in self._overflowed.items()
+        )
+        return stored + tuple(
             f"{label}: Stokes drag holds for Reynolds numbers below 1, and {reynolds:.3g} was reached at t = {time:.6g} s; "
             'type = "drag" with coefficient = "schiller_naumann" holds further'
             for label, (reynolds, time) in self._largest.items()

@@ -206,9 +206,22 @@ def _simulate(
 
 
 def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: bool) -> list[Any]:
-    """Render the trajectory; returns what to warn of."""
-    import particlesim as ps
+    """Render the trajectory; returns what to warn of. An error, or a stop, says that the trajectory is there."""
+    import shlex
 
-    with render_progress(film.name, quiet=quiet) as progress:
-        report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
+    import particlesim as ps
+    from psim.stop import requested
+
+    kept = f"the trajectory {path} is complete; its video: psim render {shlex.quote(str(path))}"
+    kept += " --force" if film.exists() else ""
+    try:
+        with render_progress(film.name, quiet=quiet) as progress:
+            report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
+    except ps.PsimError as error:
+        error.hint = f"{error.hint.rstrip('.')}; {kept}" if error.hint else kept
+        raise
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) or requested():
+            raise ps.Interrupted("stopped while the video was made", kept) from None
+        raise
     return list(report.warnings)

@@ -121,4 +121,19 @@ def keep_on_disk(dispatcher: Any) -> Any:
             dispatcher.enable_caching()
         finally:
             config.CACHE_DIR = before
+        cache = dispatcher._cache
+        cache.save_overload = _if_it_fits(cache.save_overload)
     return dispatcher
+
+
+def _if_it_fits(save: Callable[..., None]) -> Callable[..., None]:
+    """`save`, on a disk that is full or with a limit on the size of files, does without; `problem` tells it."""
+
+    def attempt(*arguments: Any) -> None:
+        global problem
+        try:
+            save(*arguments)
+        except OSError as error:
+            problem = f"kernels are compiled anew in every process: {error.strerror} in {cache_root()}"
+
+    return attempt

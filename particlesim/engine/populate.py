@@ -49,11 +49,18 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
         part = slice(first, first + number)
         placed = layout.place(streams, first, number)
         mass, radius = group.size(streams, first, number)
-        state.x[:, part] = placed.position
-        state.v[:, part] = placed.velocity
-        state.mass[part] = mass if placed.mass is None else placed.mass
-        if placed.radius is not None or group.has_radius():  # an untouched column takes no memory
-            state.radius[part] = radius if placed.radius is None else placed.radius
+        try:
+            with np.errstate(over="raise"):
+                state.x[:, part] = placed.position
+                state.v[:, part] = placed.velocity
+                state.mass[part] = mass if placed.mass is None else placed.mass
+                if placed.radius is not None or group.has_radius():  # an untouched column takes no memory
+                    state.radius[part] = radius if placed.radius is None else placed.radius
+        except FloatingPointError:
+            raise UsageError(
+                f"numbers of {group.name!r} are beyond {np.finfo(dtype).max:.2g}, which single precision does not hold",
+                'precision = "double" under [simulation] does',
+            ) from None
         state.id[part] = np.arange(first_id + first, first_id + first + number)
         if group.temperature is not None:
             state.heat[part] = group.sample("temperature", streams, first, number)

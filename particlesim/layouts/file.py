@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -127,6 +128,7 @@ def _check_file(path: Path) -> None:
 
 def _read_npy(path: Path) -> dict[str, Floats]:
     try:
+        _check_npy_length(path)
         array = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:  # its own words speak of pickles, which may run code
         hint = "numpy.save(name, array) writes one; arrays of Python objects are not read"
@@ -139,6 +141,28 @@ def _read_npy(path: Path) -> dict[str, Floats]:
             "positions have shape [n, 3], positions with velocities [n, 6]",
         )
     return {name: np.array(array[:, k], dtype=float) for k, name in enumerate(COLUMNS[: array.shape[1]])}
+
+
+def _check_npy_length(path: Path) -> None:
+    """Refuse an array that the file has no room for, before memory is taken for it.
+
+    Raises UsageError, and ValueError for what is no NPY file of versions 1 and 2 (3 is for names beyond Latin-1).
+    """
+    with path.open("rb") as file:
+        readers = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }
+        version = np.lib.format.read_magic(file)
+        if version not in readers:
+            raise ValueError("unknown version")
+        shape, _, dtype = readers[version](file)
+        there = path.stat().st_size - file.tell()
+    if not dtype.hasobject and math.prod(shape) * dtype.itemsize > there:
+        raise UsageError(
+            f"{path} is shorter than its header says: {there:,} bytes for an array of shape {list(shape)} and type {dtype}",
+            "an incomplete copy or download? fetch it again",
+        )
 
 
 def _checked(path: Path, columns: dict[str, Floats]) -> dict[str, Floats]:

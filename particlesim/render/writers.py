@@ -8,7 +8,6 @@ cannot be used, InputOutputError when writing fails later.
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import subprocess
 import tempfile
@@ -20,6 +19,7 @@ import numpy.typing as npt
 
 from particlesim.errors import InputOutputError, OutputExistsError, UsageError
 from particlesim.scenario.rendering import RenderSettings
+from particlesim.trajectory.target import check_target, followed, temporary_name
 
 Picture = npt.NDArray[np.uint8]
 SUFFIXES = (".mp4", ".webp", ".png")
@@ -44,28 +44,8 @@ def open_writer(out: Path, settings: RenderSettings, frames: int, overwrite: boo
         )
     if kind == ".png":
         return PngWriter(numbered(out, frames), overwrite)
-    check_place(out, overwrite)
+    check_target(out, overwrite=overwrite)
     return Mp4Writer(out, settings) if kind == ".mp4" else WebpWriter(out, settings)
-
-
-def check_place(out: Path, overwrite: bool) -> None:
-    """Raise UsageError unless `out` can be written."""
-    if out.is_dir():
-        raise UsageError(f"'{out}' is a directory", f"Name a file, for example '{out / 'video.mp4'}'.")
-    if out.exists() and not overwrite:
-        raise OutputExistsError(out)
-    folder = out.parent
-    if not folder.is_dir():
-        raise UsageError(f"the folder '{folder}' does not exist", f"Create it first: mkdir -p '{folder}'.")
-    try:
-        handle, probe = tempfile.mkstemp(prefix=".psim-", dir=folder)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write into the folder '{folder}': {error.strerror}",
-            "Choose another folder for the output.",
-        ) from error
-    os.close(handle)
-    Path(probe).unlink()
 
 
 def numbered(out: Path, frames: int) -> list[Path]:
@@ -90,20 +70,9 @@ def numbered(out: Path, frames: int) -> list[Path]:
     return [out.with_name(f"{out.stem}-{k + 1:0{digits}d}{out.suffix}") for k in range(frames)]
 
 
-def _temporary(out: Path) -> Path:
-    handle, name = tempfile.mkstemp(prefix=f".{out.stem}-", suffix=f".part{out.suffix}", dir=out.parent)
-    os.close(handle)
-    path = Path(name)
-    # mkstemp makes private files; a video gets the permissions that any new file has.
-    mask = os.umask(0)
-    os.umask(mask)
-    path.chmod(0o666 & ~mask)
-    return path
-
-
 def _moved(part: Path, out: Path) -> Path:
     try:
-        part.replace(out)
+        part.replace(followed(out))
     except OSError as error:
         raise InputOutputError(
             f"cannot write '{out}': {error.strerror}", "Check the folder and run again."
@@ -137,7 +106,7 @@ class Mp4Writer:
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
         ffmpeg = find_ffmpeg()
-        self.out, self.part = out, _temporary(out)
+        self.out, self.part = out, temporary_name(out)
         width, height = settings.size
         # -nostdin: ffmpeg leaves the terminal alone. A session of its own: Ctrl-C reaches us alone, and we
         # clean up.
@@ -214,7 +183,7 @@ class WebpWriter:
     clips."""
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
-        self.out, self.part = out, _temporary(out)
+        self.out, self.part = out, temporary_name(out)
         self.fps = settings.fps
         self.pictures: list[Any] = []
 
@@ -246,7 +215,7 @@ class PngWriter:
 
     def __init__(self, names: list[Path], overwrite: bool) -> None:
         self.names = names
-        check_place(names[0], overwrite)
+        check_target(names[0], overwrite=overwrite)
         taken = [name for name in names if name.exists()]
         if taken and not overwrite:
             raise OutputExistsError(taken[0])
@@ -257,7 +226,7 @@ class PngWriter:
 
         out = self.names[len(self.parts)]
         try:
-            self.parts.append(_temporary(out))
+            self.parts.append(temporary_name(out))
             Image.fromarray(picture).save(self.parts[-1], "PNG", compress_level=4)
         except OSError as error:
             raise _failed(out, error) from error

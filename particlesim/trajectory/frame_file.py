@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import shutil
 import sys
@@ -27,8 +28,12 @@ from particlesim.trajectory.chunks import Column, compress, cut, padded
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
 from particlesim.trajectory.tables import GrowingTable
 
-# Free space that must remain: the tables of HDF5 itself, status and summary still have to go in.
-_RESERVE = 4 << 20
+# What HDF5 may need beside the data of a frame: headers, the blocks in which it hands out space, status and end.
+_RESERVE = 16 << 10
+# Its index of the chunks of one column grows by a block of up to 5.7 √chunks entries of 20 bytes, with pointers to it.
+_INDEX = 160
+_VERTICES = 4 << 10
+"""Bytes of 65 536 consecutive numbers, compressed; 3.3 kB as measured."""
 
 EventKind = Literal["birth", "death"]
 
@@ -129,9 +134,27 @@ class FrameFile:
         Raises OSError (or what HDF5 makes of it, RuntimeError) when the system refuses; frames of earlier
         calls stay readable.
         """
-        self._check_space(sum(item.nbytes for item in batch))
+        self._check_space(self._growth(batch))
         with self._watched():
             self._write(batch)
+
+    def _growth(self, batch: Sequence[Item]) -> int:
+        """Bytes by which the file may grow: an upper bound, with little to spare where frames are small."""
+        frames = [item for item in batch if isinstance(item, FrameData)]
+        rows = sum(padded(frame.count, self._rows) for frame in frames)
+        chunks = (self._next_row + rows) / self._rows
+        per_row = sum(table.row_size for table in self._columns.values())
+        # zlib makes incompressible chunks longer, by less than a thousandth and some bytes.
+        growth = rows * per_row + rows * per_row // 1000 + 64 * len(self._columns) * rows // self._rows
+        growth += int(_INDEX * len(self._columns) * math.sqrt(chunks))
+        tables = [*self._tables.values(), self._values, self._frames, self._ledger]
+        growth += sum(table.new_chunks(len(frames)) for table in tables if table is not None)
+        for kind, table in self._events.items():
+            growth += table.new_chunks(
+                sum(len(item.rows) for item in batch if isinstance(item, EventData) and item.kind == kind)
+            )
+        most = max((frame.count for frame in frames), default=0)
+        return growth + self._more_vertices(most) // TOPOLOGY_ROWS * len(self._topology) * _VERTICES
 
     def _write(self, batch: Sequence[Item]) -> None:
         rows: list[tuple[int | float, ...]] = []
@@ -176,14 +199,16 @@ class FrameFile:
     def _grow_topology(self, count: int) -> None:
         """Have at least `count` vertices: both tables are 0, 1, 2, ...; Offsets needs one more than that."""
         have = len(self._topology[0])
-        if count < have:
-            return
-        want = padded(max(count + 1, 2 * have), TOPOLOGY_ROWS)
-        for start in range(have, want, TOPOLOGY_ROWS):
+        for start in range(have, have + self._more_vertices(count), TOPOLOGY_ROWS):
             data = compress(np.arange(start, start + TOPOLOGY_ROWS, dtype="<i8"))
             for table in self._topology:
                 table.grow_to(start + TOPOLOGY_ROWS)
                 table.put_chunk(start, data)
+
+    def _more_vertices(self, count: int) -> int:
+        """How many vertices to add when there are `count` particles; whole chunks."""
+        have = len(self._topology[0])
+        return 0 if count < have else padded(max(count + 1, 2 * have), TOPOLOGY_ROWS) - have
 
     def _write_tables(self, rows: npt.NDArray[Any], ledger: Sequence[tuple[float, ...]]) -> None:
         """Bookkeeping of new frames; what announces them comes last, behind a flush.
@@ -205,10 +230,16 @@ class FrameFile:
         self._file.flush()
 
     def _check_space(self, nbytes: int) -> None:
-        """Refuse what will not fit, before HDF5 finds out in the middle of its work."""
-        free = shutil.disk_usage(self._path.parent).free
-        if free < nbytes + _RESERVE:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
+        """Refuse what will not fit, before HDF5 finds out in the middle of its work: it cannot take a write back, and what
+        it could not write it tries again until the process crashes.
+        """
+        number = None
+        if shutil.disk_usage(self._path.parent).free < nbytes + _RESERVE:
+            number = errno.ENOSPC
+        elif self._file.id.get_filesize() + nbytes + _RESERVE > _largest_file():
+            number = errno.EFBIG
+        if number is not None:
+            raise OSError(number, os.strerror(number), str(self._path))
 
     @contextmanager
     def _watched(self) -> Iterator[None]:
@@ -229,19 +260,27 @@ class FrameFile:
             self._pool.shutdown()
         try:
             if not self._broken:
-                with self._watched():
-                    self._write_end(status, summary)
+                self._end(status, dict(summary or {}))
         finally:
             if self._broken and os.name == "posix":
                 self._detach(status)
             self._file.close()
 
-    def _write_end(self, status: str, summary: Mapping[str, Any] | None) -> None:
-        self._file["psim/status"][()] = np.array(status.encode(), STATUS)
-        if summary:
-            text = json.dumps(dict(summary), ensure_ascii=False).encode()
-            GrowingTable(self._file["psim/summary"]).extend(np.frombuffer(text, np.uint8))
-        self._file.flush()
+    def _end(self, status: str, summary: dict[str, Any]) -> None:
+        """Status and summary; a summary that does not fit is left out, and the status is "failed" then."""
+        text = json.dumps(summary, ensure_ascii=False).encode() if summary else b""
+        table = GrowingTable(self._file["psim/summary"])
+        try:
+            if text:
+                self._check_space(table.new_chunks(len(text)))
+        except OSError:
+            status, text = "failed", b""
+            raise
+        finally:
+            with self._watched():
+                self._file["psim/status"][()] = np.array(status.encode(), STATUS)
+                table.extend(np.frombuffer(text, np.uint8))
+                self._file.flush()
 
     def _detach(self, status: str) -> None:
         """Let HDF5 do the rest of its writing into a file that is thrown away.
@@ -256,6 +295,16 @@ class FrameFile:
             os.pwrite(descriptor, text, self._file["psim/status"].id.get_offset())
         with tempfile.TemporaryFile() if sys.platform != "linux" else _memory_file() as sink:
             os.dup2(sink.fileno(), descriptor)
+
+
+def _largest_file() -> float:
+    """Bytes that a file of this process may have: what `ulimit -f` and batch systems set."""
+    if sys.platform == "win32":
+        return math.inf
+    import resource
+
+    soft = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return math.inf if soft == resource.RLIM_INFINITY else soft
 
 
 def _memory_file() -> IO[bytes]:

@@ -80,9 +80,10 @@ def create_file(
 ) -> None:
     """Write a complete trajectory file without frames; `particles` is the count expected in a large one.
 
-    Of the topology, VTK sees the sets that are `drawn`: their ids must be rows of every frame.
+    Of the topology, VTK sees the sets that are `drawn`: their ids must be rows of every frame. Raises OSError.
     """
-    with h5py.File(path, "w", libver=LIBVER) as file:
+    # Made in memory: HDF5 crashes the process later when the system refuses a write (h5py issue 914).
+    with h5py.File(path, "w", libver=LIBVER, driver="core", backing_store=False) as file:
         _create_points(file, fields, precision, compressed, chunk_rows(particles))
         _create_steps(file, fields)
         _create_cells(file, topology)
@@ -90,6 +91,9 @@ def create_file(
         write_topology(file["psim"], topology)
         for key, value in provenance.items():
             file["psim/provenance"][key] = value
+        file.flush()
+        image = file.id.get_file_image()
+    path.write_bytes(image)
 
 
 def _create_points(

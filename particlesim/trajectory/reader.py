@@ -17,6 +17,7 @@ from particlesim.errors import UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
 from particlesim.trajectory.files import damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
+from particlesim.trajectory.integrity import check_contents
 from particlesim.trajectory.layout import column_path
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.superblock import read_superblock
@@ -56,6 +57,7 @@ class Trajectory(Sequence[Frame]):
         self._file = open_file(path)
         self._topology: Mapping[str, Topology] | None = None
         try:
+            check_contents(self._file, path)
             self._read_header()
             self._read_frames()
         except UsageError:

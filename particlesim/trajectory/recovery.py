@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, open_file
+from particlesim.trajectory.integrity import check_contents
 from particlesim.trajectory.layout import LIBVER, STATUS
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.superblock import clear_mark
@@ -47,6 +48,7 @@ def recover(path: Path) -> bool:
         raise UsageError(f"{path} is being written by a running simulation", "Wait for it, or stop it.")
     try:
         with open_file(path) as file:
+            check_contents(file, path)
             if not (check_readable(path).marked or _unfinished(file)):
                 return False
     except UsageError:

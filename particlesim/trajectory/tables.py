@@ -27,6 +27,16 @@ class GrowingTable:
     def __len__(self) -> int:
         return int(self._length)
 
+    @property
+    def row_size(self) -> int:
+        """Bytes of a row."""
+        return int(self.dataset.dtype.itemsize * np.prod(self._tail, dtype=int))
+
+    def new_chunks(self, rows: int) -> int:
+        """Bytes of the chunks, uncompressed, that so many more rows begin."""
+        size: int = self.dataset.chunks[0]
+        return (-(-(self._length + rows) // size) + self._length // -size) * size * self.row_size
+
     def grow_to(self, length: int) -> None:
         """Set the length; new rows hold the dataset's fill value until they are written."""
         self._id.set_extent((length, *self._tail))

@@ -21,7 +21,7 @@ _STEM = 24
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written. Nothing is made.
+    """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written. Nothing is left there.
 
     Raises UsageError.
     """
@@ -30,16 +30,33 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         raise UsageError(f"{path} is a {kind}", "Give the name of a file to write.")
     if kind is not None and not overwrite:
         raise OutputExistsError(path)
-    folder = path.parent
+    folder = followed(path).parent
     while (kind := kind_of(folder)) is None and folder != folder.parent:
         folder = folder.parent  # what is missing will be made there
     check_name_length(path, folder)
     if kind != "folder":
         raise UsageError(f"{folder} is no folder", "A file is in the way; choose another place to write to.")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise UsageError(
-            f"cannot write into the folder {folder}", "Choose another place, or its permissions."
-        )
+        raise _not_writable(folder)
+    try:  # permissions do not tell all: some folders, such as /proc, are made by the system
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _not_writable(folder, f": {error.strerror}") from error
+
+
+def _not_writable(folder: Path, why: str = "") -> UsageError:
+    return UsageError(
+        f"cannot write into the folder {folder}{why}", "Choose another place, or its permissions."
+    )
+
+
+def followed(path: Path) -> Path:
+    """Where a symbolic link leads to, whether that exists or not; other paths as they are.
+
+    A file that replaced the link would leave the one that it stands for as it was.
+    """
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def check_trajectory_name(path: Path) -> None:
@@ -55,13 +72,13 @@ def check_trajectory_name(path: Path) -> None:
 def replacing(path: Path, put: Callable[[Path, Path], None] = os.replace) -> Iterator[Path]:
     """A temporary name beside `path`; the file written there becomes `path` if the block ends without error.
 
-    `put(temporary, path)` puts it in its place. Missing folders are made. Whatever goes wrong, `path` is as it was and
-    no partial file stays. OSError is raised as InputOutputError.
+    `put(temporary, path)` puts it in its place; of a symbolic link, in that of its target. Missing folders are made.
+    Whatever goes wrong, `path` is as it was and no partial file stays. OSError is raised as InputOutputError.
     """
-    temporary = _temporary_name(path)
+    temporary = temporary_name(path)
     try:
         yield temporary
-        put(temporary, path)
+        put(temporary, followed(path))
     except OSError as error:
         raise write_error(path, error) from error
     finally:
@@ -84,29 +101,33 @@ def put_new(temporary: Path, path: Path) -> None:
         temporary.replace(path)
 
 
-def write_error(path: Path, error: BaseException) -> InputOutputError:
-    """What to tell about a failed write of `path`."""
+def write_error(path: Path, error: BaseException, kept: str = "") -> InputOutputError:
+    """What to tell about a failed write of `path`, of which `kept` (a sentence) can still be read."""
     text = str(error)
-    if getattr(error, "errno", None) == errno.ENOSPC or f"errno = {errno.ENOSPC}," in text:
-        return InputOutputError(
-            f"the disk is full: {path} could not be written further",
-            "What was finished is kept. Free some space, record fewer fields or frames, or write elsewhere.",
-        )
     # HDF5 puts the system's message into a long text of file positions.
-    inside = re.search(r"error message = '([^']*)'", text)
-    number = getattr(error, "errno", None)
-    reason = os.strerror(number) if number else inside[1] if inside else None
-    return InputOutputError(
-        f"writing {path} failed" + (f": {reason}" if reason else ""), "What was finished before is kept."
-    )
+    inside = re.search(r"errno = (\d+), error message = '([^']*)'", text)
+    number = getattr(error, "errno", None) or (int(inside[1]) if inside else None)
+    if number == errno.ENOSPC:
+        message = f"the disk is full: {path} could not be written further"
+        advice = "Free some space, record fewer fields or frames, or write elsewhere."
+    elif number == errno.EFBIG:
+        message = f"writing {path} failed: {os.strerror(errno.EFBIG)}"
+        advice = "Files may not grow further here: see `ulimit -f`, or record fewer fields or frames."
+    else:
+        reason = os.strerror(number) if number else inside[2] if inside else None
+        message, advice = f"writing {path} failed" + (f": {reason}" if reason else ""), ""
+    return InputOutputError(message, " ".join(filter(None, (kept, advice))) or None)
 
 
-def _temporary_name(path: Path) -> Path:
-    """A free name in the same folder (so that renaming is atomic), with the permissions of a new file."""
+def temporary_name(path: Path) -> Path:
+    """A new file with the ending of `path`, in its folder or that of its target (so that renaming is atomic), with the
+    permissions of any new file. The folder is made if need be. Raises InputOutputError.
+    """
+    folder = followed(path).parent
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(
-            prefix=f".{path.stem[:_STEM]}.", suffix=".part" + path.suffix[:_STEM], dir=path.parent
+            prefix=f".{path.stem[:_STEM]}.", suffix=".part" + path.suffix[:_STEM], dir=folder
         )
     except OSError as error:
         raise write_error(path, error) from error

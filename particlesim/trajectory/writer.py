@@ -157,6 +157,8 @@ class TrajectoryWriter:
                 create_file(temporary, **layout)
                 if os.name == "posix":
                     self._open(temporary)
+            if self.path.is_symlink():
+                discard_checkpoints(self.path)  # they are beside the link, and not those beside its target
             if os.name != "posix":
                 self._open(self.path)
         except BaseException:
@@ -341,7 +343,10 @@ class TrajectoryWriter:
 
     def _raise_error(self) -> None:
         if self._error is not None:
-            raise write_error(self.path, self._error) from self._error
+            number = self._frames_written
+            kept = "1 frame was" if number == 1 else f"{number} frames were"
+            kept = f"{kept} finished and can be read." if number else "No frame was finished."
+            raise write_error(self.path, self._error, kept) from self._error
 
     def _spec(self, name: str) -> FieldSpec:
         if name not in self._fields:

@@ -148,6 +148,12 @@ def test_folder_that_may_not_be_written(psim):
     refused(psim("run", "tiny.toml", "-o", "locked/a.vtkhdf"), "cannot write into the folder locked")
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+def test_folder_that_the_system_makes(psim):
+    """Its permissions are no use to root, and it has no space: neither is the reason."""
+    refused(psim("run", "tiny.toml", "-o", "/proc/a.vtkhdf"), "cannot write into the folder /proc")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -215,7 +221,7 @@ def test_bad_trajectories(psim):
         (("render", "--frames", "90:"), "no frame is chosen"),
         (("render", "--fps", "0"), "greater than 0"),
         (("render", "-o", "video.gif"), ".webp"),
-        (("render", "-o", "gone/video.mp4"), "does not exist"),
+        (("render", "-o", "recorded.vtkhdf/video.mp4"), "is no folder"),
         (("plot", "enery"), "Did you mean 'energy'?"),
         (("plot", "x", "--ids", "one"), "Write them as --ids 0,5,7"),
         (("plot", "x", "--ids", "77"), "no particle has the id 77"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import signal
@@ -118,6 +119,25 @@ def test_warnings_are_shown(psim, monkeypatch):
     assert psim("run", "tiny.toml", "-f", "--json").json["warnings"] == [cache.problem]
 
 
+def test_kernels_that_do_not_fit_on_the_disk_are_done_without(monkeypatch):
+    from numba.core.caching import IndexDataCacheFile
+
+    from particlesim.engine import cache
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(cache, "problem", None)
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", full)
+
+    @cache.kernel
+    def twice(x):
+        return 2 * x
+
+    assert twice(3) == 6
+    assert "No space left on device" in cache.problem
+
+
 def test_divergence_keeps_what_was_computed(psim):
     # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s; energies pass it at once,
     # and without a ledger the speeds themselves are found absurd at the next frame, if there is one before they overflow.
@@ -202,8 +222,11 @@ def test_interrupted_rendering_leaves_nothing(psim, monkeypatch):
     monkeypatch.setattr(Renderer, "draw", interrupt)
     ended = psim("run", "tiny.toml", "--video")
     assert ended.code == 130
-    assert "interrupted" in ended.err
+    assert "interrupted: stopped while the video was made" in ended.err
+    assert "outputs/tiny.vtkhdf is complete; its video: psim render outputs/tiny.vtkhdf\n" in ended.err
     assert set(files()) == {"tiny.toml", "outputs", "outputs/tiny.vtkhdf"}
+    monkeypatch.setattr(Renderer, "draw", draw)
+    assert psim("render", "outputs/tiny.vtkhdf").code == 0
 
 
 def test_reader_that_goes_away_is_no_mistake():

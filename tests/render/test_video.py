@@ -99,7 +99,7 @@ def test_existing_files_are_kept_unless_told(cloud, settings, tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
-@pytest.mark.parametrize("name", ["a.avi", "a", "missing/a.mp4", ".", "same-%%.png", "bad-%q.png"])
+@pytest.mark.parametrize("name", ["a.avi", "a", ".", "same-%%.png", "bad-%q.png"])
 def test_unusable_places(cloud, settings, tmp_path, name):
     with pytest.raises(UsageError) as caught:
         render_video(cloud, tmp_path / name, settings)
@@ -144,6 +144,18 @@ def test_failing_ffmpeg_is_quoted_and_leaves_nothing(cloud, settings, tmp_path, 
 def test_positions_that_are_not_finite_are_reported(settings, tmp_path):
     report = render_video(single([[np.nan, 0, 0], [0, 1, 0]]), tmp_path / "a.png", settings)
     assert any("1 position is not finite" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.webp", "a.mp4"])
+def test_folders_are_made_and_links_followed(cloud, settings, tmp_path, name):
+    folder = tmp_path / "new" / "folder"
+    render_video(cloud, folder / name, settings, frames=slice(0, 1))
+    assert [path.name for path in folder.iterdir()] == [name]
+    link = tmp_path / name
+    link.symlink_to(tmp_path / "blob")
+    render_video(cloud, link, settings, frames=slice(0, 1))
+    assert link.is_symlink()
+    assert (tmp_path / "blob").read_bytes() == (folder / name).read_bytes()
 
 
 def test_numbers_of_files():

@@ -65,6 +65,20 @@ def test_mistakes_in_npy(tmp_path: Path) -> None:
     assert "shape [4]" in str(mistake(tmp_path, "flat.npy"))
     np.save(tmp_path / "nan.npy", np.array([[0, 0, 0], [0, np.nan, 0]]))
     assert "y of particle 1 is nan" in str(mistake(tmp_path, "nan.npy"))
+    np.savez(tmp_path / "several.npz", np.zeros((4, 3)))
+    (tmp_path / "several.npz").rename(tmp_path / "several.npy")
+    assert "is no NPY file" in str(mistake(tmp_path, "several.npy"))
+
+
+@pytest.mark.parametrize("shape", [(5, 3), (200_000_000_000, 3), (1 << 62, 1 << 62, 3)])
+def test_an_npy_file_that_is_shorter_than_its_header_says(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    """Four particles, and a header that tells of more: no memory is taken for those."""
+    with (tmp_path / "cut.npy").open("wb") as file:
+        np.lib.format.write_array_header_2_0(file, {"descr": "<f8", "fortran_order": False, "shape": shape})
+        file.write(np.zeros((4, 3)).tobytes())
+    told = str(mistake(tmp_path, "cut.npy"))
+    assert "is shorter than its header says: 96 bytes" in told
+    assert "fetch it again" in told
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

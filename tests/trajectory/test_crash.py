@@ -104,9 +104,9 @@ def test_a_file_in_use_is_not_overwritten(tmp_path, synthetic):
         synthetic.check(trajectory, [5])
 
 
-def append_until_error(writer, synthetic, limit=2000):
+def append_until_error(writer, synthetic, limit=2000, particles=400):
     for k in range(limit):
-        writer.append(k / 10, 5 * k, synthetic.columns(k, 400), synthetic.ledger(k))
+        writer.append(k / 10, 5 * k, synthetic.columns(k, particles), synthetic.ledger(k))
         time.sleep(0.0005)
     pytest.fail("no error came up")
 
@@ -177,6 +177,7 @@ def unlimited_memory_file(make=frame_file._memory_file):
     return make()
 
 frame_file._memory_file = unlimited_memory_file
+frame_file.FrameFile._check_space = lambda *_: None  # the quota of a user, say, shows only when it is used up
 limit({limit})
 try:
     with open_writer(Path({path!r}), compression={compression!r}) as writer:
@@ -208,6 +209,81 @@ def test_writes_that_the_system_refuses(tmp_path, synthetic, compression, limit)
     recover(path)
     with reader.open(path) as trajectory:
         assert len(trajectory) >= written
+
+
+SMALL_FILES = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+from conftest import open_writer, synthetic_columns, synthetic_ledger
+from particlesim.errors import InputOutputError
+
+writer = None
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+try:
+    with open_writer(Path({path!r}), compression={compression!r}, particles_hint=1) as writer:
+        for k in range(300):
+            writer.events("birth", [k], k / 10, 0)
+            writer.append(k / 10, 5 * k, synthetic_columns(k, 1), synthetic_ledger(k))
+except InputOutputError as error:
+    print(writer.frames_written if writer else "none", error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such limits")
+@pytest.mark.parametrize("compression", ["gzip", "none"])
+@pytest.mark.parametrize(("limit", "least"), [(10_000, None), (40_000, 0), (130_000, 50), (155_000, 150)])
+def test_a_limit_on_the_size_of_files(tmp_path, synthetic, compression, limit, least):
+    """HDF5 must not come upon it: memory is limited like files, so there is no place for what it would write."""
+    path = tmp_path / "a.vtkhdf"
+    script = SMALL_FILES.format(
+        folder=str(Path(__file__).parent), path=str(path), compression=compression, limit=limit
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "File too large" in done.stdout
+    written = done.stdout.split()[0]
+    if least is None:
+        assert written == "none"
+        assert not list(tmp_path.iterdir())
+        return
+    assert not recover(path)
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [1] * int(written))
+        assert int(written) >= least
+        assert trajectory.status == "failed"
+
+
+def test_a_summary_that_does_not_fit(tmp_path, synthetic, monkeypatch):
+    writer = synthetic.open_writer(tmp_path / "a.vtkhdf")
+    writer.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
+    writer.flush()
+    monkeypatch.setattr(frame_file.shutil, "disk_usage", lambda path: namedtuple("usage", "free")(1000))
+    with pytest.raises(InputOutputError, match="disk is full") as caught:
+        writer.close("complete", {"state": "0"})
+    assert "1 frame was finished" in caught.value.hint
+    with reader.open(writer.path) as trajectory:
+        synthetic.check(trajectory, [5])
+        assert (trajectory.status, trajectory.summary) == ("failed", {})
+
+
+def test_the_last_kilobytes_of_a_disk_are_used(tmp_path, synthetic, monkeypatch):
+    """What is refused is refused because it would not fit: of 200 kB, a large part is used."""
+    path = tmp_path / "a.vtkhdf"
+    free = namedtuple("usage", "free")
+    monkeypatch.setattr(
+        frame_file.shutil,
+        "disk_usage",
+        lambda _: free(200_000 - (path.stat().st_size if path.exists() else 0)),
+    )
+    writer = synthetic.open_writer(path, particles_hint=1)
+    with pytest.raises(InputOutputError, match="disk is full"):
+        append_until_error(writer, synthetic, particles=1)
+    with pytest.raises(InputOutputError):
+        writer.close()
+    assert writer.frames_written > 200
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [1] * writer.frames_written)
 
 
 def test_the_checksum_is_the_published_one():

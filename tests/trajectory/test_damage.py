@@ -1,6 +1,7 @@
 """Truncated and damaged files: an error at once or what is intact, never a wait without end."""
 
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -9,13 +10,16 @@ from contextlib import suppress
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 from particlesim.errors import UsageError
 from particlesim.trajectory import reader, superblock
+from particlesim.trajectory.describe import describe
 from particlesim.trajectory.files import check_readable
 from particlesim.trajectory.recovery import recover
 from particlesim.trajectory.target import check_target
+from particlesim.trajectory.topology import Topology
 from particlesim.trajectory.writer import TrajectoryWriter
 
 DAMAGE = """
@@ -173,3 +177,52 @@ def test_going_on_behind_a_frame(tmp_path, synthetic):
         TrajectoryWriter.continuing(path, 4, **options)
     with reader.open(path) as trajectory:
         synthetic.check(trajectory, [5, 300, 9])
+
+
+def _datasets(path):
+    """Every dataset, by one of its names."""
+    found = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, entry: found.append(name) if isinstance(entry, h5py.Dataset) else None)
+    return [name for name in found if not name.startswith("psim/provenance")]
+
+
+@pytest.mark.parametrize("wrong", ["text", "shape", "group", "missing"])
+def test_datasets_of_another_type_or_shape(tmp_path, synthetic, wrong):
+    """Whatever is replaced: it is refused when the file is opened or repaired, or it plays no part in reading."""
+    topology = [
+        Topology("net", np.array([[0, 1]]), np.ones(1), np.full(1, np.inf), np.array([[0, 1, 2]]), True)
+    ]
+    whole = synthetic.record(tmp_path / "a.vtkhdf", [3, 4], topology=topology)
+    names, refused = _datasets(whole), {}
+    for name in names:
+        path = tmp_path / "changed.vtkhdf"
+        shutil.copy(whole, path)
+        with h5py.File(path, "r+") as file:
+            shape, dtype = file[name].shape, file[name].dtype
+            del file[name]
+            if wrong == "text":
+                file[name] = np.full(shape, 1 if dtype.kind == "O" else b"abc")
+            elif wrong == "shape":
+                file.create_dataset(name, (*shape, 5), dtype)
+            elif wrong == "group":
+                file.create_group(name)
+        try:
+            use_all(path)
+            recover(path)
+        except UsageError as error:
+            refused[name] = error.message
+    assert all("is damaged" in message for message in refused.values())
+    if wrong == "missing":
+        assert {"VTKHDF/Points", "VTKHDF/PointData/id", "psim/frames", "psim/status"} <= set(refused)
+        return
+    assert list(refused) == names
+    assert all(f"/{name}" in message for name, message in refused.items())
+
+
+def use_all(path):
+    """Read whatever a trajectory holds."""
+    describe(path)
+    with reader.open(path) as trajectory:
+        assert all(len(frame[field]) == len(frame) for frame in trajectory for field in trajectory.fields)
+        assert trajectory.topology is not None

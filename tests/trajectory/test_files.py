@@ -1,6 +1,7 @@
 """Outputs that exist or cannot be written, inputs that are no trajectories: clear errors, nothing harmed."""
 
 import errno
+import os
 import shutil
 
 import h5py
@@ -9,6 +10,7 @@ import pytest
 
 from particlesim.errors import InputOutputError, UsageError
 from particlesim.trajectory import layout, reader, target, writer
+from particlesim.trajectory.checkpoint_file import checkpoint_path
 from particlesim.trajectory.describe import describe
 from particlesim.trajectory.fields import FIELDS, component, component_names
 from particlesim.trajectory.recovery import recover
@@ -96,6 +98,25 @@ def test_two_runs_that_replace_the_same_file(tmp_path, synthetic, monkeypatch):
         first.append(0, 0, synthetic.columns(0, 5), synthetic.ledger(0))
     with reader.open(path) as trajectory:
         synthetic.check(trajectory, [5])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need privileges elsewhere")
+def test_links_are_written_through(tmp_path, synthetic):
+    """What is at the other end becomes the trajectory: the link stays, and so does its own checkpoint's name."""
+    (tmp_path / "store").mkdir()
+    real, link = tmp_path / "store" / "blob", tmp_path / "a.vtkhdf"
+    link.symlink_to(real)
+    stale = checkpoint_path(link)
+    for counts in ([3], [4, 5]):
+        stale.touch()
+        synthetic.record(link, counts, overwrite=real.exists())
+        assert link.is_symlink()
+        assert not stale.exists()
+        with reader.open(real) as trajectory:
+            synthetic.check(trajectory, counts)
+    with pytest.raises(UsageError, match=r"a\.vtkhdf exists"):
+        synthetic.record(link, [6])
+    assert [p.name for p in real.parent.iterdir()] == ["blob"]
 
 
 def test_a_new_file_without_hard_links(tmp_path, monkeypatch):

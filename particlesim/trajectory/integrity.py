@@ -1,0 +1,94 @@
+"""Whether the datasets of a trajectory are of the types and shapes that `layout` gives them.
+
+A file that was changed, or damaged where no checksum sees it, is told as such when it is opened, instead of by whatever an
+array of text does to the first formula that it gets into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from particlesim.trajectory.fields import FIELDS
+from particlesim.trajectory.files import damaged
+from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, column_path
+
+_Type = Callable[[np.dtype[Any]], bool]
+_Expected = tuple[str, tuple[int, ...] | None, _Type]
+"""A dataset's name, the lengths that a row has (None for a scalar), and whether a type is right."""
+
+_REQUIRED = ("VTKHDF/Points", "VTKHDF/PointData/id", "psim/frames", "psim/status", "psim/summary", "psim/groups",
+             "psim/events/births", "psim/events/deaths")  # fmt: skip
+
+
+def check_contents(file: h5py.File, path: Path) -> None:
+    """Raise UsageError for a dataset that is missing or not what `layout` makes. Reads no data."""
+    for name in _REQUIRED:
+        if not isinstance(file.get(name), h5py.Dataset):
+            raise damaged(path, f"it lacks the dataset /{name}")
+    for name, row, fits in _expected(file):
+        dataset = file.get(name)
+        if dataset is None:
+            continue
+        if not isinstance(dataset, h5py.Dataset):
+            raise damaged(path, f"/{name} is no dataset")
+        if not fits(dataset.dtype):
+            raise damaged(path, f"the dataset /{name} holds values of type {_type_name(dataset.dtype)}")
+        if dataset.ndim != (0 if row is None else 1 + len(row)) or dataset.shape[1:] != (row or ()):
+            raise damaged(path, f"the dataset /{name} has the shape {list(dataset.shape or ())}")
+
+
+def _expected(file: h5py.File) -> Iterator[_Expected]:
+    for spec in FIELDS.values():
+        types = {spec.dtype("single"), spec.dtype("double")}
+        yield column_path(spec.name), spec.shape(0)[1:], types.__contains__
+    yield "psim/frames", (), FRAME.__eq__
+    yield "psim/ledger", (), _is_ledger
+    for kind in ("births", "deaths"):
+        yield f"psim/events/{kind}", (), EVENT.__eq__
+    yield "psim/groups", (), _is_text
+    yield "psim/status", None, STATUS.__eq__
+    yield "psim/summary", (), np.dtype("u1").__eq__
+    yield from _vtk()
+    topology = file.get("psim/topology")
+    for name in topology if isinstance(topology, h5py.Group) else ():
+        for part, row in (("pairs", (2,)), ("triangles", (3,))):
+            yield f"psim/topology/{name}/{part}", row, _is_integer
+        for part in ("rest", "broke"):
+            yield f"psim/topology/{name}/{part}", (), np.dtype("<f8").__eq__
+
+
+def _vtk() -> Iterator[_Expected]:
+    """What VTK reads; repairs and resumed runs change it."""
+    yield "VTKHDF/NumberOfPoints", (), _is_integer
+    yield "VTKHDF/Steps/Values", (), np.dtype("<f8").__eq__
+    for name in ("PointOffsets", "PartOffsets", "NumberOfParts"):
+        yield f"VTKHDF/Steps/{name}", (), _is_integer
+    for spec in FIELDS.values():
+        yield f"VTKHDF/Steps/PointDataOffsets/{spec.name}", (), _is_integer
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        yield f"VTKHDF/Steps/{name}", (4,), _is_integer
+    for kind in (*CELLS, "Vertices"):
+        for name in ("NumberOfCells", "NumberOfConnectivityIds", "Offsets", "Connectivity"):
+            yield f"VTKHDF/{kind}/{name}", (), _is_integer
+
+
+def _is_integer(dtype: np.dtype[Any]) -> bool:
+    return dtype.kind == "i"
+
+
+def _is_text(dtype: np.dtype[Any]) -> bool:
+    return h5py.check_string_dtype(dtype) is not None
+
+
+def _is_ledger(dtype: np.dtype[Any]) -> bool:
+    return dtype.names is not None and all(dtype[name] == np.dtype("<f8") for name in dtype.names)
+
+
+def _type_name(dtype: np.dtype[Any]) -> str:
+    """A type in few words: that of a table may be long."""
+    return "compound" if dtype.names else "text" if _is_text(dtype) else str(dtype)
