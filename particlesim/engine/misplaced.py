@@ -45,7 +45,10 @@ def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> It
             continue
         for plane in planes:
             if plane.contact == "bounce":
-                away = (state.position.astype(float) - plane.point) @ np.array(unit(plane.normal))
-                found = Overlap(state, plane, state.radius[: state.count].astype(float) - away)
+                # Not a matrix product: BLAS would leave threads behind that spin while the first steps want all cores.
+                depth = state.radius[: state.count].astype(float)
+                for x, origin, normal in zip(state.x, plane.point, unit(plane.normal), strict=True):
+                    depth -= normal * (x[: state.count].astype(float) - origin)
+                found = Overlap(state, plane, depth)
                 if found.number:
                     yield found
