@@ -71,11 +71,11 @@ def misplaced(simulation: Simulation) -> tuple[str, ...]:
     found = []
     for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True):
         for overlap in overlaps(island, structure):
-            state, deepest = overlap.state, int(overlap.depth.argmax())
+            state = overlap.state
             name = overlap.plane.name or f"planes.{simulation.scenario.planes.index(overlap.plane)}"
             found.append(
                 f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
-                f"(id {state.id[deepest]}) by {overlap.depth[deepest]:.3g} m: the first step puts them on its surface, "
+                f"(id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
                 "which changes their energy"
             )
     return tuple(found)

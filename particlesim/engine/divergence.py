@@ -87,7 +87,6 @@ class Guard:
     """
 
     def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
         self._closed = [
             _closed(structure) and not any(overlaps(island, structure))
             for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True)
@@ -102,20 +101,20 @@ class Guard:
         """Take the energies of the next frame as a new beginning: something has changed them from outside."""
         self._count[:] = -1
 
-    def look(self, energies: Sequence[dict[str, float]] | None) -> None:
-        """Judge the present state; `energies` are those of every island, "kinetic" and potentials [J], if they are known.
+    def look(self, simulation: Simulation, energies: Sequence[dict[str, float]] | None) -> None:
+        """Judge the present state of a simulation; `energies` are those of every island, "kinetic" and potentials [J], if known.
 
         Raises DivergenceError.
         """
-        for number, island in enumerate(self._simulation.islands):
+        for number, island in enumerate(simulation.islands):
             if energies is not None and self._closed[number]:
                 excess = self._excess(number, island, energies[number])
                 if excess > TOO_MUCH:
-                    raise ran_away(self._simulation, number, "energy", excess)
+                    raise ran_away(simulation, number, "energy", excess)
                 continue
             fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
             if fastest > LIGHT and fastest > TOO_MUCH * self._fastest[number]:
-                raise ran_away(self._simulation, number, "speed", fastest)
+                raise ran_away(simulation, number, "speed", fastest)
             self._fastest[number] = fastest
 
     def _excess(self, number: int, island: IndependentIsland | CoupledIsland, now: dict[str, float]) -> float:

@@ -245,8 +245,9 @@ def particles_of(
 def _rows(state: GroupState, most: int) -> list[int]:
     """Rows of free particles: the lightest, fastest, those farthest out, and others evenly spread."""
     n = state.count
-    rows = set(range(n))
-    if n > most:
+    if n <= most:
+        rows = set(range(n))
+    else:
         columns = [*state.x[:, :n], *state.v[:, :n], state.mass[:n], state.radius[:n]]
         rows = {int(end(column)) for column in columns for end in (np.argmin, np.argmax)}
         rows |= {int(row) for row in np.linspace(0, n - 1, max(most - len(rows), 0))}

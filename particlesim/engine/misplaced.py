@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.engine.coupled_island import CoupledIsland
@@ -20,22 +19,18 @@ TOUCHING = 1e-6
 """Overlap that still counts as touching, as a part of the largest coordinate."""
 
 
+PIECE = 1 << 16
+"""Particles looked at together: a run needs no more memory for it."""
+
+
 class Overlap(NamedTuple):
-    """A group that is inside of a plane: by how much [m], shape [n]; negative for particles that are outside."""
+    """A group of which particles are inside of a plane: how many, and the row and depth [m] of the deepest."""
 
     state: GroupState
     plane: Plane
-    depth: NDArray[np.float64]
-
-    @property
-    def number(self) -> int:
-        """Particles inside."""
-        return int((self.depth > self.margin).sum())
-
-    @property
-    def margin(self) -> float:
-        """Depth that counts as touching [m]."""
-        return TOUCHING * max(float(np.abs(self.state.position).max()), float(self.depth.max()))
+    number: int
+    deepest: int
+    depth: float
 
 
 def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> Iterator[Overlap]:
@@ -43,12 +38,25 @@ def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> It
     for state, group, planes in zip(island.states, structure.groups, structure.planes, strict=True):
         if not state.count or (isinstance(group, Particles) and group.pinned is True):
             continue
+        farthest = max(float(state.position.max()), -float(state.position.min()))
         for plane in planes:
             if plane.contact == "bounce":
-                # Not a matrix product: BLAS would leave threads behind that spin while the first steps want all cores.
-                depth = state.radius[: state.count].astype(float)
-                for x, origin, normal in zip(state.x, plane.point, unit(plane.normal), strict=True):
-                    depth -= normal * (x[: state.count].astype(float) - origin)
-                found = Overlap(state, plane, depth)
+                found = _overlap(state, plane, TOUCHING * farthest)
                 if found.number:
                     yield found
+
+
+def _overlap(state: GroupState, plane: Plane, margin: float) -> Overlap:
+    """How a group lies to a plane; up to `margin` [m] particles only touch it."""
+    number, deepest, most = 0, 0, -np.inf
+    for first in range(0, state.count, PIECE):
+        part = slice(first, min(first + PIECE, state.count))
+        # Not a matrix product: BLAS would leave threads behind that spin while the first steps want all cores.
+        depth = state.radius[part].astype(float)
+        for x, origin, normal in zip(state.x, plane.point, unit(plane.normal), strict=True):
+            depth -= normal * (x[part].astype(float) - origin)
+        number += int((depth > margin).sum())
+        row = int(depth.argmax())
+        if depth[row] > most:
+            deepest, most = first + row, float(depth[row])
+    return Overlap(state, plane, number, deepest, most)

@@ -284,7 +284,7 @@ class Simulation:
 
         Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
         """
-        self._guard.look(self._energies if self._energies_of == self.step else None)
+        self._guard.look(self, self._energies if self._energies_of == self.step else None)
 
     def overflow(self, quantity: str) -> DivergenceError:
         """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""

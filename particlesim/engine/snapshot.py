@@ -52,7 +52,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
             *("_energies", "_energies_of"),
         }
     ),
-    Guard: frozenset(("_simulation", "_closed", "_names")),
+    Guard: frozenset(("_closed", "_names")),
     Books: frozenset(("names", "_spent", "_stored")),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 from simulate import points, table
 
 import particlesim as ps
+from particlesim.engine.simulation import Simulation
 
 
 def post_mortem(scenario: dict[str, Any]) -> tuple[ps.DivergenceError, Any]:
@@ -128,3 +132,19 @@ def test_frames_before_are_kept(tmp_path: Any) -> None:
         assert len(trajectory) == caught.value.post_mortem.frame + 1
         assert trajectory.times[-1] == caught.value.post_mortem.frame_time
         assert np.isfinite(trajectory[-1].position).all()
+
+
+@pytest.mark.parametrize("name", ["projectile", "rope"])
+def test_nothing_keeps_a_simulation_that_has_ended(name: str) -> None:
+    """Its arrays are free at once: runs in a row take the memory of one."""
+    path = Path(__file__).parents[2] / "scenarios" / f"{name}.toml"
+    simulation = Simulation(ps.load(path), threads=1)
+    simulation.check()
+    simulation.close()
+    known = weakref.ref(simulation)
+    gc.disable()
+    try:
+        del simulation
+        assert known() is None
+    finally:
+        gc.enable()
