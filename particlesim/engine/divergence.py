@@ -102,7 +102,7 @@ class Guard:
         self._count[:] = -1
 
     def look(self, simulation: Simulation, energies: Sequence[dict[str, float]] | None) -> None:
-        """Judge the present state of a simulation; `energies` are those of every island, "kinetic" and potentials [J], if known.
+        """Judge the present state of a simulation; `energies` are those of its islands [J], if known.
 
         Raises DivergenceError.
         """
