@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from particlesim.engine.bonding import Bonds
 from particlesim.engine.books import Books, accelerations, damping, halfway
 from particlesim.engine.columns import Clock, Columns
-from particlesim.engine.driving import Driven
+from particlesim.engine.driving import Driven, drive_to
 from particlesim.engine.measure import bond_energy
 from particlesim.graph import Island
 
@@ -19,13 +19,14 @@ Floats = NDArray[np.float64]
 
 
 class Opened(NamedTuple):
-    """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
-    without contact (None: nothing can be touched)."""
+    """A step that has begun: the state, when each particle begins and for how long it moves [s], the end of the step
+    without contact (None: nothing can be touched), and bonds as they were."""
 
     columns: Columns
     begin: Floats
     h: Floats
     free: Columns | None
+    bonds: tuple[Bonds, ...] = ()
 
 
 def spans(clock: Clock | None, number: int, t: float, end: float) -> tuple[Floats, Floats]:
@@ -53,16 +54,23 @@ class ParticleBooks:
             at = np.concatenate([np.zeros(low), times])
             self.books.add("births", float(self.books.energies(0, columns, at)[low:].sum()))
 
+    @np.errstate(over="ignore", invalid="ignore")  # what runs away is found by those who look at the ledger
     def close(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> None:
         """Book a step that has been taken to the state `columns` at the time `end` [s], the dead among them."""
         books, finish = self.books, step.begin + step.h
         path = columns if step.free is None else step.free
+        spent = np.zeros(len(columns.m))
         if books.spends(0):
             a0 = accelerations(self._forces, step.columns, step.begin)
             a1 = accelerations(self._forces, path, finish)
             middle = halfway(step.columns, path, a0, a1, step.h)
-            states = ((step.columns, step.begin), (middle, step.begin + step.h / 2), (path, finish))
-            books.book_powers(0, [books.powers(0, c, t) for c, t in states], step.h)
+            h = step.h.copy()
+            for each in driven:  # they move, though no force moves them
+                h[each.rows] = end - step.begin[each.rows]
+            if driven:
+                lead(driven, middle, end - h[driven[0].rows[0]] / 2)
+            states = ((step.columns, step.begin), (middle, step.begin + h / 2), (path, step.begin + h))
+            spent = books.book_powers(0, [books.powers(0, c, t) for c, t in states], h)
         if not (self._contact or self._mortal or driven):
             return
         now = books.energies(0, columns, finish)
@@ -70,9 +78,18 @@ class ParticleBooks:
             books.add("contact", float((now - books.energies(0, path, finish)).sum()))
         for each in driven:
             before = books.energies(0, step.columns, step.begin)
-            books.add("motion", float((now - before)[each.rows].sum()))
+            books.add("motion", float((now - before - spent)[each.rows].sum()))
         if self._mortal and columns.clock is not None:
             books.add("deaths", -float(now[columns.clock.stop <= end].sum()))
+
+
+def lead(driven: tuple[Driven, ...], columns: Columns, time: float) -> None:
+    """Put led particles where they are at a time [s]."""
+    place, speed = (columns.x, columns.y, columns.z), (columns.vx, columns.vy, columns.vz)
+    x, v = np.stack(place), np.stack(speed)
+    drive_to(driven, x, v, time)
+    for column, moved in zip((*place, *speed), (*x, *v), strict=True):
+        column[:] = moved
 
 
 class SpringBooks:
@@ -100,6 +117,7 @@ class SpringBooks:
         self._damped = [bonds.law.damped for bonds in structure.bonds]
         self._contact = "contact" in books.names
 
+    @np.errstate(over="ignore", invalid="ignore")
     def close(
         self,
         step: Opened,
@@ -124,9 +142,11 @@ class SpringBooks:
                 middle, bonds, (start + end) / 2
             )  # which also puts led particles where they are then
             states = ((step.columns, start), (middle, (start + end) / 2), (path, end))
+            lengths = step.h.copy()
+            lengths[self._driven] = end - start  # they move, though no force moves them
             for k in self._members:
                 if books.spends(k):
-                    h = step.h[self._bounds[k] : self._bounds[k + 1]]
+                    h = lengths[self._bounds[k] : self._bounds[k + 1]]
                     powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t in states]
                     books.book_powers(k, powers, h)
             self._book_damping([c for c, _ in states], bonds, end - start)
@@ -140,6 +160,7 @@ class SpringBooks:
                 "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
             )
 
+    @np.errstate(over="ignore", invalid="ignore")
     def book_breaking(self, before: tuple[Bonds, ...], after: tuple[Bonds, ...], columns: Columns) -> None:
         """Book the potential that was lost with springs that broke at the end of a step."""
         for name, old, new in zip(self._names, before, after, strict=True):

@@ -64,12 +64,16 @@ class Books:
         each_power(records, columns, times, out)
         return out
 
-    def book_powers(self, member: int, powers: Sequence[Floats], h: Floats) -> None:
-        """Book the work of forces from powers at the beginning, middle and end of steps of lengths h [s], shape [n]."""
+    def book_powers(self, member: int, powers: Sequence[Floats], h: Floats) -> Floats:
+        """Book the work of forces from powers at the beginning, middle and end of steps of lengths h [s], shape [n].
+
+        Returns what they did on every particle together [J], shape [n].
+        """
         begin, middle, end = powers
-        work = (h / 6 * (begin + 4 * middle + end))[:, h > 0].sum(axis=1)
-        for label, joule in zip(self._spent[member][0], work, strict=True):
+        work = np.where(h > 0, h / 6 * (begin + 4 * middle + end), 0.0)
+        for label, joule in zip(self._spent[member][0], work.sum(axis=1), strict=True):
             self.add(label, float(joule))
+        return np.asarray(work.sum(axis=0))
 
 
 def causes(scenario: Scenario, structure: Island) -> tuple[str, ...]:

@@ -293,7 +293,6 @@ class CoupledIsland:
         worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
-        self._keep(first)
         opened = self._open(first)
         done = [0] * len(shares)
         pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
@@ -329,28 +328,32 @@ class CoupledIsland:
         """The state at the beginning of a step whose work is booked; None where none is."""
         if self.books is None:
             return None
-        columns = _with(self.island_columns(), self.bonds, [column.copy() for column in self._kept])[0]
+        columns, bonds = self._copied(self.bonds)
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
         free = None
         if "contact" in self.books.names:
             ((mine, work, share),) = self._for(1)
-            free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+            free, mine = self._copied(mine)
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
-            step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
-        return Opened(columns, begin, h, free)
+            step_island(self._staged, parts, mine, free, work, share, step, 1, self.dt)
+        return Opened(columns, begin, h, free, bonds)
+
+    def _copied(self, bonds: tuple[Bonds, ...]) -> tuple[Columns, tuple[Bonds, ...]]:
+        """Columns and bonds as they are, to be changed or kept."""
+        columns = self.island_columns()
+        return _with(columns, bonds, [column.copy() for column in _changing(columns, self.bonds)])
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""
         if self._booking is None or opened is None:
             return
         columns = self.island_columns()
-        bonds = _with(columns, self.bonds, self._kept)[1]
 
         def parts(whole: Columns) -> list[Columns]:
             return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
 
-        self._booking.close(opened, columns, bonds, parts, last * self.dt)
-        self._booking.book_breaking(bonds, self.bonds, columns)
+        self._booking.close(opened, columns, opened.bonds, parts, last * self.dt)
+        self._booking.book_breaking(opened.bonds, self.bonds, columns)
 
     def _forces_in(
         self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True
@@ -371,7 +374,7 @@ class CoupledIsland:
         """Potential energy of all hinges in a state [J]."""
         return sum(float(sum_hinges(hinges, columns)) for hinges in self.hinges)
 
-    def _keep(self, first: int) -> None:
+    def keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
         self.kept_from = first
         now = _changing(self.island_columns(), self.bonds)

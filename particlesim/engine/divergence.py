@@ -164,6 +164,8 @@ def _fastest(v: NDArray[Any]) -> float:
 def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) -> DivergenceError:
     """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
     island = simulation.islands[number]
+    if isinstance(island, CoupledIsland):
+        first = island.kept_from  # further back than the piece that failed, where every step is booked
     row = fault.row + sum(state.count for state in island.states[: fault.member])
     dt = simulation.scenario.grid.dt
     time = fault.step * dt

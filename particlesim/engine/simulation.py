@@ -133,6 +133,8 @@ class Simulation:
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self._islands[number]
+        if isinstance(island, CoupledIsland):
+            island.keep(first)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
