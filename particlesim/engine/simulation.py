@@ -24,7 +24,8 @@ from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import has_law, potential
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
 
