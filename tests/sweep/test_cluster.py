@@ -124,9 +124,11 @@ def test_another_version_is_refused(cluster) -> None:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.Client(cluster.scheduler_address, set_as_default=False) as client,
-        pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0"),
+        pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0") as caught,
     ):
+        client.wait_for_workers(1, timeout=30)  # they may still be on their way back from the test before
         DaskExecutor(client, version="99.0")
+    assert caught.value.exit_code == 2
 
 
 def test_slurm_through_its_jobqueue(monkeypatch, tmp_path) -> None:
