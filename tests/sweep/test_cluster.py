@@ -122,12 +122,10 @@ def test_lost_workers_are_replaced(cluster) -> None:
 
 def test_another_version_is_refused(cluster) -> None:
     distributed = pytest.importorskip("distributed")
-    with (
-        distributed.Client(cluster.scheduler_address, set_as_default=False) as client,
-        pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0") as caught,
-    ):
+    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
         client.wait_for_workers(1, timeout=30)  # they may still be on their way back from the test before
-        DaskExecutor(client, version="99.0")
+        with pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0") as caught:
+            DaskExecutor(client, version="99.0")
     assert caught.value.exit_code == 2
 
 
