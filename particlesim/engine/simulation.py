@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.astray import astray, led_are_finite
 from particlesim.engine.books import total_energy
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
@@ -289,6 +290,8 @@ class Simulation:
 
         Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
         """
+        if not all(map(led_are_finite, self.states)) and (lost := astray(self, self.step)) is not None:
+            raise lost
         self._guard.look(self, self._energies if self._energies_of == self.step else None)
 
     def overflow(self, quantity: str) -> DivergenceError:
