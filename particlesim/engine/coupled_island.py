@@ -150,7 +150,7 @@ class CoupledIsland:
         states = [next(state for state in self.states if state.name == name) for name in bonds.groups]
         pairs = bonds.find(*(state.position.T.astype(float) for state in states))
         for end, state in enumerate(states):
-            if pairs[:, end].max() >= state.count:
+            if pairs[:, end].max(initial=-1) >= state.count:
                 raise UsageError(
                     f"{bonds.name}: {state.name!r} has {state.count} particles, "
                     f"there is no particle {int(pairs[:, end].max())}"
@@ -202,7 +202,16 @@ class CoupledIsland:
             )
         rows = rows[np.argsort(rows.min(axis=1), kind="stable")] + offset[hinges.group]
         dtype = self._all.dtype
-        rest = angles_at(self._all.x.astype(float), rows)
+        x = self._all.x.astype(float)
+        for end in (0, 2) if hinges.size == 3 else ():
+            same = (x[:, rows[:, end]] == x[:, rows[:, 1]]).all(axis=0)
+            if same.any():
+                a, b, c = (int(row) - offset[hinges.group] for row in rows[same.argmax()])
+                raise UsageError(
+                    f"{hinges.name}: the angle of particles {a}, {b} and {c} has no size, as {(a, c)[end // 2]} and {b} are "
+                    "at the same place"
+                )
+        rest = angles_at(x, rows)
         if hinges.rest is not None:
             rest = np.full(len(rows), hinges.rest)
         kind = AngleColumns if hinges.size == 3 else DihedralColumns
