@@ -247,4 +247,5 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         broken=simulation.broken(),
         checks=course.checks.results(),
         known_state=course.state,
+        compiling=course.compiling,
     )
