@@ -23,7 +23,7 @@ from particlesim.sweep.executor import Executor, InProcess, LocalWorkers
 from particlesim.sweep.files import PARQUET, TABLE, alone, finished, prepare, run_folder, write_atomically
 from particlesim.sweep.outcome import EXIT_CODES, Outcome
 from particlesim.sweep.table import Table, write_parquet
-from particlesim.sweep.task import Task
+from particlesim.sweep.task import Task, present_digest
 from particlesim.team import available_cores
 from particlesim.version import __version__
 
@@ -154,8 +154,9 @@ class Sweep:
         begins after one that did not end well. Results depend on neither. Ctrl-C ends the sweep: the result says so,
         and the same call goes on from there.
 
-        Raises UsageError when the folder holds another sweep (unless `force`, which removes its runs), is one in which
-        another process sweeps, or cannot be written, InputOutputError when the table cannot be written.
+        Raises UsageError when the folder holds another sweep, or runs with files that have changed since (unless `force`,
+        which removes its runs), is one in which another process sweeps, or cannot be written; InputOutputError when the
+        table cannot be written.
         """
         folder = Path(folder)
         if workers is not None and workers < 1:
@@ -191,12 +192,29 @@ class _Sitting:
         for number in range(1, self._total + 1):
             known = run_folder(self._result.folder, number, self._total).name in there
             outcome = finished(self._result.folder, number, self._total) if known else None
-            if outcome is None:
+            if outcome is None or not self._holds(outcome):
                 todo.append(number)
             else:
                 self._take(outcome)
         self._result.earlier = self._result.ended
         return todo
+
+    def _holds(self, outcome: Outcome) -> bool:
+        """Whether a run is to be kept; one whose files were wrong, and are others now, is not.
+
+        Raises UsageError for a run that ended with files that have changed since.
+        """
+        for name, digest in outcome.files.items():
+            path = (self._task.home or Path()) / name
+            if present_digest(path) == digest:
+                continue
+            if outcome.status == "bad_scenario":
+                return False
+            raise UsageError(
+                f"{path} has changed since run {outcome.run} was done, which used it",
+                "Put it back as it was, choose another folder with --output, or --force to do all runs anew.",
+            )
+        return True
 
     def work(self, executor: Executor, todo: Iterable[int], fail_fast: bool) -> SweepResult:
         """Do the runs."""

@@ -163,10 +163,11 @@ WRONG = [
     ('quantity = "energy"\nreference = "a.vtkhdf"', "particle by particle", None),
     ('quantity = "speed"\nstatistic = "max"\nreference = "a.vtkhdf"', "particle by particle", None),
     ('quantity = "force"\nreference = "a.vtkhdf"', "is not recorded", 'fields = ["velocity", "force"]'),
-    ('quantity = "position"\nreference = "../a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "/etc/a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "C:a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "a.toml"', "in the scenario's folder", None),
+    (
+        'quantity = "position"\nreference = "a.toml"',
+        "a reference is a trajectory",
+        "references/fountain.vtkhdf",
+    ),
     ('quantity = "position"\nequals = 1', "unknown quantity", "position.x"),
 ]
 
@@ -310,6 +311,23 @@ def test_a_reference_in_a_region_and_of_a_group(file, tmp_path) -> None:
     file.write_text(file.read_text().replace('"wall"', '"block"'))
     with pytest.raises(UsageError, match="does not hold the group block"):
         ps.run(ps.load(file, {"checks.0.group": "block"}))
+
+
+@pytest.mark.parametrize("place", ["../right.vtkhdf", "{}/right.vtkhdf", "way/right.vtkhdf"])
+def test_bless_writes_beside_the_scenario_only(file, tmp_path, place) -> None:
+    """Elsewhere a reference may lie, and is read."""
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    (folder / "way").symlink_to(tmp_path)
+    deep = file.rename(folder / file.name)
+    with pytest.raises(UsageError, match="not in the scenario's folder"):
+        ps.run(
+            ps.load(deep, {"checks.0.reference": place.format(tmp_path)}), tmp_path / "out.vtkhdf", bless=True
+        )
+    assert not (tmp_path / "right.vtkhdf").exists()
+    ps.run(ps.load(deep), tmp_path / "out.vtkhdf", bless=True)
+    (folder / "right.vtkhdf").rename(tmp_path / "right.vtkhdf")
+    assert ps.run(ps.load(deep, {"checks.0.reference": place.format(tmp_path)})).passed
 
 
 def test_bless_without_a_reference(tmp_path) -> None:

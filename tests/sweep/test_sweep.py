@@ -188,6 +188,75 @@ def test_a_folder_of_something_else(file, tmp_path) -> None:
         sweep(file, "simulation.seed=1").run(out / "chapter1.tex")
 
 
+NAMING = (
+    SCENARIO.replace(
+        'layout = { type = "random", count = 20, shape = { type = "ball", radius = 1.0 } }',
+        'layout = { type = "file", path = "sub/points.csv" }',
+    )
+    + """
+[[checks]]
+name = "same"
+quantity = "position"
+reference = "right.vtkhdf"
+tolerance = 1e-9
+[[particles]]
+name = "shell"
+layout = { type = "mesh", path = "sub/shell.obj" }
+"""
+)
+POINTS = "x,y,z\n0,1,0\n1,2,0\n"
+
+
+@pytest.fixture
+def naming(tmp_path) -> Path:
+    """A scenario that names a table of particles, a mesh and a reference."""
+    home = tmp_path / "home"
+    (home / "sub").mkdir(parents=True)
+    (home / "sub/points.csv").write_text(POINTS)
+    (home / "sub/shell.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path = home / "naming.toml"
+    path.write_text(NAMING)
+    ps.run(ps.load(path), tmp_path / "blessed.vtkhdf", bless=True)
+    return path
+
+
+def test_scenarios_of_runs_name_their_files_from_where_they_lie(naming, tmp_path) -> None:
+    vary = sweep(naming, "simulation.precision=double,single")
+    result = vary.run(tmp_path / "elsewhere/out", workers=1)
+    assert result.counts == {"done": 1, "check_failed": 1}
+    for row in rows(result):
+        folder = tmp_path / f"elsewhere/out/{int(row['run']):04}"
+        loaded = ps.load(folder / "scenario.toml")
+        assert loaded.particles[0].layout.path == "../../../home/sub/points.csv"
+        again = ps.run(loaded)
+        assert json.loads((folder / "result.json").read_text())["state"] == again.state
+        assert again.passed is (row["status"] == "done")
+
+
+@pytest.mark.parametrize("name", ["sub/points.csv", "sub/shell.obj", "right.vtkhdf"])
+def test_runs_with_files_that_changed_since_are_refused(naming, tmp_path, name) -> None:
+    vary = sweep(naming, "simulation.seed=1,2")
+    vary.run(tmp_path / "out", workers=1)
+    file = naming.parent / name
+    before = file.read_bytes()
+    file.write_bytes(before + b"\n")
+    with pytest.raises(UsageError, match="has changed since run 1 was done") as caught:
+        vary.run(tmp_path / "out", workers=1)
+    assert str(file) in caught.value.message
+    file.write_bytes(before)
+    assert vary.run(tmp_path / "out", workers=1).earlier == 2
+
+
+def test_runs_that_lacked_a_file_are_done_once_it_is_there(naming, tmp_path) -> None:
+    vary = sweep(
+        naming, "particles.0.layout.path='sub/points.csv','sub/others.csv'", "checks.same.tolerance=1"
+    )
+    assert vary.run(tmp_path / "out", workers=1).counts == {"done": 1, "bad_scenario": 1}
+    (naming.parent / "sub/others.csv").write_text(POINTS)
+    again = vary.run(tmp_path / "out", workers=1)
+    assert (again.earlier, again.counts) == (1, {"done": 2})
+
+
 def test_fail_fast(file, tmp_path) -> None:
     vary = sweep(file, "checks.slow.max=10,1,10,10")
     result = vary.run(tmp_path / "out", executor=InProcess(), fail_fast=True)
