@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from particlesim.checking import count, total
-from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
+from particlesim.errors import (
+    DivergenceError,
+    InputOutputError,
+    Interrupted,
+    PsimError,
+    ResourceError,
+    UsageError,
+)
 from particlesim.quantities import is_count
 from particlesim.runner import Result, run
 from particlesim.scenario.load import scenario_of
@@ -126,7 +133,7 @@ def final_quantities(result: Result) -> dict[str, float | None]:
 def _status(error: BaseException) -> Status:
     if isinstance(error, DivergenceError):
         return "diverged"
-    if isinstance(error, UsageError):
+    if isinstance(error, UsageError) and not isinstance(error, ResourceError):
         return "bad_scenario"
     return "failed"
 
