@@ -66,14 +66,17 @@ def within_limits(each: Range, scenario: Scenario) -> Range:
     """
     value, kind = _found(scenario, each.key)
     low, high = each.low, each.high
+    hair = 1e-12 * (abs(value) or 1.0)
     for mark in () if kind is None else kind.metadata:
-        hair = 1e-12 * (abs(value) or 1.0)
-        if isinstance(mark, Ge | Gt):
-            least = getattr(mark, "ge", None)
-            low = max(low, least if least is not None else mark.gt + hair)  # type: ignore[union-attr]
-        elif isinstance(mark, Le | Lt):
-            most = getattr(mark, "le", None)
-            high = min(high, most if most is not None else mark.lt - hair)  # type: ignore[union-attr]
+        limits: Any = mark
+        if isinstance(mark, Ge):
+            low = max(low, limits.ge)
+        elif isinstance(mark, Gt):
+            low = max(low, limits.gt + hair)
+        elif isinstance(mark, Le):
+            high = min(high, limits.le)
+        elif isinstance(mark, Lt):
+            high = min(high, limits.lt - hair)
     if not low < high:
         raise UsageError(
             f"{each.key} cannot lie between {each.low:g} and {each.high:g}", "Give other bounds."

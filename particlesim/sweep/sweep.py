@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -236,6 +236,10 @@ class _Sitting:
                         self._write()
         except (KeyboardInterrupt, Interrupted):
             self._result.interrupted = True
+        except InputOutputError:  # nobody is left to do runs, or the disk is full
+            with suppress(InputOutputError):
+                self._write()
+            raise
         self._result.seconds = time.perf_counter() - self._began
         self._write()
         self._result.parquet = write_parquet(
