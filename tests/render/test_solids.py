@@ -204,7 +204,7 @@ def test_particles_may_die_and_change_rows(plain):
     link = springs([[0, 1], [2, 3]], [2.0, 2.0])
     source = scene(CORNERS, link)
     source.frames.append(Frame(1.0, np.concatenate([[[5.0, 5, 5]], CORNERS[[3, 2, 0]]])))
-    ends, strain = Bodies(source, RenderSettings()).line_ends(source[1])
+    ends, strain, _ = Bodies(source, RenderSettings()).line_ends(source[1])
     assert ends.tolist() == [[2, 1]]
     assert strain == pytest.approx([0.0])
 
