@@ -53,7 +53,8 @@ class Bodies:
     """The surfaces and lines of a trajectory.
 
     `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]. `lines`: the springs that are
-    drawn, and `owner` [l]: the number in `owners` of the body or set of springs that each belongs to; `springs`: those that show strain, all but the ones against bending and the hidden ones.
+    drawn, and `owner` [l]: the number in `owners` of the body or set of springs that each belongs to. `springs`: those
+    that show strain, all but the ones against bending and the hidden ones.
     """
 
     def __init__(self, source: FrameSource, settings: RenderSettings) -> None:
@@ -67,7 +68,9 @@ class Bodies:
         drawn = {name: each for name, each in found.items() if _is_line(name, style, skins)}
         self.lines = Springs.of(list(drawn.values()))
         self.owners = tuple(dict.fromkeys(owner_of(name) for name in drawn))
-        numbers = [np.full(len(each.pairs), self.owners.index(owner_of(name))) for name, each in drawn.items()]
+        numbers = [
+            np.full(len(each.pairs), self.owners.index(owner_of(name))) for name, each in drawn.items()
+        ]
         self.owner = np.concatenate([np.empty(0, np.int64), *numbers])
         self.springs = Springs.of([each for name, each in found.items() if _shows_strain(name, style)])
         self._limit = 1 + max(

@@ -107,7 +107,7 @@ def box_tubes(
     least: float,
     box: Ints,
 ) -> None:
-    """Samples that tubes of `radius[t]` [scene units] may touch, which are at least `least` samples in radius on the screen."""
+    """Samples that tubes may touch: `radius[t]` [scene units], on the screen at least `least` samples."""
     for t in range(start, stop):
         box[t, 0], box[t, 1], box[t, 2], box[t, 3] = 0, -1, 0, -1
         a, b = end[t, 0], end[t, 1]

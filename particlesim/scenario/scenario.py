@@ -527,7 +527,7 @@ def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str]
 
 
 def _styles(scenario: Scenario) -> Iterator[Invalid]:
-    """Videos draw what there is: groups and sets of springs that exist, surfaces and springs where there are some."""
+    """Videos draw what there is: groups and sets of springs that exist, surfaces and lines where there are some."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
     joined = {name for _, names, _ in _bond_tables(scenario) for name in names}
