@@ -90,7 +90,7 @@ class Trajectory(Sequence[Frame]):
             raise damaged(self.path) from error
 
     def _patiently(self, read: Callable[[], _T], again: Callable[[], None]) -> _T:
-        """What `read` gives. In a file that is being written it may come upon a write in progress: then `again`, and anew."""
+        """What `read` gives. In a file that is being written it may meet a write in progress: then `again`, and anew."""
         until = time.monotonic() + _PATIENCE
         while True:
             try:
