@@ -6,8 +6,11 @@ W = h (P₀ + 4 P̄ + P₁)/6, P = f·v, by Simpson's rule: of fourth order, so 
 
     E(t) − E(0) − Σ W
 
-is the error of the integrator. A step in which a particle may touch something is taken twice, with and without contact; the
-difference of the energies at its end is the work of contact. Nothing here changes the motion.
+is the error of the integrator. A step of an adaptive method may be long, and brings its own quadrature: with the weights b
+of the method and the power at its stages, W = h Σ bᵢ Pᵢ is what the method would make of dW/dt = P, to its order.
+
+A step in which a particle may touch something is taken twice, with and without contact (an adaptive method tells its end
+without); the difference of the energies at its end is the work of contact. Nothing here changes the motion.
 """
 
 from __future__ import annotations
@@ -18,15 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.emitters import Emitter
 from particlesim.engine.bonding import Bonds
 from particlesim.engine.columns import Columns
 from particlesim.engine.measure import damping_power, each_energy, each_force, each_power
 from particlesim.engine.program import as_precision
 from particlesim.forces import Force
-from particlesim.graph import Graph, Island
-from particlesim.laws import has_law, potential
+from particlesim.graph import Island
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.totals import causes, has_potential
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +37,7 @@ class Books:
     """The accounts of an island: `names` of the causes and `totals` [J], in the same order."""
 
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
-        self.names = causes(scenario, structure)
+        self.names = causes(scenario, [group.name for group in structure.groups])
         self.totals = np.zeros(len(self.names))
         labels = scenario.force_labels()
         named = list(zip(labels, scenario.forces, strict=False))
@@ -64,44 +66,11 @@ class Books:
         each_power(records, columns, times, out)
         return out
 
-    def book_powers(self, member: int, powers: Sequence[Floats], h: Floats) -> None:
-        """Book the work of forces from powers at the beginning, middle and end of steps of lengths h [s], shape [n]."""
-        begin, middle, end = powers
-        work = (h / 6 * (begin + 4 * middle + end))[:, h > 0].sum(axis=1)
+    def book_powers(self, member: int, powers: Sequence[Floats], weights: Sequence[float], h: Floats) -> None:
+        """Book the work of forces in steps of lengths h [s], shape [n], from powers at moments and their weights."""
+        work = (h * weighted(weights, powers))[:, h > 0].sum(axis=1)
         for label, joule in zip(self._spent[member][0], work, strict=True):
             self.add(label, float(joule))
-
-
-def causes(scenario: Scenario, structure: Island) -> tuple[str, ...]:
-    """What may give energy to an island or take it: labels of forces and springs, and names of other causes."""
-    labels = scenario.force_labels()
-    found = [
-        label
-        for label, law in zip(labels, scenario.forces, strict=False)
-        if not _stores(law) and any(law is mine for forces in structure.forces for mine in forces)
-    ]
-    found += [bonds.name for bonds in structure.bonds if bonds.law.damped]
-    found += [f"{bonds.name}.breaking" for bonds in structure.bonds if bonds.law.breaks]
-    if any(structure.surfaces):
-        found.append("surfaces")
-    if any(structure.planes):
-        found.append("contact")
-    if any(structure.motions):
-        found.append("motion")
-    if any(isinstance(group, Emitter) for group in structure.groups):
-        found.append("births")
-    if mortal(structure):
-        found.append("deaths")
-    return tuple(found)
-
-
-def work_columns(scenario: Scenario, graph: Graph) -> tuple[str, ...]:
-    """Columns of the ledger for work: of every cause in any island, impulses, and what is left of the balance."""
-    if not scenario.output.work:
-        return ()
-    found = [name for island in graph.islands for name in causes(scenario, island)]
-    found += ["impulses"] if scenario.impulses else []
-    return (*(f"work.{name}" for name in dict.fromkeys(found)), "balance")
 
 
 def total_energy(row: Mapping[str, float]) -> float:
@@ -114,17 +83,6 @@ def is_energy(column: str) -> bool:
     return column == "kinetic" or column.startswith("potential.")
 
 
-def mortal(structure: Island) -> bool:
-    """Whether particles of an island may die."""
-    return any(isinstance(group, Emitter) for group in structure.groups) or any(
-        plane.contact == "kill" for planes in structure.planes for plane in planes
-    )
-
-
-def _stores(law: Force) -> bool:
-    return has_law(potential, law.record())
-
-
 def _chosen(
     named: Sequence[tuple[str, Force]], mine: Sequence[Force], dtype: np.dtype[Any], *, conservative: bool
 ) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -132,9 +90,21 @@ def _chosen(
     here = [
         (label, as_precision(law.record(), dtype))
         for label, law in named
-        if _stores(law) is conservative and any(law is other for other in mine)
+        if has_potential(law) is conservative and any(law is other for other in mine)
     ]
     return tuple(label for label, _ in here), tuple(record for _, record in here)
+
+
+SIMPSON = (1 / 6, 4 / 6, 1 / 6)
+"""Weights of the beginning, the middle and the end of a step."""
+
+
+def weighted(weights: Sequence[float], values: Sequence[Floats]) -> Floats:
+    """Σ weights[k] values[k]."""
+    total = weights[0] * values[0]
+    for weight, value in zip(weights[1:], values[1:], strict=True):
+        total = total + weight * value
+    return np.asarray(total)
 
 
 def halfway(before: Columns, after: Columns, a0: Floats, a1: Floats, h: Floats) -> Columns:
@@ -145,6 +115,12 @@ def halfway(before: Columns, after: Columns, a0: Floats, a1: Floats, h: Floats) 
         moved[x] = (0.5 * (x0 + x1) + h * (v0 - v1) / 8).astype(before.x.dtype)
         moved[v] = (0.5 * (v0 + v1) + h * (a0[axis] - a1[axis]) / 8).astype(before.x.dtype)
     return after._replace(**moved)
+
+
+def moved(before: Columns, start: Floats, change: Floats) -> Columns:
+    """Columns with the positions and velocities `start` + `change`, shape [6, n]."""
+    now = (start + change).astype(before.x.dtype)
+    return before._replace(**dict(zip(("x", "y", "z", "vx", "vy", "vz"), now, strict=True)))
 
 
 def accelerations(forces: Any, columns: Columns, times: Floats) -> Floats:

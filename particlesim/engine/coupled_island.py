@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from particlesim.bonds import BondSet, HingeSet, record_of
 from particlesim.bonds.hinge import angles_at
 from particlesim.engine.bonding import Bonds, Breaking
-from particlesim.engine.booking import Opened, SpringBooks, spans
-from particlesim.engine.books import Books
+from particlesim.engine.booking import Opened, SpringBooks, spans, stages
+from particlesim.engine.books import Books, moved
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
+from particlesim.engine.corner_stiffness import new_forms
 from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns, sum_hinges
 from particlesim.engine.coupled import (
     Part,
@@ -27,8 +28,8 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
-from particlesim.engine.implicit import staged_implicit
+from particlesim.engine.coupled_adaptive import BEGAN, ENDED, Pace, new_pace, step_island_adaptive
+from particlesim.engine.implicit import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.islands import (
     OWN_STEPS,
     Fault,
@@ -38,7 +39,7 @@ from particlesim.engine.islands import (
     group_uses_radius,
     shortest_step,
 )
-from particlesim.engine.krylov import UNSOLVED
+from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
@@ -46,7 +47,7 @@ from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
-from particlesim.integrators import ImplicitMethod
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -68,9 +69,9 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged: tuple[Any, ...]
         if isinstance(self._method, ImplicitMethod):
-            self._staged = staged_implicit(self._method, dtype)
+            self._staged, self._step = staged_implicit(self._method, dtype), step_island_implicit
         else:
-            self._staged = staged(self._method)
+            self._staged, self._step = staged(self._method), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -98,9 +99,9 @@ class CoupledIsland:
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
-        self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
+        self.corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
-        self.springs += sum(each.rows.size for each in self._corners)
+        self.springs += sum(each.rows.size for each in self.corners)
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
@@ -226,7 +227,7 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven, self._corners):
+            for share in share_out(count, threads, self._driven, self.corners):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -234,17 +235,21 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
-                found.append((mine, self._own_scratch(), share))
+                found.append((mine, self._own_scratch(share), share))
             self._shares[threads] = found
         return self._shares[threads]
 
-    def _own_scratch(self) -> Work:
+    def _own_scratch(self, share: Share) -> Work:
         """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
         work = self._work._replace(pull=np.zeros_like(self._work.pull))
         if work.system is None:
             return work
         system = work.system
-        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        own = system._replace(
+            pull=np.zeros_like(system.pull),
+            lanes=np.zeros_like(system.lanes),
+            corners=new_forms(share.corners, self._all.dtype),
+        )
         return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
@@ -269,8 +274,7 @@ class CoupledIsland:
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
-        whole = self.island_columns()
-        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+        return self._cut(self.island_columns())
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
@@ -294,19 +298,27 @@ class CoupledIsland:
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         self._keep(first)
-        opened = self._open(first)
         done = [0] * len(shares)
-        pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
+        booked, pace = self._booking is not None, None
+        if self._method.adaptive:
+            pace = new_pace(len(shares), self._disturbed, booked)
+        opened = self._open(first) if booked and pace is None else None
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
             given = (self._staged, self.parts, bonds, columns, scratch, share)
-            if pace is None:
-                done[k] = step_island(*given, first, steps, self.dt)
-            else:
+            if pace is not None:
                 done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
+            else:
+                done[k] += self._step(*given, first + done[k], steps - done[k], self.dt)
 
         team.each(work, len(shares))
+        while booked and pace is not None and done[0] < steps and not pace.stuck:
+            leg = self._leg(pace)
+            team.each(work, len(shares))
+            self._close_leg(leg, pace, arrived=done[0] == steps)
+        if pace is None and done[0] < steps and self._solves_more():
+            team.each(work, len(shares))
         if done[0] == steps:
             self._close(opened, last)
             return None, None, None
@@ -316,6 +328,26 @@ class CoupledIsland:
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
             return None, None, self._unsolved(step)
         return None, None, self._find(step)
+
+    def _solves_more(self) -> bool:
+        """Whether the last step met equations that are not symmetric and positive definite: from now on the kernel solves
+        these, too."""
+        if not isinstance(self._staged, StagedImplicit) or isinstance(self._staged.solver, General):
+            return False
+        if self._work.system.report[0] != INDEFINITE:
+            return False
+        self._staged = self._staged._replace(solver=General())
+        return True
+
+    def _step_copy(
+        self, parts: tuple[Part, ...], bonds: tuple[Bonds, ...], columns: Columns, first: int, steps: int
+    ) -> None:
+        """Steps of a copy of the particles and bonds, on one thread."""
+        ((_, work, share),) = self._for(1)
+        given = (parts, bonds, columns, work, share)
+        done = self._step(self._staged, *given, first, steps, self.dt)
+        if done < steps and self._solves_more():
+            self._step(self._staged, *given, first + done, steps - done, self.dt)
 
     def _stop(self, step: int, pace: Pace) -> Fault:
         """Which particle could not go on; the island is where and when it was."""
@@ -333,10 +365,10 @@ class CoupledIsland:
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
         free = None
         if "contact" in self.books.names:
-            ((mine, work, share),) = self._for(1)
+            ((mine, _, _),) = self._for(1)
             free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
-            step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
+            self._step_copy(parts, bonds, free, step, 1)
         return Opened(columns, begin, h, free)
 
     def _close(self, opened: Opened | None, last: int) -> None:
@@ -345,12 +377,35 @@ class CoupledIsland:
             return
         columns = self.island_columns()
         bonds = _with(columns, self.bonds, self._kept)[1]
-
-        def parts(whole: Columns) -> list[Columns]:
-            return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
-
-        self._booking.close(opened, columns, bonds, parts, last * self.dt)
+        self._booking.close(opened, columns, bonds, self._cut, last * self.dt)
         self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _leg(self, pace: Pace) -> tuple[Opened, tuple[Bonds, ...], float]:
+        """The own step at the end of which an island pauses, the bonds before it, and when it ends [s]."""
+        assert isinstance(self._method, EmbeddedRungeKutta)
+        began, ended = float(pace.present[BEGAN]), float(pace.present[ENDED])
+        now = self.island_columns()
+        free, bonds = _with(now, self.bonds, [column.copy() for column in _changing(now, self.bonds)])
+        begin, h = spans(free.clock, self._all.count, began, ended)
+        start = self._work.before.astype(float)
+        before = moved(free, start, np.zeros((6, 1)))
+        path = stages(before, (start, self._work.slopes), (began, ended), h, self._method)
+        return Opened(before, begin, h, free, path), bonds, ended
+
+    def _close_leg(self, leg: tuple[Opened, tuple[Bonds, ...], float], pace: Pace, *, arrived: bool) -> None:
+        """Book an own step, of which it is known by now what contact and breaking springs made of its end."""
+        opened, bonds, ended = leg
+        if self._booking is None or pace.stuck:
+            return
+        columns = self.island_columns()
+        if not arrived:  # the next step has been tried already, from there
+            columns = moved(columns, self._work.before.astype(float), np.zeros((6, 1)))
+        self._booking.close(opened, columns, bonds, self._cut, ended)
+        self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _cut(self, whole: Columns) -> list[Columns]:
+        """Columns of the island cut into those of its groups."""
+        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def _forces_in(
         self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True
@@ -390,9 +445,9 @@ class CoupledIsland:
 
         Nothing of the island changes.
         """
-        ((mine, work, share),) = self._for(1)
+        ((mine, _, _),) = self._for(1)
         columns, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
-        step_island(self._staged, self.parts, bonds, columns, work, share, first, steps, self.dt)
+        self._step_copy(self.parts, bonds, columns, first, steps)
         return columns, bonds, slice(0, self._all.count)
 
     def _unsolved(self, step: int) -> Fault:
@@ -406,8 +461,8 @@ class CoupledIsland:
     def _find(self, step: int) -> Fault:
         """Which particle: step once more on a copy, and look."""
         columns = self.island_columns()
-        ((bonds, work, share),) = self._for(1)
-        step_island(self._staged, self.parts, bonds, copied(columns), work, share, step, 1, self.dt)
+        ((bonds, work, _),) = self._for(1)
+        self._step_copy(self.parts, bonds, copied(columns), step, 1)
         wild = ~np.isfinite(work.force).all(axis=0)
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1

@@ -36,13 +36,32 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]  # the compiler has n
     """The code of a kernel with all its parts, and with theirs."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Link another function's code; a part brings those that it needs."""
+        """Link another function's code; a part brings those that it needs, each by itself."""
         for each in library.linked() if isinstance(library, PartLibrary) else (library,):
             super().add_linking_library(each)
 
 
+class Alone:
+    """A part without those that it needs: whoever links it links them too."""
+
+    def __init__(self, part: PartLibrary) -> None:
+        self._part = part
+        self._reload_init = part._reload_init
+
+    def _ensure_finalized(self) -> None:
+        self._part._ensure_finalized()
+
+    def _get_module_for_linking(self) -> Any:
+        return JITCodeLibrary._get_module_for_linking(self._part)
+
+
 class PartLibrary(KernelLibrary):
     """The code of one function of a kernel, as it is lowered."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self._alone = Alone(self)
+        self._whole: Any = None
 
     @property
     def codegen(self) -> Any:
@@ -50,8 +69,17 @@ class PartLibrary(KernelLibrary):
         return _Codegen(self._codegen)
 
     def linked(self) -> list[Any]:
-        """This part and all that it needs, each once."""
-        return list(dict.fromkeys([self, *self._linking_libraries]))
+        """This part and all that it needs, each once and by itself."""
+        return list(dict.fromkeys([self._alone, *self._linking_libraries]))
+
+    def _get_module_for_linking(self) -> Any:
+        """This part and all that it needs as one module, for functions that are compiled in Numba's own way."""
+        if self._whole is None:
+            first, *others = (each._get_module_for_linking() for each in self.linked())
+            self._whole = first.clone()
+            for other in others:
+                self._whole.link_in(other, preserve=True)
+        return self._whole
 
     def finalize(self) -> None:
         """Nothing is linked, optimised or translated: the kernel does it."""

@@ -6,13 +6,15 @@ Source: https://distributed.dask.org.
 
 from __future__ import annotations
 
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, UsageError
 from particlesim.sweep.executor import Ends
 from particlesim.version import __version__
 
@@ -55,9 +57,8 @@ class DaskExecutor:
                 raise _another(str(worker), version, self._version)
 
     def each(self, task: Callable[[int], R], numbers: Iterable[int]) -> Ends[R]:
-        """As `Executor.each`."""
+        """As `Executor.each`. Raises InputOutputError when the scheduler is lost."""
         from distributed import as_completed
-        from distributed.scheduler import KilledWorker
 
         todo: deque[list[int]] = deque()
         remaining = iter(numbers)
@@ -66,29 +67,52 @@ class DaskExecutor:
         size = 1
         try:
             while True:
-                for _ in range(AHEAD * max(len(self._client.nthreads()), 1) - len(waiting)):
-                    chunk = todo.popleft() if todo else _take(remaining, size)
-                    if not chunk:
-                        break
-                    future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
-                    waiting[future] = chunk
-                    flow.add(future)
+                with _scheduler_there():
+                    for _ in range(AHEAD * max(len(self._client.nthreads()), 1) - len(waiting)):
+                        chunk = todo.popleft() if todo else _take(remaining, size)
+                        if not chunk:
+                            break
+                        future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
+                        waiting[future] = chunk
+                        flow.add(future)
                 if not waiting:
                     return
                 future = next(flow)
                 chunk = waiting.pop(future)
-                try:
-                    results, seconds = future.result()
-                except KilledWorker:
-                    if len(chunk) == 1:
-                        yield chunk[0], None
-                    else:  # one of them, and nobody knows which
-                        todo.extend([number] for number in chunk)
+                done = _result(future)
+                if done is None:  # one of them took its workers down, and nobody knows which
+                    todo.extend([number] for number in chunk if len(chunk) > 1)
+                    yield from ((number, None) for number in chunk if len(chunk) == 1)
                     continue
+                results, seconds = done
                 size = _next_size(size, seconds / len(chunk))
                 yield from zip(chunk, results, strict=True)
         finally:
-            self._client.cancel(list(waiting))
+            with suppress(OSError, CancelledError):
+                self._client.cancel(list(waiting))
+
+
+@contextmanager
+def _scheduler_there() -> Iterator[None]:
+    """Raise InputOutputError for what goes wrong when the scheduler has gone."""
+    try:
+        yield
+    except (OSError, TimeoutError, CancelledError) as error:
+        raise InputOutputError(
+            "the scheduler is lost", "The runs that have ended are kept; the same command goes on."
+        ) from error
+
+
+def _result(future: Any) -> tuple[list[Any], float] | None:
+    """Results of a chunk and the seconds that it took; None when its workers died, one after the other."""
+    from distributed.scheduler import KilledWorker
+
+    with _scheduler_there():
+        try:
+            done: tuple[list[Any], float] = future.result()
+        except KilledWorker:
+            return None
+    return done
 
 
 def worker_version() -> str:
@@ -166,12 +190,28 @@ def _connected(address: str, timeout: float) -> Client:
     except ImportError:
         raise UsageError("clusters need Dask distributed, which is not installed", _NEEDED) from None
     try:
+        _listen(address, timeout)
         return Client(address, timeout=timeout, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise UsageError(
             f"no scheduler answers at {address} ({str(error).splitlines()[0]})",
             "Start one with `dask scheduler`; it prints its address, such as tcp://node7:8786.",
         ) from None
+
+
+def _listen(address: str, timeout: float) -> None:
+    """Raise OSError unless something at a tcp:// address speaks, as Dask's servers do first.
+
+    Dask's client waits for ever for one that accepts connections and says nothing. ValueError for what is no address.
+    """
+    from distributed.comm import parse_address, parse_host_port
+
+    scheme, place = parse_address(address)
+    if scheme != "tcp":
+        return
+    with socket.create_connection(parse_host_port(place), timeout) as connection:
+        if not connection.recv(1):
+            raise OSError("it hangs up")
 
 
 def _ready(client: Client, place: str, timeout: float) -> DaskExecutor:
