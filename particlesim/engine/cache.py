@@ -55,7 +55,13 @@ INLINE: dict[str, Any] = {
     "no_cfunc_wrapper": True,
 }
 
-_KERNEL: dict[str, Any] = {"nogil": True, "fastmath": FAST, "error_model": "numpy"}
+# Kernels are called from Python, never from C.
+_KERNEL: dict[str, Any] = {
+    "nogil": True,
+    "fastmath": FAST,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
 
 problem: str | None = None
 """Why kernels are not kept on disk, or None when they are."""
