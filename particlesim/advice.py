@@ -7,7 +7,8 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph import method_of
 from particlesim.groups import Group
 from particlesim.integrators import Composition
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
 
 LIVELY = 0.9
 """Restitution above which projection out of a plane may add more energy than the bounce takes."""

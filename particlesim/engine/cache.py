@@ -17,6 +17,8 @@ from typing import Any
 import numba
 from numba.core import config
 
+from particlesim.engine.linking import KernelPipeline, PartPipeline
+
 
 def _without_blas() -> None:
     """Import the part of Numba that would import SciPy, without SciPy.
@@ -47,6 +49,7 @@ _without_blas()
 # Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
 FAST = {"contract", "nsz", "arcp"}
 INLINE: dict[str, Any] = {
+    "pipeline_class": PartPipeline,
     "forceinline": True,
     "fastmath": FAST,
     "error_model": "numpy",
@@ -55,12 +58,12 @@ INLINE: dict[str, Any] = {
     "no_cfunc_wrapper": True,
 }
 
-# Kernels are called from Python, never from C.
 _KERNEL: dict[str, Any] = {
+    "pipeline_class": KernelPipeline,
     "nogil": True,
     "fastmath": FAST,
     "error_model": "numpy",
-    "no_cfunc_wrapper": True,
+    "no_cfunc_wrapper": True,  # called from Python, never from C
 }
 
 problem: str | None = None

@@ -29,7 +29,7 @@ from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.integrators.regions import largest_step
 from particlesim.laws import Particle, bond_force, evaluate, force, has_law, potential
-from particlesim.scenario.scenario import acts_on
+from particlesim.scenario.reach import acts_on
 
 if TYPE_CHECKING:
     from particlesim.engine.simulation import Simulation

@@ -178,8 +178,8 @@ def test_a_solution_that_is_not_found_ends_the_run() -> None:
 
 def test_rest_turns_in_a_rotating_frame() -> None:
     # Coriolis forces make the equations unsymmetric. What rests in an inertial frame turns by −Ω t; the midpoint rule turns
-    # it by 2 atan(Ω h/2) in a step, which is (Ω h)³/12 less. In the middle of a step the rod is shorter by (Ω h)²/8, as a chord
-    # is, and pushes a little.
+    # it by 2 atan(Ω h/2) in a step, which is (Ω h)³/12 less. In the middle of a step the rod is shorter by (Ω h)²/8, as
+    # chords are, and pushes a little.
     rate, steps = 0.8, 40
     for h in (0.05, 0.025):
         number = round(steps * 0.05 / h)
