@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ from particlesim.engine.islands import (
     group_uses_radius,
     shortest_step,
 )
-from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General
+from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General, Symmetric
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
@@ -48,6 +48,7 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
+from particlesim.laws import evaluate, force_dv, force_dx
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -69,7 +70,8 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged: tuple[Any, ...]
         if isinstance(self._method, ImplicitMethod):
-            self._staged, self._step = staged_implicit(self._method, dtype), step_island_implicit
+            solver = General() if _lopsided(island, self.states) else Symmetric()
+            self._staged, self._step = staged_implicit(self._method, dtype, solver), step_island_implicit
         else:
             self._staged, self._step = staged(self._method), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
@@ -479,6 +481,20 @@ class CoupledIsland:
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)
+
+
+def _lopsided(island: Island, states: Sequence[GroupState]) -> bool:
+    """Whether some force on the first particles has a Jacobian that is not symmetric: the equations will not be."""
+    for forces, state in zip(island.forces, states, strict=True):
+        for force, derivative in product(forces, (force_dx, force_dv)):
+            try:
+                with np.errstate(all="ignore"):
+                    matrix = np.reshape(evaluate(derivative, force.record(), state.particle(0, 0.0)), (3, 3))
+            except (ArithmeticError, ValueError):  # a singular place
+                continue
+            if np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max():
+                return True
+    return False
 
 
 def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:
