@@ -9,11 +9,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from pathlib import Path
 
 import pytest
 
 import particlesim as ps
+from particlesim import bounds
+from particlesim.trajectory import frame_file
 
 from .conftest import LONG, TINY, Ended, environment, files, start
 
@@ -268,3 +271,15 @@ def test_terminal_shows_progress_and_colors():
     assert "3 particles" in text
     assert "%" in text
     assert "\x1b[1mTiny" in text  # the summary's heading, bold
+
+
+def test_what_cannot_fit_by_its_bounds_is_run_if_told_so(psim, monkeypatch):
+    usage = namedtuple("usage", "free")
+    monkeypatch.setattr(bounds.shutil, "disk_usage", lambda path: usage(50_000))
+    monkeypatch.setattr(frame_file.shutil, "disk_usage", lambda path: usage(50_000_000))
+    refused = psim("run", "tiny.toml")
+    assert refused.code == 2
+    assert "--yes" in refused.err
+    assert psim("run", "tiny.toml", "--force", "--dry-run").code == 2
+    assert psim("run", "tiny.toml", "--yes", "--dry-run").code == 0
+    assert psim("run", "tiny.toml", "--yes").code == 0
