@@ -9,14 +9,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections import namedtuple
 from pathlib import Path
 
 import pytest
 
 import particlesim as ps
 from particlesim import bounds
-from particlesim.trajectory import frame_file
 
 from .conftest import LONG, TINY, Ended, environment, files, start
 
@@ -274,9 +272,7 @@ def test_terminal_shows_progress_and_colors():
 
 
 def test_what_cannot_fit_by_its_bounds_is_run_if_told_so(psim, monkeypatch):
-    usage = namedtuple("usage", "free")
-    monkeypatch.setattr(bounds.shutil, "disk_usage", lambda path: usage(50_000))
-    monkeypatch.setattr(frame_file.shutil, "disk_usage", lambda path: usage(50_000_000))
+    monkeypatch.setattr(bounds, "FILE_BYTES", 1e18)
     refused = psim("run", "tiny.toml")
     assert refused.code == 2
     assert "--yes" in refused.err
