@@ -23,6 +23,7 @@ from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
 
 Floats = NDArray[np.float64]
 
+ANYWAY = "if you know better, --yes (must_fit=False) runs it anyway"
 BASE_MEMORY = 192 << 20
 """Python, its libraries and compiled kernels from the cache [bytes]; measured. Compiling takes some 80 MB more."""
 FILE_BYTES = 60_000
@@ -207,7 +208,7 @@ def check_fits(required: Needs, output: Path | None) -> None:
             f"the run needs about {size(required.memory)} of memory for {required.particles:,} particles"
             + (f" at once and {required.births:,} births" if required.births else "")
             + f", and {size(memory)} are free",
-            hint,
+            f"{hint}; {ANYWAY}",
         )
     if output is not None:
         folder = output.resolve().parent
@@ -219,7 +220,7 @@ def check_fits(required: Needs, output: Path | None) -> None:
             raise ResourceError(
                 f"the trajectory needs {bound} {size(required.disk)} on disk for {required.frames:,} frames, "
                 f"and {size(free)} are free in {folder}",
-                "fewer frames (output.fps), fewer fields (output.fields) or compression need less",
+                f"fewer frames (output.fps), fewer fields (output.fields) or compression need less; {ANYWAY}",
             )
 
 

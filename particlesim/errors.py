@@ -62,7 +62,7 @@ class PsimError(Exception):
 
 
 class UsageError(PsimError):
-    """A wrong argument, a missing or unusable file, an output that exists. Nothing was written."""
+    """A wrong argument, a missing or unusable input, an output that exists. Nothing was written."""
 
     exit_code = 2
 
@@ -130,7 +130,7 @@ class DivergenceError(PsimError):
 
 
 class InputOutputError(PsimError):
-    """Reading or writing failed while the run was going on: disk full, file vanished, device error."""
+    """Reading or writing failed: disk full, file vanished, device error, a place where nothing may be written."""
 
     exit_code = 4
 

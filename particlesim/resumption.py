@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from particlesim.digest import physics_digest
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import MisfitError, Snapshot, restore
-from particlesim.errors import UsageError
+from particlesim.errors import DivergenceError, UsageError
 from particlesim.scenario.changes import changes
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path, read_checkpoint
@@ -56,8 +56,8 @@ class Resumption:
 def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | None:
     """Where the run that was to write `path` goes on, "complete" if it has ended, None if it has to begin anew.
 
-    Raises UsageError when the trajectory is of another scenario or version, is being written, diverged, or is damaged, and
-    when its checkpoints are damaged or of another run.
+    Raises UsageError when the trajectory is of another scenario or version, is being written, or is damaged, and when its
+    checkpoints are damaged or of another run; DivergenceError when it diverged.
     """
     if kind_of(path) is None:
         return None
@@ -75,7 +75,7 @@ def _find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | 
                 f"{path} is being written by a running simulation", "Wait for it, or stop it, then resume."
             )
         if trajectory.status == "diverged":
-            raise UsageError(f"the run of {path} diverged, and would do so again", ANEW)
+            raise DivergenceError(f"the run of {path} diverged, and would do so again", ANEW)
         if trajectory.status == "complete":
             return "complete"
         found = _latest(path)

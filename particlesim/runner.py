@@ -33,7 +33,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import previous_path
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
-from particlesim.trajectory.writer import TrajectoryWriter
+from particlesim.trajectory.writer import TrajectoryWriter, refuse_file_in_use
 from particlesim.validity import check_ledger, check_stored, misplaced
 
 __all__ = ["Progress", "Result", "run"]
@@ -52,6 +52,7 @@ def run(
     checkpoint_every: float | None = None,
     checkpoint_wall: float | None = None,
     max_wall: float | None = None,
+    must_fit: bool = True,
 ) -> Result:
     """Run a scenario, or the scenario of a file, from its start to its end.
 
@@ -66,9 +67,11 @@ def run(
     signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
     bits of one that was not; where nothing has begun it begins, and where all is done it does nothing.
 
-    Raises UsageError before anything is computed when the output exists (unless `overwrite`), the run cannot fit, or cannot
-    be resumed; DivergenceError when a number stops being finite, Interrupted on Ctrl-C and after `max_wall`,
-    InputOutputError when writing fails. Frames recorded until then are kept.
+    Raises UsageError before anything is computed when the output exists (unless `overwrite`) or is being written, the run
+    cannot fit by an upper bound of what it needs (unless `must_fit` is False), or cannot be resumed; DivergenceError when a
+    number stops being finite, or did so in the run to be resumed; Interrupted on Ctrl-C and after `max_wall`;
+    InputOutputError when writing fails, and before anything is computed where nothing may be written. Frames recorded until
+    then are kept.
     """
     if isinstance(scenario, str | PathLike):
         scenario = load(scenario)
@@ -87,7 +90,8 @@ def run(
             found = state
     check_references(scenario, path, bless=bless)
     required = needs(scenario)
-    check_fits(required, path)
+    if must_fit:
+        check_fits(required, path)
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
@@ -143,10 +147,14 @@ def _check_arguments(
 
 
 def _check_output(path: Path, *, overwrite: bool) -> None:
-    """Refuse a trajectory that could not be written, or not with its checkpoints beside it. Raises UsageError."""
+    """Refuse a trajectory that could not be written, or not with its checkpoints beside it, or that another run writes.
+
+    Raises UsageError, or InputOutputError for a place where nothing may be written.
+    """
     check_trajectory_name(path)
     check_target(path, overwrite=overwrite)
     check_name_length(previous_path(path), path.parent)
+    refuse_file_in_use(path)
 
 
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:

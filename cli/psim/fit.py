@@ -23,7 +23,7 @@ def fit(
         Path | None,
         typer.Argument(
             metavar="[DATA.csv]",
-            help="Measurements: columns time, id, x, y, z, vx, vy, vz, sigma_x ...; units in brackets, as x [[mm]].",
+            help=r"Measurements: columns time, id, x, y, z, vx, vy, vz, sigma_x ...; units in brackets, as x \[mm].",
         ),
     ] = None,
     vary: Annotated[
@@ -39,7 +39,7 @@ def fit(
         str | None, typer.Option("--aim", metavar="GROUP", help="Aim the one particle of this group.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", metavar="X,Y,Z", help="The point [[m]] that --aim has to hit.")
+        str | None, typer.Option("--target", metavar="X,Y,Z", help=r"The point \[m] that --aim has to hit.")
     ] = None,
     overrides: Overrides = None,
     starts: Annotated[

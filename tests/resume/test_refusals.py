@@ -10,6 +10,7 @@ import h5py
 import pytest
 
 import particlesim as ps
+from particlesim import runner
 from particlesim.resumption import find
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
 from particlesim.trajectory.hdf5 import open_for_frames
@@ -203,3 +204,21 @@ def test_a_writer_does_not_wait_for_what_is_damaged(stopped):
     with pytest.raises((OSError, RuntimeError, KeyError)), open_for_frames(stopped) as file:
         file["VTKHDF/Points"][()]
     assert time.monotonic() - began < 5
+
+
+def test_a_file_that_a_run_is_writing_is_not_replaced(tmp_path, monkeypatch):
+    """Not even with overwrite=True, and told before anything is computed."""
+    path, refused = tmp_path / "a.vtkhdf", []
+
+    def progress(now):
+        if now.frames == 5 and not refused:
+            with monkeypatch.context() as patch:
+                patch.setattr(runner, "needs", lambda scenario: pytest.fail("it began"))
+                with pytest.raises(ps.UsageError, match="being written"):
+                    ps.run(changed(), path, overwrite=True)
+            refused.append(True)
+
+    ps.run(changed(), path, progress=progress)
+    assert refused
+    with ps.open(path) as trajectory:
+        assert trajectory.status == "complete"
