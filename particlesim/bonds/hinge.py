@@ -32,12 +32,12 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from particlesim.bonds.base import Floats, Ints
+from particlesim.bonds.pairs import Index
 from particlesim.crossfield import invalid
 from particlesim.laws import helper, hinge_energy, hinge_moment, law
 from particlesim.model import Model, Name
 from particlesim.units import Degrees, Joules
 
-Index = Annotated[int, Field(ge=0, strict=True)]
 Form = Literal["harmonic", "cosine"]
 AngleGradient = tuple[float, float, float, float, float, float, float]
 DihedralGradient = tuple[float, float, float, float, float, float, float, float, float, float]

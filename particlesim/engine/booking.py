@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.bonding import Bonds
-from particlesim.engine.books import Books, accelerations, damping, halfway
+from particlesim.engine.books import Books, accelerations, damping, halfway, halfway_between
 from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.driving import Driven
 from particlesim.engine.measure import bond_energy
@@ -20,12 +20,13 @@ Floats = NDArray[np.float64]
 
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
-    without contact (None: nothing can be touched)."""
+    without contact (None: nothing can be touched); the energy that rods have given to led ends in that free step [J]."""
 
     columns: Columns
     begin: Floats
     h: Floats
     free: Columns | None
+    effort: float = 0.0
 
 
 def spans(clock: Clock | None, number: int, t: float, end: float) -> tuple[Floats, Floats]:
@@ -94,6 +95,7 @@ class SpringBooks:
         self.books = books
         self._bounds, self._forces, self._hinged = bounds, forces, hinged
         self._surfaces = any(structure.surfaces)
+        self._rods = bool(structure.rods)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
         self._names = [bonds.name for bonds in structure.bonds]
@@ -107,9 +109,10 @@ class SpringBooks:
         bonds: tuple[Bonds, ...],
         parts: Callable[[Columns], list[Columns]],
         end: float,
+        effort: float = 0.0,
     ) -> None:
         """Book a step that has been taken to the state `columns` at the time `end` [s]; `bonds` are as before it, and
-        `parts` cuts columns into those of the groups."""
+        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
         books, path = self.books, columns if step.free is None else step.free
         start = float(step.begin.min(initial=end))
         if (
@@ -119,7 +122,10 @@ class SpringBooks:
             or any(books.spends(k) for k in self._members)
         ):
             f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
-            middle = halfway(step.columns, path, f0 / columns.m, f1 / columns.m, step.h)
+            if self._rods:  # whose forces are not among these
+                middle = halfway_between(step.columns, path, step.h)
+            else:
+                middle = halfway(step.columns, path, f0 / columns.m, f1 / columns.m, step.h)
             fm = self._forces(
                 middle, bonds, (start + end) / 2
             )  # which also puts led particles where they are then
@@ -131,6 +137,8 @@ class SpringBooks:
                     books.book_powers(k, powers, h)
             self._book_damping([c for c, _ in states], bonds, end - start)
             self._book_motion([c for c, _ in states], (f0, fm, f1), end - start)
+            if self._driven.size and self._rods:
+                books.add("motion", -effort)
             if self._surfaces:
                 bare = [self._forces(c, bonds, t, corners=False) for c, t in states]
                 pulls = tuple(f - g for f, g in zip((f0, fm, f1), bare, strict=True))

@@ -1,4 +1,4 @@
-"""Islands of groups joined by springs, as the engine runs them: by stages, on one thread or several."""
+"""Islands of groups joined by springs and rods, as the engine runs them: by stages, on one thread or several."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ from particlesim.engine.islands import (
 )
 from particlesim.engine.krylov import UNSOLVED
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
+from particlesim.engine.rod_system import rod_system
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
@@ -58,8 +59,12 @@ WORTH_THREADS = 500_000
 """Spring-steps below which one thread is faster than waking others."""
 
 
+ROD_IN_SPRINGS = 20
+"""About how many springs take the time of a rod."""
+
+
 class CoupledIsland:
-    """Groups joined by springs; their states are stretches of the island's arrays."""
+    """Groups joined by springs and rods; their states are stretches of the island's arrays."""
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
@@ -70,7 +75,7 @@ class CoupledIsland:
         if isinstance(self._method, ImplicitMethod):
             self._staged = staged_implicit(self._method, dtype)
         else:
-            self._staged = staged(self._method)
+            self._staged = staged(self._method, apart=bool(island.rods))
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -96,11 +101,14 @@ class CoupledIsland:
             for each in state.driven
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
+        self.rods = rod_system(scenario, island, self._all, self.states, offset)
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
         self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self.springs += sum(each.rows.size for each in self._corners)
+        if self.rods is not None and self.rods.components > 1:
+            self.springs += ROD_IN_SPRINGS * self.rods.number
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
@@ -226,7 +234,8 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven, self._corners):
+            rods = None if self.rods is None else self.rods.rods
+            for share in share_out(count, threads, self._driven, self._corners, rods):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -248,7 +257,8 @@ class CoupledIsland:
         return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
-        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
+        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set. Then the
+        rods."""
         ids = self._all.id
         found = []
         for name, bonds in zip(names, self.bonds, strict=True):
@@ -257,15 +267,20 @@ class CoupledIsland:
             broke = np.full(len(pairs), np.inf) if bonds.breaking is None else bonds.breaking.when[there]
             rest = bonds.rest[there].astype(float)
             found.append(Topology(name, pairs, rest, broke, breakable=bonds.breaking is not None))
-        return found
+        return found if self.rods is None else [*found, *self.rods.topology(ids)]
 
     def _reduced_mass(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
         """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
         inverse = 1 / self._all.mass[: self._all.count].astype(float)
-        if self._all.clocked:
-            inverse[np.isinf(self._all.start[: self._all.count])] = 0
+        inverse[self._pinned()] = 0
         total = inverse[i] + inverse[j]
         return np.divide(1, total, out=np.zeros_like(total), where=total > 0)
+
+    def _pinned(self) -> NDArray[np.bool_]:
+        """Which particles no force moves."""
+        if not self._all.clocked:
+            return np.zeros(self._all.count, np.bool_)
+        return np.asarray(np.isinf(self._all.start[: self._all.count]))
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
@@ -295,6 +310,8 @@ class CoupledIsland:
         columns = self.island_columns()
         self._keep(first)
         opened = self._open(first)
+        if self.rods is not None:
+            self.rods.begin()
         done = [0] * len(shares)
         pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
@@ -317,6 +334,11 @@ class CoupledIsland:
             return None, None, self._unsolved(step)
         return None, None, self._find(step)
 
+    def fit(self) -> None:
+        """Bring particles on rods to velocities that keep lengths, after something has changed them from outside."""
+        if self.rods is not None:
+            self.rods.fit(self.island_columns())
+
     def _stop(self, step: int, pace: Pace) -> Fault:
         """Which particle could not go on; the island is where and when it was."""
         why, time, row = int(pace.report[0]), float(pace.report[1]), int(pace.report[2])
@@ -331,13 +353,16 @@ class CoupledIsland:
             return None
         columns = _with(self.island_columns(), self.bonds, [column.copy() for column in self._kept])[0]
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
-        free = None
+        free, effort = None, 0.0
         if "contact" in self.books.names:
             ((mine, work, share),) = self._for(1)
             free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
+            if self.rods is not None:
+                self.rods.begin()
             step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
-        return Opened(columns, begin, h, free)
+            effort = 0.0 if self.rods is None else self.rods.effort
+        return Opened(columns, begin, h, free, effort)
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""
@@ -349,7 +374,8 @@ class CoupledIsland:
         def parts(whole: Columns) -> list[Columns]:
             return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
 
-        self._booking.close(opened, columns, bonds, parts, last * self.dt)
+        effort = opened.effort if opened.free is not None or self.rods is None else self.rods.effort
+        self._booking.close(opened, columns, bonds, parts, last * self.dt, effort)
         self._booking.book_breaking(bonds, self.bonds, columns)
 
     def _forces_in(
@@ -404,11 +430,18 @@ class CoupledIsland:
         return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:
-        """Which particle: step once more on a copy, and look."""
+        """Which particle, or rod: step once more on a copy, and look."""
         columns = self.island_columns()
         ((bonds, work, share),) = self._for(1)
+        if self.rods is not None:
+            self.rods.begin()
         step_island(self._staged, self.parts, bonds, copied(columns), work, share, step, 1, self.dt)
         wild = ~np.isfinite(work.force).all(axis=0)
+        unheld = None if self.rods is None else self.rods.unheld()
+        if self.rods is not None and unheld is not None and np.isfinite(unheld.misfit):
+            row = self.rods.row_of(unheld, ~self._pinned())
+            member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+            return Fault(member, row - self._bounds[member], step, unheld=unheld)
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)

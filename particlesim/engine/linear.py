@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import IndependentIsland
+from particlesim.engine.rod_modes import bounding, directions, free_motions, pulls
 from particlesim.engine.spring_tensors import Tensors, bound, extreme_modes, jacobians, network, tensors
 from particlesim.engine.state import GroupState
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group
 from particlesim.integrators.regions import Linear, has_function
-from particlesim.laws import Particle, evaluate, force_dv, force_dx, velocity_dx
+from particlesim.laws import Particle, evaluate, force, force_dv, force_dx, velocity_dx
 from particlesim.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -37,6 +38,8 @@ MOST_SPRINGS = 100_000
 """Springs up to which extreme modes are computed; bounds serve for more."""
 FEW_SPRINGS = 20_000
 """Springs up to which that is done for every set alone, too."""
+MOST_RODS = 20_000
+"""Rods up to which what pulls on them is computed; more are left out."""
 
 
 class Blocks(NamedTuple):
@@ -80,9 +83,10 @@ class IslandModel:
     @property
     def _left_out(self) -> str:
         """What the linearised island lacks, in words."""
-        return (
-            " (without hinges and surfaces)" if self.structure.hinges or any(self.structure.surfaces) else ""
-        )
+        lacks = ["hinges and surfaces"] if self.structure.hinges or any(self.structure.surfaces) else []
+        if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
+            lacks += ["rods"] if self.island.rods.number > MOST_RODS else []
+        return f" (without {', '.join(lacks)})" if lacks else ""
 
     def linearise(self) -> Linearised:
         """Systems of each force alone and of all together."""
@@ -109,6 +113,7 @@ class IslandModel:
         if not isinstance(self.island, CoupledIsland) or any(self.massless):
             return None
         w, sets = self._mobility(), list(self._springs(self.island).values())
+        sets += [bounding(each) for each in self._rods(self.island).values()]
         k, d = self._background()
         return k + bound(sets, w, damping=False), d + bound(sets, w, damping=True)
 
@@ -116,6 +121,25 @@ class IslandModel:
         columns = island.island_columns()
         names = (bonds.name for bonds in self.structure.bonds)
         return {name: tensors(bond, columns) for name, bond in zip(names, island.bonds, strict=True)}
+
+    def _rods(self, island: CoupledIsland) -> dict[str, Tensors]:
+        """Every set of rods with what pulls on it at present; none where there are too many."""
+        if island.rods is None or island.rods.number > MOST_RODS:
+            return {}
+        total = np.zeros((3, self.count))
+        ends, begin = island.rods.ends, 0
+        for state, records in zip(island.states, self.records, strict=True):
+            for row in ends[(ends >= begin) & (ends < begin + state.count)].tolist():
+                total[:, row] = _force(tuple(records.values()), state.particle(row - begin, self.time))
+            begin += state.count
+        for springs in self._springs(island).values():
+            ahead = (springs.velocity * springs.e).sum(axis=0)
+            # Across it a spring pulls back with k (1 − L₀/l), hence along itself with l times that.
+            pull = (springs.across * springs.length + springs.damping * ahead) * springs.e
+            for axis in range(3):
+                total[axis] += np.bincount(springs.j, pull[axis], self.count)
+                total[axis] -= np.bincount(springs.i, pull[axis], self.count)
+        return pulls(island.rods, island.island_columns(), total, self._mobility())
 
     def _mobility(self) -> Floats:
         """1/m of every particle, or 1/γ without inertia; 0 for pinned ones."""
@@ -168,6 +192,11 @@ class IslandModel:
                 np.repeat(w, 3)[:, None] * network(springs, part, self.count).toarray()
                 for part in jacobians(springs)
             ]
+        for name, rods in self._rods(island).items():
+            terms[name] = [
+                np.repeat(w, 3)[:, None] * network(rods, part, self.count).toarray()
+                for part in jacobians(rods)
+            ]
         for label, blocks in self._blocks(self.count).items():
             terms[label] = [_diagonal(blocks.rows, part, self.count) for part in (blocks.kx, blocks.kv)]
         alone = {label: self._modes(kx, kv, w) for label, (kx, kv) in terms.items()}
@@ -182,6 +211,15 @@ class IslandModel:
         root = np.sqrt(np.repeat(w, 3)[free])
         # In y = √m x the matrices of springs are symmetric.
         kx, kv = (m[np.ix_(free, free)] * root / root[:, None] for m in (kx, kv))
+        if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
+            x = np.concatenate(
+                [state.x[:, : state.count].astype(float) for state in self.island.states], axis=1
+            )
+            space = free_motions(directions(self.island.rods, x).toarray()[:, free] * root)
+            if space.shape[1] == 0:
+                return pairs(np.zeros(1), np.zeros(1))
+            kx, kv = (space.T @ m @ space for m in (kx, kv))
+            free = free[: space.shape[1]]  # as many motions, all of them with inertia
         if not has_function(self.structure.method) and not kv.any():
             return pairs(-np.linalg.eigvals(kx), np.zeros(len(free)))
         massless = np.repeat(self.massless, [3 * state.count for state in self.island.states])[free]
@@ -200,6 +238,7 @@ class IslandModel:
     def _large(self, island: CoupledIsland) -> Linearised:
         """The modes that decide; forces on single particles add their largest stiffness and damping to each."""
         w, springs = self._mobility(), self._springs(island)
+        springs |= {name: bounding(rods) for name, rods in self._rods(island).items()}
         exact = sum(len(s.i) for s in springs.values()) <= MOST_SPRINGS
         find = extreme_modes if exact else _bounding_modes
         few = sum(len(s.i) for s in springs.values()) <= FEW_SPRINGS
@@ -267,6 +306,16 @@ def _jacobians(group: Group, sample: Sequence[Particle], record: Any) -> tuple[F
                 continue
             out[i] = np.where(np.isfinite(matrix), matrix, 0.0)
     return kx, kv
+
+
+def _force(records: tuple[Any, ...], p: Particle) -> Floats:
+    """The sum of forces on a particle [N]; 0 in singular places."""
+    try:
+        with np.errstate(all="ignore"):
+            found = np.array(evaluate(force, records, p), float)
+    except (ArithmeticError, ValueError):
+        return np.zeros(3)
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _gradients(sample: Sequence[Particle], flow: tuple[Any, ...]) -> tuple[Floats, Floats]:

@@ -58,7 +58,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
     CoupledIsland: frozenset(
         {
             *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "_corners", "_driven"),
-            *("_kept", "_method", "_shares", "_staged"),
+            *("_kept", "_method", "_shares", "_staged", "rods"),
         }
     ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),

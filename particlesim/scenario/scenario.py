@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, SpringLaw, Springs
+from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, SpringLaw, Springs
 from particlesim.bonds.hinge import Hinges
 from particlesim.checks import Check
 from particlesim.colliders import Plane
@@ -31,6 +31,7 @@ from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.jacobians import undifferentiable
 from particlesim.scenario.methods import too_fine
 from particlesim.scenario.rendering import RenderSettings, colorable
+from particlesim.scenario.rods import are_rods, rod_sets, rod_tables, unfit
 from particlesim.scenario.simulation import FieldName, Output, Simulation
 from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -64,6 +65,8 @@ class Scenario(Model):
     """What acts on particles."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
+    rods: tuple[Rods, ...] = ()
+    """Pairs of particles whose distance does not change."""
     angles: tuple[Angles, ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
     dihedrals: tuple[Dihedrals, ...] = ()
@@ -179,6 +182,11 @@ class Scenario(Model):
         return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
 
     @property
+    def rod_sets(self) -> tuple[RodSet, ...]:
+        """All sets of rods, each with a name of its own."""
+        return rod_sets(self, self.force_labels())
+
+    @property
     def hinges(self) -> tuple[HingeSet, ...]:
         """All angles and dihedrals, each set with its name in the ledger."""
         listed = (*self.angles, *self.dihedrals)
@@ -216,6 +224,7 @@ class Scenario(Model):
             _pairs,
             _pulled,
             _joined,
+            _rods,
             _colors,
             too_fine,
             _styles,
@@ -301,10 +310,10 @@ def _references(scenario: Scenario) -> Iterator[Invalid]:
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
     for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
         places += [((section, k, "on"), hinges.on) for k, hinges in enumerate(entries)]
-    for k, springs in enumerate(scenario.springs):
-        if springs.on is not None:
-            places.append((("springs", k, "on"), springs.on))
-        places += [(("springs", k, "between", j), name) for j, name in enumerate(springs.between or ())]
+    for here, joint in _joints(scenario):
+        if joint.on is not None:
+            places.append(((*here, "on"), joint.on))
+        places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
     for path, name in places:
         if name not in known:
@@ -455,17 +464,22 @@ def _motions(scenario: Scenario) -> Iterator[Invalid]:
             whole[motion.on] = k
 
 
+def _rods(scenario: Scenario) -> Iterator[Invalid]:
+    yield from unfit(scenario, [names for _, names, _ in _coupling_tables(scenario)])
+
+
 def _joined(scenario: Scenario) -> Iterator[Invalid]:
-    """What groups joined by springs have in common, and what they cannot do."""
+    """What groups joined by springs or rods have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
         ]
         if methods[0] != methods[1]:
             yield Invalid(
-                "springs join groups that step together, and these have different integrators "
+                f"{what} join groups that step together, and these have different integrators "
                 f"({methods[0].label}, {methods[1].label})",
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
@@ -473,7 +487,7 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
         for j, plane in enumerate(scenario.planes):
             if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
                 yield Invalid(
-                    "a plane cannot kill particles that are joined by springs",
+                    f"a plane cannot kill particles that are joined by {what}",
                     ("planes", j, "contact"),
                     ((here, "joined here"),),
                     hint="name the groups that the plane acts on with on = [...]",
@@ -484,7 +498,7 @@ def _joined(scenario: Scenario) -> Iterator[Invalid]:
             ]
             if group.cooling is not None and reads:
                 yield Invalid(
-                    f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by {what}",
                     (*place, "cooling"),
                     ((here, "joined here"),),
                 )
@@ -515,9 +529,11 @@ def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Keys, Hinges]]:
 
 
 def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], SpringLaw]]:
-    """Where particles are coupled at all: by springs, by angles and dihedrals, by drag on a surface; the last two as springs
-    that are neither damped nor given by mass."""
+    """Where particles are coupled at all: by springs, by rods, by angles and dihedrals, by drag on a surface; all but the
+    first as springs that are neither damped nor given by mass."""
     yield from _bond_tables(scenario)
+    for place, names in rod_tables(scenario):
+        yield place, names, SpringLaw(0.0)
     for place, hinges in _hinge_tables(scenario):
         yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
     for j, force in enumerate(scenario.forces):
@@ -527,17 +543,19 @@ def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str]
 
 
 def _styles(scenario: Scenario) -> Iterator[Invalid]:
-    """Videos draw what there is: groups and sets of springs that exist, surfaces and springs where there are some."""
+    """Videos draw what there is: groups and sets of springs or rods that exist, surfaces and lines where there are some."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    sets = {rods.name: ("rods", k) for k, rods in enumerate(scenario.rods)}
+    sets |= {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
     joined = {name for _, names, _ in _bond_tables(scenario) for name in names}
+    joined |= {name for _, names in rod_tables(scenario) for name in names}
     for name, style in scenario.render.styles.items():
         at = ("render", "styles", name)
         if name not in tables and name not in sets:
             known = [*tables, *sets]
             hint = did_you_mean(name, known)
             yield Invalid(
-                f"no group and no springs are called {name!r}", at, allowed=", ".join(known), hint=hint
+                f"no group, springs or rods are called {name!r}", at, allowed=", ".join(known), hint=hint
             )
         elif name in tables:
             path, group = tables[name]
@@ -545,12 +563,14 @@ def _styles(scenario: Scenario) -> Iterator[Invalid]:
             if style == "surface" and not skin:
                 yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
             if style == "lines" and name not in joined:
-                yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+                yield Invalid(
+                    f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
+                )
         elif style in ("surface", "points"):
             yield Invalid(
-                "springs are lines or hidden",
+                "springs and rods are lines or hidden",
                 at,
-                ((sets[name], "these springs"),),
+                ((sets[name], f"these {sets[name][0]}"),),
                 allowed='"lines", "hidden"',
             )
 
@@ -560,22 +580,30 @@ def _bond_tables(scenario: Scenario) -> Iterator[tuple[Keys, tuple[str, str], Sp
     for k, springs in enumerate(scenario.springs):
         yield ("springs", k), springs.groups(), springs.spring_law()
     for k, group in enumerate(scenario.particles):
-        if group.springs is not None:
-            yield ("particles", k, "springs"), (group.name, group.name), group.springs.laws()["structural"]
+        if group.springs is not None and (laws := group.springs.laws()):
+            yield ("particles", k, "springs"), (group.name, group.name), next(iter(laws.values()))
+
+
+def _joints(scenario: Scenario) -> Iterator[tuple[Keys, Springs | Rods]]:
+    """Where pairs of particles are joined, and how."""
+    for k, springs in enumerate(scenario.springs):
+        yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        yield ("rods", k), rods
 
 
 def _pairs(scenario: Scenario) -> Iterator[Invalid]:
-    """Springs join particles that exist."""
+    """Springs and rods join particles that exist."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
-    for k, springs in enumerate(scenario.springs):
-        for end, name in enumerate(springs.groups()):
+    for here, joint in _joints(scenario):
+        for end, name in enumerate(joint.groups()):
             path, group = tables[name]
             number = group.layout.number() if isinstance(group, Particles) else None
-            for j, pair in enumerate(springs.pairs or ()):
+            for j, pair in enumerate(joint.pairs or ()):
                 if number is not None and pair[end] >= number:
                     yield Invalid(
                         f"{name!r} has no particle {pair[end]}",
-                        ("springs", k, "pairs", j, end),
+                        (*here, "pairs", j, end),
                         (((*path, "layout"), f"{number} particles"),),
                         allowed=f"0 to {number - 1}",
                     )
@@ -595,19 +623,20 @@ def _pairs(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def _pulled(scenario: Scenario) -> Iterator[Invalid]:
-    """Springs join particles that are there from the start and that forces move."""
+    """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in _group_tables(scenario)}
     for here, names, law in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
         for name in dict.fromkeys(names):
             path, group = tables[name]
             if not isinstance(group, Particles):
                 yield Invalid(
-                    f"springs join particles that are there from the start, and {name!r} is emitted",
+                    f"{what} join particles that are there from the start, and {name!r} is emitted",
                     here,
                     ((path, "emitted here"),),
                 )
             elif group.dynamics.type == "tracer":
-                yield Invalid("tracers move with their flow; no spring pulls them", here, ((path, "here"),))
+                yield Invalid(f"tracers move with their flow; no {what} pull them", here, ((path, "here"),))
             elif group.dynamics.type == "first_order" and (law.damped or law.by_mass):
                 key = "frequency" if law.frequency is not None else "damping"
                 key = "damping_ratio" if law.damping_ratio is not None else key

@@ -44,10 +44,10 @@ def test_styles_of_what_there_is(styles: str) -> None:
 @pytest.mark.parametrize(
     ("styles", "says"),
     [
-        ('{ shet = "lines" }', "no group and no springs are called 'shet'"),
+        ('{ shet = "lines" }', "no group, springs or rods are called 'shet'"),
         ('{ dust = "surface" }', "'dust' has no surface"),
-        ('{ dust = "lines" }', "no springs join"),
-        ('{ tie = "surface" }', "springs are lines or hidden"),
+        ('{ dust = "lines" }', "no springs or rods join"),
+        ('{ tie = "surface" }', "springs and rods are lines or hidden"),
         ('{ sheet = "wool" }', "wool"),
     ],
 )
