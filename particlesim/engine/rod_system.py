@@ -14,7 +14,7 @@ from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.crossfield import Invalid, Path
 from particlesim.engine.islands import Unheld
 from particlesim.engine.rigging import new_rig, new_rods
-from particlesim.engine.rods import Rods, fit_rods, places
+from particlesim.engine.rods import Rods, fit_rods, places, take_aim
 from particlesim.engine.state import GroupState
 from particlesim.errors import UsageError
 from particlesim.forces.field import Field
@@ -94,6 +94,7 @@ class RodSystem:
     def fit(self, columns: Any) -> None:
         """Bring particles to the nearest places and velocities that fit."""
         self.begin()
+        take_aim(self.rods, places(columns))
         fit_rods(self.rods, places(columns))
 
     def topology(self, ids: Ints) -> list[Topology]:

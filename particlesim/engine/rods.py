@@ -330,17 +330,6 @@ def level(rods: Any, c: Any, k: Any) -> None:
     rods.effort[k] += push(rig, bench, c, bench.side, 1.0, k)
 
 
-@inlined
-def put_right(rods: Any, c: Any, k: Any) -> bool:
-    """Bring particles of a component that something else has moved to the nearest places and velocities that fit."""
-    load(rods.rig, rods.bench, c, k)
-    aim(rods.rig, rods.bench, c, k)
-    fits = shake(rods, c, k, 0.0)
-    if fits:
-        level(rods, c, k)
-    return fits
-
-
 # Kernels of their own, which those of islands call: they are compiled once, whatever else there is.
 
 
@@ -373,11 +362,14 @@ def after_kicks(rods: Any, c: Any) -> None:
 
 @kernel
 def fit_rods(rods: Any, c: Any) -> bool:
-    """Bring all particles on the rods of a thread to the nearest places and velocities that fit; whether that could be
-    done."""
+    """Bring particles on the rods of a thread that something else has moved since they were aimed at to the nearest places
+    and velocities that fit; whether that could be done."""
     held = True
     for k in range(rods.first, rods.last):
-        held = put_right(rods, c, k) and held
+        if shake(rods, c, k, 0.0):
+            level(rods, c, k)
+        else:
+            held = False
     return held
 
 

@@ -196,14 +196,6 @@ def test_what_cannot_be_held_ends_the_run_and_names_the_rod() -> None:
     assert caught.value.post_mortem.particle == 1, "not the pinned one"
 
 
-def test_single_precision_holds_lengths_to_its_rounding() -> None:
-    scene = table(5.0, 0.005, **chain((0, 0, 0), (1, 0, 0), (1, 1, 0), mass=1.0))
-    scene["simulation"]["precision"] = "single"
-    result = ps.run(ps.from_table(scene))
-    # Two coordinates up to 2, each rounded to 2⁻²⁴ of itself.
-    assert lengths(result) == pytest.approx([1, 1], abs=4 * 2**-23)
-
-
 def test_a_chain_falls_on_the_ground_and_stays_whole() -> None:
     position = [(0.1 * k, 0.5 + 0.02 * k, 0.03 * (k % 2)) for k in range(12)]
     scene = chain(*position, pinned=(), mass=0.1, radius=0.02)
