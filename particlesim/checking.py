@@ -14,7 +14,7 @@ from particlesim.engine.books import total_energy
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.observations import Oracle, Reference, Seen, judged, observer
-from particlesim.quantities import AXES, VECTORS
+from particlesim.quantities import AXES, VECTORS, is_count
 from particlesim.scenario.agreement import check_labels, check_step
 from particlesim.scenario.scenario import Scenario
 
@@ -43,8 +43,8 @@ def total(name: str, row: Mapping[str, float], energy_at_start: float) -> float:
     """
     if name == "energy":
         return total_energy(row)
-    if name == "potential":
-        return float(sum(value for key, value in row.items() if key.startswith("potential.")))
+    if name in ("potential", "work"):
+        return float(sum(value for key, value in row.items() if key.startswith(f"{name}.")))
     if name == "energy.drift":
         change = abs(total_energy(row) - energy_at_start)
         if energy_at_start == 0:
@@ -53,6 +53,16 @@ def total(name: str, row: Mapping[str, float], energy_at_start: float) -> float:
     if name in VECTORS:
         return float(np.sqrt(sum(row[f"{name}.{axis}"] ** 2 for axis in AXES)))
     return float(row.get(name, 0.0))  # a force that acts on no group stores no energy
+
+
+def count(name: str, born: int, died: Mapping[str, int], broken: Mapping[str, tuple[int, int]]) -> float:
+    """A number of births, deaths by cause, or broken springs by set, since the beginning."""
+    head, _, part = name.partition(".")
+    if head == "born":
+        return float(born)
+    if head == "died":
+        return float(died.get(part, 0) if part else sum(died.values()))
+    return float(sum(number for label, (number, _) in broken.items() if part in ("", label)))
 
 
 class Checks:
@@ -73,14 +83,15 @@ class Checks:
         self._energy: float | None = None
         self._drifts = any(check.quantity == "energy.drift" for check in scenario.checks)
 
-    def look(self, simulation: Simulation, row: Mapping[str, float], born: int, died: int) -> None:
+    def look(
+        self, simulation: Simulation, row: Mapping[str, float], born: int, died: Mapping[str, int]
+    ) -> None:
         """Look at the frame of the present state; `row` is the ledger's, empty when none is kept."""
         if not self._items:
             return
         if self._energy is None and self._drifts:
             row = row or simulation.ledger()
             self._energy = total_energy(row)
-        counts = {"born": float(born), "died": float(died)}
         for item in self._items:
             if simulation.step == 0 and isinstance(item.observer, Oracle):
                 item.observer.begin(simulation)
@@ -89,10 +100,12 @@ class Checks:
             if item.observer is not None:
                 item.take(item.observer.at(simulation), simulation.time)
                 continue
-            value = counts.get(item.check.quantity)
-            if value is None:
+            name = item.check.quantity
+            if is_count(name):
+                value = count(name, born, died, simulation.broken())
+            else:
                 row = row or simulation.ledger()
-                value = total(item.check.quantity, row, self._energy or 0.0)
+                value = total(name, row, self._energy or 0.0)
             item.take(judged(item.check, value, item.node, simulation.time), simulation.time)
 
     def state(self) -> dict[str, Any]:

@@ -83,7 +83,7 @@ class Course:
         for step in itertools.islice(steps, len(self.log.times), None):
             self.simulation.advance_to(step, between=self._rest)
             row = self._record()
-            self.checks.look(self.simulation, row, self.log.born, sum(self.log.died.values()))
+            self.checks.look(self.simulation, row, self.log.born, self.log.died)
             self.watch.look(self.simulation)
             self._rest()
 

@@ -16,7 +16,8 @@ from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.motions import Motion
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -172,10 +172,22 @@ def hinge_moment(f: Any, d: Any) -> float:
     return evaluate(hinge_moment, f, d)
 
 
+@generic(1)
+def hinge_stiffness(f: Any, d: Any) -> float:
+    """Second derivative of `hinge_energy` by the angle [J/rad²]."""
+    return evaluate(hinge_stiffness, f, d)
+
+
 @generic(3)
 def triangle_force(f: Any, s: Any) -> Vector:
     """Force on a triangle of a surface [N]; each corner feels a third of it."""
     return evaluate(triangle_force, f, s)
+
+
+@generic(9)
+def triangle_force_dv(f: Any, s: Any) -> Matrix:
+    """Jacobian of the force on a triangle by the mean velocity of its corners [N s/m], row by row; symmetric."""
+    return evaluate(triangle_force_dv, f, s)
 
 
 @generic(9)

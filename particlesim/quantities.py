@@ -27,16 +27,20 @@ from particlesim.units import (
 )
 
 AXES = ("x", "y", "z")
-COUNTS = ("count", "born", "died")
+COUNTS = ("count", "born", "died", "broken")
+"""Whole numbers, which there are without a ledger, too; 'died.CAUSE' and 'broken.SPRINGS' are parts of them."""
 MOTION = ("kinetic", "potential", "energy", "energy.drift")
 VECTORS = ("momentum", "angular_momentum")
+WORK, BALANCE = "work", "balance"
 
 TOTALS = (
-    *COUNTS,
+    "count",
+    "born",
+    "died",
     *MOTION,
     *(name for vector in VECTORS for name in (vector, *(f"{vector}.{axis}" for axis in AXES))),
 )
-"""Quantities of the whole simulation; 'potential.FORCE' is one more for every force that has a potential."""
+"""Quantities that every simulation has; `scenario.totals` knows those that a scenario adds."""
 
 VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
 
@@ -52,9 +56,12 @@ _UNITS: dict[str, Any] = {
     "count": Number,
     "born": Number,
     "died": Number,
+    "broken": Number,
     "kinetic": Joules,
     "potential": Joules,
     "energy": Joules,
+    "work": Joules,
+    "balance": Joules,
     "momentum": NewtonSeconds,
     "angular_momentum": JouleSeconds,
     "position": Metres,
@@ -67,6 +74,11 @@ _UNITS: dict[str, Any] = {
     "temperature": Kelvin,
     "age": Seconds,
 }
+
+
+def is_count(quantity: str) -> bool:
+    """Whether a quantity is a number of things, not a sum of the ledger."""
+    return quantity.partition(".")[0] in COUNTS
 
 
 def unit_of(quantity: str) -> Unit | None:

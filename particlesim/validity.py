@@ -13,7 +13,8 @@ from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws import velocity
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
 """Particles looked at per frame and group: the fastest ones."""

@@ -28,7 +28,8 @@ from particlesim.groups import Group
 from particlesim.runner import Progress, run
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.load import from_table
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory import reader
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory

@@ -15,13 +15,10 @@ if TYPE_CHECKING:
 
 
 def check_report(path: Path) -> None:
-    """Refuse a report that could not be written at the end. Raises UsageError."""
-    from particlesim.errors import UsageError
+    """Refuse a report that could not be written at the end; folders that are missing will be made. Raises UsageError."""
+    from particlesim.trajectory.target import check_target
 
-    if path.is_dir():
-        raise UsageError(f"{path} is a directory", "Name a file: --junit report.xml")
-    if not path.parent.is_dir():
-        raise UsageError(f"the folder {path.parent} does not exist", f"mkdir -p {path.parent}")
+    check_target(path, overwrite=True)
 
 
 def write_report(
@@ -29,8 +26,10 @@ def write_report(
 ) -> None:
     """Write a suite with the run itself and each of its checks as test cases; replaces an earlier report.
 
-    `error` is what ended the run early. Raises OSError when the file cannot be written.
+    `error` is what ended the run early. Missing folders are made. Raises InputOutputError when the file cannot be written.
     """
+    from particlesim.trajectory.target import replacing
+
     suite = plain(suite)  # XML has no control characters
     failures = sum(not check.passed for check in checks)
     root = ElementTree.Element(
@@ -53,4 +52,5 @@ def write_report(
             node.text = check.message
     tree = ElementTree.ElementTree(root)
     ElementTree.indent(tree)
-    tree.write(path, encoding="utf-8", xml_declaration=True)
+    with replacing(path) as temporary:
+        tree.write(temporary, encoding="utf-8", xml_declaration=True)

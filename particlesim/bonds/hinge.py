@@ -16,6 +16,13 @@ Dihedral of the triangles 1–2–3 and 4–3–2 with the common edge 2–3, F 
 B = H × G:
     φ = atan2((B × A)·G/|G|, A·B), from which the fold is φ − π: 0 when the triangles are flat.
 A degenerate triangle has no normal, and feels nothing.
+
+Implicit methods take from the second derivatives of U what is positive (semi-)definite whatever the shape: U'' ∇θ ∇θᵀ with
+U'' > 0 and, of angles, how a bent one resists being turned out of its plane. By α = n·δa/(|n||a|), β = n·δb/(|n||b|) that is
+
+    U'(d) ((α² + β²) cot θ − 2 α β/sin θ) = ½ U'(d) (cot(θ/2) (α − β)² − tan(θ/2) (α + β)²),
+
+of which one term is positive. Without it, and with the rest angle at 180°, a rope would be stiff in one plane alone.
 Source: A. Blondel, M. Karplus, New formulation for derivatives of torsion angles, J. Comput. Chem. 17, 1132 (1996).
 """
 
@@ -34,12 +41,13 @@ from pydantic import Field, model_validator
 from particlesim.bonds.base import Floats, Ints
 from particlesim.bonds.pairs import Index
 from particlesim.crossfield import invalid
-from particlesim.laws import helper, hinge_energy, hinge_moment, law
+from particlesim.laws import helper, hinge_energy, hinge_moment, hinge_stiffness, law
 from particlesim.model import Model, Name
 from particlesim.units import Degrees, Joules
 
 Form = Literal["harmonic", "cosine"]
 AngleGradient = tuple[float, float, float, float, float, float, float]
+AngleForms = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 DihedralGradient = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
@@ -79,6 +87,16 @@ def cosine_moment(f: Cosine, d: float) -> float:
     return f.k * np.sin(d)
 
 
+@law(hinge_stiffness, Harmonic)
+def harmonic_stiffness(f: Harmonic, d: float) -> float:
+    return f.k
+
+
+@law(hinge_stiffness, Cosine)
+def cosine_stiffness(f: Cosine, d: float) -> float:
+    return f.k * np.cos(d)
+
+
 @helper
 def wrapped(d: float) -> float:
     """An angle in (−π, π]."""
@@ -104,6 +122,65 @@ def angle_gradient(ax: float, ay: float, az: float, bx: float, by: float, bz: fl
         w * (nz * bx - nx * bz),
         w * (nx * by - ny * bx),
     )
+
+
+@helper
+def angle_forms(
+    stiffness: float, moment: float, ax: float, ay: float, az: float, bx: float, by: float, bz: float
+) -> AngleForms:
+    """Two vectors w and p, each by a and by b [√(N/m)]: w wᵀ + p pᵀ is the positive part of the second derivatives of U,
+    from U''(d) ≥ 0 and U'(d).
+
+    w points along the gradient, p out of the plane of the angle. On a straight or folded angle all planes are alike.
+    """
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    square = nx * nx + ny * ny + nz * nz
+    n = np.sqrt(square)
+    a2, b2 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
+    dot, ab = ax * bx + ay * by + az * bz, np.sqrt(a2 * b2)
+    bent = n > 0
+    # Across a straight angle: a with the axis nearest to its normal plane.
+    ox, oy, oz = other_axis(ax, ay, az)
+    mx, my, mz = (nx, ny, nz) if bent else (ay * oz - az * oy, az * ox - ax * oz, ax * oy - ay * ox)
+    m = np.sqrt(mx * mx + my * my + mz * mz)
+    inverse = 1 / m if m > 0 else m
+    mx, my, mz = mx * inverse, my * inverse, mz * inverse
+    s = np.sqrt(stiffness)
+    tilt = -0.5 * moment * (ab - dot) if moment < 0 else 0.5 * moment * (ab + dot)
+    t = np.sqrt(tilt / n) if bent else s
+    sign = 1.0 if (moment < 0 if bent else dot < 0) else -1.0
+    sound = (a2 > 0) & (b2 > 0)
+    # By a the gradient is −(m × a)/a², by b it is (m × b)/b²; on a straight angle both point to the same side.
+    u = -s / a2 if sound else a2 - a2
+    w = s / b2 if sound else a2 - a2
+    p = t / np.sqrt(a2) if sound else a2 - a2
+    q = sign * t / np.sqrt(b2) if sound else a2 - a2
+    return (
+        u * (my * az - mz * ay),
+        u * (mz * ax - mx * az),
+        u * (mx * ay - my * ax),
+        w * (my * bz - mz * by),
+        w * (mz * bx - mx * bz),
+        w * (mx * by - my * bx),
+        p * mx,
+        p * my,
+        p * mz,
+        q * mx,
+        q * my,
+        q * mz,
+    )
+
+
+@helper
+def other_axis(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The axis that a vector points along least."""
+    x, y, z = abs(x), abs(y), abs(z)
+    zero, one = x - x, x - x + 1
+    if x <= y and x <= z:
+        return one, zero, zero
+    if y <= z:
+        return zero, one, zero
+    return zero, zero, one
 
 
 @helper

@@ -18,15 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.emitters import Emitter
 from particlesim.engine.bonding import Bonds
 from particlesim.engine.columns import Columns
 from particlesim.engine.measure import damping_power, each_energy, each_force, each_power
 from particlesim.engine.program import as_precision
 from particlesim.forces import Force
-from particlesim.graph import Graph, Island
-from particlesim.laws import has_law, potential
+from particlesim.graph import Island
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.totals import causes, has_potential
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ class Books:
     """The accounts of an island: `names` of the causes and `totals` [J], in the same order."""
 
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
-        self.names = causes(scenario, structure)
+        self.names = causes(scenario, [group.name for group in structure.groups])
         self.totals = np.zeros(len(self.names))
         labels = scenario.force_labels()
         named = list(zip(labels, scenario.forces, strict=False))
@@ -72,38 +71,6 @@ class Books:
             self.add(label, float(joule))
 
 
-def causes(scenario: Scenario, structure: Island) -> tuple[str, ...]:
-    """What may give energy to an island or take it: labels of forces and springs, and names of other causes."""
-    labels = scenario.force_labels()
-    found = [
-        label
-        for label, law in zip(labels, scenario.forces, strict=False)
-        if not _stores(law) and any(law is mine for forces in structure.forces for mine in forces)
-    ]
-    found += [bonds.name for bonds in structure.bonds if bonds.law.damped]
-    found += [f"{bonds.name}.breaking" for bonds in structure.bonds if bonds.law.breaks]
-    if any(structure.surfaces):
-        found.append("surfaces")
-    if any(structure.planes):
-        found.append("contact")
-    if any(structure.motions):
-        found.append("motion")
-    if any(isinstance(group, Emitter) for group in structure.groups):
-        found.append("births")
-    if mortal(structure):
-        found.append("deaths")
-    return tuple(found)
-
-
-def work_columns(scenario: Scenario, graph: Graph) -> tuple[str, ...]:
-    """Columns of the ledger for work: of every cause in any island, impulses, and what is left of the balance."""
-    if not scenario.output.work:
-        return ()
-    found = [name for island in graph.islands for name in causes(scenario, island)]
-    found += ["impulses"] if scenario.impulses else []
-    return (*(f"work.{name}" for name in dict.fromkeys(found)), "balance")
-
-
 def total_energy(row: Mapping[str, float]) -> float:
     """Kinetic plus all potential energy of a row of the ledger [J]."""
     return float(sum(value for key, value in row.items() if is_energy(key)))
@@ -114,17 +81,6 @@ def is_energy(column: str) -> bool:
     return column == "kinetic" or column.startswith("potential.")
 
 
-def mortal(structure: Island) -> bool:
-    """Whether particles of an island may die."""
-    return any(isinstance(group, Emitter) for group in structure.groups) or any(
-        plane.contact == "kill" for planes in structure.planes for plane in planes
-    )
-
-
-def _stores(law: Force) -> bool:
-    return has_law(potential, law.record())
-
-
 def _chosen(
     named: Sequence[tuple[str, Force]], mine: Sequence[Force], dtype: np.dtype[Any], *, conservative: bool
 ) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -132,7 +88,7 @@ def _chosen(
     here = [
         (label, as_precision(law.record(), dtype))
         for label, law in named
-        if _stores(law) is conservative and any(law is other for other in mine)
+        if has_potential(law) is conservative and any(law is other for other in mine)
     ]
     return tuple(label for label, _ in here), tuple(record for _, record in here)
 

@@ -17,6 +17,8 @@ from typing import Any
 import numba
 from numba.core import config
 
+from particlesim.engine.linking import KernelPipeline, PartPipeline
+
 
 def _without_blas() -> None:
     """Import the part of Numba that would import SciPy, without SciPy.
@@ -47,6 +49,7 @@ _without_blas()
 # Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
 FAST = {"contract", "nsz", "arcp"}
 INLINE: dict[str, Any] = {
+    "pipeline_class": PartPipeline,
     "forceinline": True,
     "fastmath": FAST,
     "error_model": "numpy",
@@ -55,7 +58,12 @@ INLINE: dict[str, Any] = {
     "no_cfunc_wrapper": True,
 }
 
-_KERNEL: dict[str, Any] = {"nogil": True, "fastmath": FAST, "error_model": "numpy"}
+_KERNEL: dict[str, Any] = {
+    "pipeline_class": KernelPipeline,
+    "nogil": True,
+    "fastmath": FAST,
+    "error_model": "numpy",
+}
 
 problem: str | None = None
 """Why kernels are not kept on disk, or None when they are."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import types
+from numba import njit, types
 from numba.extending import overload
 
 import particlesim.bonds
@@ -102,6 +102,15 @@ def outlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator like `inlined` for what is long or called in many places: compiled as a function of its own."""
     overload(function, jit_options={**INLINE, "forceinline": False}, strict=False)(lambda *_: function)
     return function
+
+
+def spliced(function: Callable[..., Any]) -> Any:
+    """Decorator for what is long and called once: its statements become those of the caller before anything is compiled.
+
+    An outlined function is optimised and turned into machine code once by itself and again in every caller, along with all
+    that it calls. Choosing by types works in what is called, not in a spliced function itself.
+    """
+    return njit(inline="always", **{key: INLINE[key] for key in ("fastmath", "error_model")})(function)
 
 
 @inlined

@@ -14,7 +14,7 @@ import numpy as np
 
 from particlesim.bonds.hinge import angle_gradient, dihedral_gradient, wrapped
 from particlesim.engine.cache import kernel
-from particlesim.engine.compile import inline, outline, stub
+from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.forces.sheet_drag import Triangle
 from particlesim.laws import Particle, hinge_energy, hinge_moment, triangle_force
 
@@ -169,26 +169,30 @@ def _add_dihedrals(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any)
 
 def _add_triangles(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
     for q in range(each.rows.shape[1]):
-        i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
-        ax, ay, az = c.x[j] - c.x[i], c.y[j] - c.y[i], c.z[j] - c.z[i]
-        bx, by, bz = c.x[k] - c.x[i], c.y[k] - c.y[i], c.z[k] - c.z[i]
-        middle = Particle(
-            c.x[i] + (ax + bx) / 3,
-            c.y[i] + (ay + by) / 3,
-            c.z[i] + (az + bz) / 3,
-            (c.vx[i] + c.vx[j] + c.vx[k]) / 3,
-            (c.vy[i] + c.vy[j] + c.vy[k]) / 3,
-            (c.vz[i] + c.vz[j] + c.vz[k]) / 3,
-            c.m[i] - c.m[i],
-            c.m[i] - c.m[i],
-            c.m[i] - c.m[i],
-            t,
-        )
-        triangle = Triangle((ay * bz - az * by) / 2, (az * bx - ax * bz) / 2, (ax * by - ay * bx) / 2, middle)
-        fx, fy, fz = triangle_force(each.law, triangle)
-        give(total, i, first, last, fx / 3, fy / 3, fz / 3)
-        give(total, j, first, last, fx / 3, fy / 3, fz / 3)
-        give(total, k, first, last, fx / 3, fy / 3, fz / 3)
+        fx, fy, fz = triangle_force(each.law, triangle(each, c, q, t))
+        for corner in range(3):
+            give(total, each.rows[corner, q], first, last, fx / 3, fy / 3, fz / 3)
+
+
+@inlined
+def triangle(each: Any, c: Any, q: Any, t: Any) -> Any:
+    """Triangle q as laws see it."""
+    i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
+    ax, ay, az = c.x[j] - c.x[i], c.y[j] - c.y[i], c.z[j] - c.z[i]
+    bx, by, bz = c.x[k] - c.x[i], c.y[k] - c.y[i], c.z[k] - c.z[i]
+    middle = Particle(
+        c.x[i] + (ax + bx) / 3,
+        c.y[i] + (ay + by) / 3,
+        c.z[i] + (az + bz) / 3,
+        (c.vx[i] + c.vx[j] + c.vx[k]) / 3,
+        (c.vy[i] + c.vy[j] + c.vy[k]) / 3,
+        (c.vz[i] + c.vz[j] + c.vz[k]) / 3,
+        c.m[i] - c.m[i],
+        c.m[i] - c.m[i],
+        c.m[i] - c.m[i],
+        t,
+    )
+    return Triangle((ay * bz - az * by) / 2, (az * bx - ax * bz) / 2, (ax * by - ay * bx) / 2, middle)
 
 
 @kernel

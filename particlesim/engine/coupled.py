@@ -18,12 +18,12 @@ from particlesim.engine.barrier import meet, new_gate
 from particlesim.engine.bonding import add_bonds, break_bonds
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
-from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.engine.compile import inline, inlined, outline, spliced, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
 from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
 from particlesim.engine.rigging import divided
-from particlesim.engine.rods import Rods, after_contact, after_drift, after_kicks, places, take_aim
+from particlesim.engine.rods import Rods, after_contact, after_kicks, hold, places, take_aim
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
@@ -155,7 +155,7 @@ def share_out(
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk."""
     ranges = shares(count, threads)
-    held = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
+    mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
@@ -168,7 +168,7 @@ def share_out(
             wild,
             led_between(driven, first, last),
             corners_between(corners, first, last),
-            held[number],
+            mine[number],
         )
         for number, (first, last) in enumerate(ranges)
     ]
@@ -366,7 +366,7 @@ def _evolve(
         StagedRungeKutta: _runge_kutta,
         StagedVerlet: _verlet,
     }
-    return families.get(method.instance_class)  # those of implicit methods are in `engine.implicit`
+    return families.get(method.instance_class)
 
 
 def _composition(
@@ -413,7 +413,7 @@ def _held_composition(
         if glide != 0:
             drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
             meet(share.gate, share.threads)
-            if not after_drift(share.rods, here, method.drifts[stage] * (end - t)):
+            if not hold(share.rods, here, method.drifts[stage] * (end - t), share.rods.eager):
                 share.wild[8 * share.number] = 1
         meet(share.gate, share.threads)
     after_kicks(share.rods, here)
@@ -577,6 +577,41 @@ def all_finite(q: Any) -> bool:
     return not wild
 
 
+@spliced
+def begin_step(c: Any, work: Any, share: Any) -> None:
+    """Keep the state at the beginning of a step."""
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        save(block_of(c, lo, hi), work.before[:, lo:hi])
+    share.wild[8 * share.number] = 0
+
+
+@spliced
+def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
+    """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning."""
+    drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
+    collide(parts, c, work.before, share, t, end, h)
+    after_contact(share.rods, c, share)
+    for lo in range(share.first, share.last, share.chunk):
+        if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
+            share.wild[8 * share.number] = 1
+    meet(share.gate, share.threads)
+    good = share.wild.sum() == 0
+    if good:
+        break_bonds(bonds, c, share, end)
+    else:
+        restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
+    return good
+
+
+@spliced
+def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
+    """Velocities at the end of an interval of those that are led or have no inertia."""
+    evaluate(parts, bonds, c, work, share, end)
+    settle(parts, c, work.force, share, end)
+    drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
+
+
 @kernel
 def step_island(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, first_step: Any, steps: Any, dt: Any
@@ -584,31 +619,16 @@ def step_island(
     """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step · dt.
 
     As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when in the
-    next one a number stopped being finite, or no solution was found; its beginning is then restored.
+    next one a number stopped being finite; its beginning is then restored.
     """
     h = type_of(c.x[0], dt)
-    for s in range(steps):
-        t, end = (first_step + s) * dt, (first_step + s + 1) * dt
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            save(block_of(c, lo, hi), work.before[:, lo:hi])
-        share.wild[8 * share.number] = 0
+    for step in range(steps):
+        t, end = (first_step + step) * dt, (first_step + step + 1) * dt
+        begin_step(c, work, share)
         evolve(method, parts, bonds, c, work, share, t, end, h)
-        drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
-        collide(parts, c, work.before, share, t, end, h)
-        after_contact(share.rods, c, share)
-        for lo in range(share.first, share.last, share.chunk):
-            if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
-                share.wild[8 * share.number] = 1
-        meet(share.gate, share.threads)
-        if share.wild.sum() > 0:
-            restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
-            return s
-        break_bonds(bonds, c, share, end)
-    end = (first_step + steps) * dt
-    evaluate(parts, bonds, c, work, share, end)
-    settle(parts, c, work.force, share, end)
-    drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
+        if not end_step(parts, bonds, c, work, share, t, end, h):
+            return step
+    end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
     return steps
 
 

@@ -16,6 +16,7 @@ from particlesim.engine.booking import Opened, SpringBooks, spans
 from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
+from particlesim.engine.corner_stiffness import new_forms
 from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns, sum_hinges
 from particlesim.engine.coupled import (
     Part,
@@ -28,7 +29,7 @@ from particlesim.engine.coupled import (
     step_island,
 )
 from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
-from particlesim.engine.implicit import staged_implicit
+from particlesim.engine.implicit import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.islands import (
     OWN_STEPS,
     Fault,
@@ -38,7 +39,7 @@ from particlesim.engine.islands import (
     group_uses_radius,
     shortest_step,
 )
-from particlesim.engine.krylov import UNSOLVED
+from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.rod_system import rod_system
 from particlesim.engine.runs import chunk_size, in_slots, owned
@@ -73,9 +74,9 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged: tuple[Any, ...]
         if isinstance(self._method, ImplicitMethod):
-            self._staged = staged_implicit(self._method, dtype)
+            self._staged, self._step = staged_implicit(self._method, dtype), step_island_implicit
         else:
-            self._staged = staged(self._method, apart=bool(island.rods))
+            self._staged, self._step = staged(self._method, apart=bool(island.rods)), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -104,9 +105,9 @@ class CoupledIsland:
         self.rods = rod_system(scenario, island, self._all, self.states, offset)
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
-        self._corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
+        self.corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
-        self.springs += sum(each.rows.size for each in self._corners)
+        self.springs += sum(each.rows.size for each in self.corners)
         if self.rods is not None and self.rods.components > 1:
             self.springs += ROD_IN_SPRINGS * self.rods.number
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
@@ -235,7 +236,7 @@ class CoupledIsland:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
             rods = None if self.rods is None else self.rods.rods
-            for share in share_out(count, threads, self._driven, self._corners, rods):
+            for share in share_out(count, threads, self._driven, self.corners, rods):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -243,17 +244,21 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
-                found.append((mine, self._own_scratch(), share))
+                found.append((mine, self._own_scratch(share), share))
             self._shares[threads] = found
         return self._shares[threads]
 
-    def _own_scratch(self) -> Work:
+    def _own_scratch(self, share: Share) -> Work:
         """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
         work = self._work._replace(pull=np.zeros_like(self._work.pull))
         if work.system is None:
             return work
         system = work.system
-        own = system._replace(pull=np.zeros_like(system.pull), lanes=np.zeros_like(system.lanes))
+        own = system._replace(
+            pull=np.zeros_like(system.pull),
+            lanes=np.zeros_like(system.lanes),
+            corners=new_forms(share.corners, self._all.dtype),
+        )
         return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
@@ -318,12 +323,14 @@ class CoupledIsland:
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
             given = (self._staged, self.parts, bonds, columns, scratch, share)
-            if pace is None:
-                done[k] = step_island(*given, first, steps, self.dt)
-            else:
+            if pace is not None:
                 done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
+            else:
+                done[k] += self._step(*given, first + done[k], steps - done[k], self.dt)
 
         team.each(work, len(shares))
+        if pace is None and done[0] < steps and self._solves_more():
+            team.each(work, len(shares))
         if done[0] == steps:
             self._close(opened, last)
             return None, None, None
@@ -338,6 +345,28 @@ class CoupledIsland:
         """Bring particles on rods to velocities that keep lengths, after something has changed them from outside."""
         if self.rods is not None:
             self.rods.fit(self.island_columns())
+
+    def _solves_more(self) -> bool:
+        """Whether the last step met equations that are not symmetric and positive definite: from now on the kernel solves
+        these, too."""
+        if not isinstance(self._staged, StagedImplicit) or isinstance(self._staged.solver, General):
+            return False
+        if self._work.system.report[0] != INDEFINITE:
+            return False
+        self._staged = self._staged._replace(solver=General())
+        return True
+
+    def _step_copy(
+        self, parts: tuple[Part, ...], bonds: tuple[Bonds, ...], columns: Columns, first: int, steps: int
+    ) -> None:
+        """Steps of a copy of the particles and bonds, on one thread."""
+        ((_, work, share),) = self._for(1)
+        if self.rods is not None:
+            self.rods.begin()
+        given = (parts, bonds, columns, work, share)
+        done = self._step(self._staged, *given, first, steps, self.dt)
+        if done < steps and self._solves_more():
+            self._step(self._staged, *given, first + done, steps - done, self.dt)
 
     def _stop(self, step: int, pace: Pace) -> Fault:
         """Which particle could not go on; the island is where and when it was."""
@@ -355,12 +384,10 @@ class CoupledIsland:
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
         free, effort = None, 0.0
         if "contact" in self.books.names:
-            ((mine, work, share),) = self._for(1)
+            ((mine, _, _),) = self._for(1)
             free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
-            if self.rods is not None:
-                self.rods.begin()
-            step_island(self._staged, parts, bonds, free, work, share, step, 1, self.dt)
+            self._step_copy(parts, bonds, free, step, 1)
             effort = 0.0 if self.rods is None else self.rods.effort
         return Opened(columns, begin, h, free, effort)
 
@@ -416,9 +443,9 @@ class CoupledIsland:
 
         Nothing of the island changes.
         """
-        ((mine, work, share),) = self._for(1)
+        ((mine, _, _),) = self._for(1)
         columns, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
-        step_island(self._staged, self.parts, bonds, columns, work, share, first, steps, self.dt)
+        self._step_copy(self.parts, bonds, columns, first, steps)
         return columns, bonds, slice(0, self._all.count)
 
     def _unsolved(self, step: int) -> Fault:
@@ -432,10 +459,8 @@ class CoupledIsland:
     def _find(self, step: int) -> Fault:
         """Which particle, or rod: step once more on a copy, and look."""
         columns = self.island_columns()
-        ((bonds, work, share),) = self._for(1)
-        if self.rods is not None:
-            self.rods.begin()
-        step_island(self._staged, self.parts, bonds, copied(columns), work, share, step, 1, self.dt)
+        ((bonds, work, _),) = self._for(1)
+        self._step_copy(self.parts, bonds, copied(columns), step, 1)
         wild = ~np.isfinite(work.force).all(axis=0)
         unheld = None if self.rods is None else self.rods.unheld()
         if self.rods is not None and unheld is not None and np.isfinite(unheld.misfit):

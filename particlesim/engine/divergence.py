@@ -29,7 +29,7 @@ from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.integrators.regions import largest_step
 from particlesim.laws import Particle, bond_force, evaluate, force, has_law, potential
-from particlesim.scenario.scenario import acts_on
+from particlesim.scenario.reach import acts_on
 
 if TYPE_CHECKING:
     from particlesim.engine.simulation import Simulation
@@ -349,7 +349,7 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and 0 < stable < dt:
-        hint += f": {advice(stable)}"
+        hint += f": {advice(stable, rods=bool(structure.rods))}"
     return DivergenceError(message, hint, found)
 
 

@@ -15,14 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.engine.barrier import meet
+from particlesim.engine.cache import kernel
 from particlesim.engine.columns import fetch, recall, span, type_of
-from particlesim.engine.compile import inline, outline, outlined, stub
-from particlesim.engine.coupled import evaluate, evolve
+from particlesim.engine.compile import inline, outlined, spliced, stub
+from particlesim.engine.coupled import begin_step, end_interval, end_step, evaluate
 from particlesim.engine.krylov import (
     INDEFINITE,
     SOLVED,
     UNSOLVED,
     WILD,
+    General,
+    Symmetric,
     clear,
     conjugate_gradients,
     copy,
@@ -50,7 +53,8 @@ HALVINGS = 6
 
 class StagedImplicit(NamedTuple):
     """Numbers of an implicit method: γ, c, weights of the past and of the slope at the start, whether (X, V) is the middle;
-    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and linear iterations."""
+    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and linear iterations;
+    what equations the kernel can solve."""
 
     gamma: float
     node: float
@@ -62,6 +66,7 @@ class StagedImplicit(NamedTuple):
     rounding: float
     limit: int
     linear_limit: int
+    solver: Symmetric | General
 
 
 def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
@@ -78,17 +83,12 @@ def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
         ROUNDING * float(np.finfo(dtype).eps),
         1 if newton is None else newton.limit,
         method.max_linear_iterations,
+        Symmetric(),
     )
 
 
-@inline(evolve)
-def _evolve(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl | None:
-    return _implicit if method.instance_class is StagedImplicit else None
-
-
-def _implicit(
+@spliced
+def evolve_implicit(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
     s = work.system
@@ -115,7 +115,9 @@ def _implicit(
         else:
             wanted = goal if method.linear else max(FORCING**2 * size, 0.25 * goal)
             last, halved, taken, iterations = size, 0, 1.0, iterations + 1
-            status, left, turns = solve(bonds, s, share, plain, symmetric, size, wanted, method.linear_limit)
+            status, left, turns = solve(
+                method.solver, bonds, s, share, plain, symmetric, size, wanted, method.linear_limit
+            )
             spent += turns
             if status != SOLVED or method.linear:
                 ended, size = status, left
@@ -131,9 +133,9 @@ def _implicit(
         s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
 
 
-@outlined
+@spliced
 def solve(
-    bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
+    solver: Any, bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
 ) -> Any:
     """Solve the linear equations: how it ended, the size of what is left, and how many iterations it took."""
     status, left, turns, more = INDEFINITE, size, 0, 0
@@ -143,7 +145,7 @@ def solve(
         if status == INDEFINITE:
             copy(s.other, s.residual, share.first, share.last)
     if status == INDEFINITE:
-        status, left, more = stabilised(bonds, s, share, plain, size, goal, limit)
+        status, left, more = stabilised(solver, bonds, s, share, plain, size, goal, limit)
     return status, left, turns + more
 
 
@@ -205,28 +207,17 @@ def _slope_of(dynamics: Any, forces: Any, p: Any, fx: Any, fy: Any, fz: Any) -> 
     return overdamped
 
 
+@spliced
 def begin(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Any:
+) -> None:
     """X₀, V₀ and the first guess; returns when those of all shares are there."""
-    return stub()
-
-
-@outline(begin)
-def _begin(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl:
-    def impl(
-        method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-    ) -> None:
-        if method.slope != 0 or method.past != 0 or inertialess(parts):
-            evaluate(parts, bonds, c, work, share, t)
-        else:
-            clear(work.force, share.first, share.last)
-        begin_parts(method, parts, c, work, share, t, end, h)
-        meet(share.gate, share.threads)
-
-    return impl
+    if method.slope != 0 or method.past != 0 or inertialess(parts):
+        evaluate(parts, bonds, c, work, share, t)
+    else:
+        clear(work.force, share.first, share.last)
+    begin_parts(method, parts, c, work, share, t, end, h)
+    meet(share.gate, share.threads)
 
 
 def begin_parts(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
@@ -305,3 +296,19 @@ def finish(
     for i in range(share.first, share.last):
         if s.free[i] > 0:
             recollect(c.memory, i, before, c, h)
+
+
+@kernel
+def step_island_implicit(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, first_step: Any, steps: Any, dt: Any
+) -> int:
+    """As `step_island`, by an implicit method. What it left in `report` of the system tells how the last step ended."""
+    h = type_of(c.x[0], dt)
+    for step in range(steps):
+        t, end = (first_step + step) * dt, (first_step + step + 1) * dt
+        begin_step(c, work, share)
+        evolve_implicit(method, parts, bonds, c, work, share, t, end, h)
+        if not end_step(parts, bonds, c, work, share, t, end, h):
+            return step
+    end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
+    return steps

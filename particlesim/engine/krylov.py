@@ -11,13 +11,13 @@ Source: Y. Saad, Iterative Methods for Sparse Linear Systems, algorithms 9.1 and
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inlined, outline, outlined, stub
+from particlesim.engine.compile import inlined, outline, outlined, spliced, stub
 from particlesim.engine.multilevel import carry
 from particlesim.engine.stiffness import LANES, multiply
 
@@ -116,75 +116,80 @@ def scale_and_add(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
             u[i] = k * u[i] + v[i]
 
 
+@spliced
 def size2(s: Any, share: Any) -> Any:
     """rᵀ M⁻¹ r of the residual, and M⁻¹ r in `near`; the same number for all threads."""
-    return stub()
+    precondition(s, s.residual, s.near, share)
+    dots(s, 0, s.residual, s.near, share)
+    meet(share.gate, share.threads)
+    return summed(s, 0)
 
 
-@outline(size2)
-def _size2(s: Any, share: Any) -> Impl:
-    def impl(s: Any, share: Any) -> Any:
-        precondition(s, s.residual, s.near, share)
-        dots(s, 0, s.residual, s.near, share)
-        meet(share.gate, share.threads)
-        return summed(s, 0)
-
-    return impl
-
-
+@spliced
 def conjugate_gradients(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
     """Solve for `solution` from zero until rᵀ M⁻¹ r ≤ goal; needs what `size2` left, and `begin`, what it returned.
 
     Returns how it ended, the last rᵀ M⁻¹ r, and the number of iterations. `residual` is used up.
     """
-    return stub()
-
-
-@outline(conjugate_gradients)
-def _conjugate_gradients(
-    bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
-) -> Impl:
-    def impl(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
-        lo, hi = share.first, share.last
-        clear(s.solution, lo, hi)
-        copy(s.near, s.direction, lo, hi)
-        size = begin
+    lo, hi = share.first, share.last
+    clear(s.solution, lo, hi)
+    copy(s.near, s.direction, lo, hi)
+    size = begin
+    meet(share.gate, share.threads)
+    for iteration in range(limit):
+        if size <= goal:
+            return SOLVED, size, iteration
+        multiply(bonds, s.springs, s, s.direction, s.product, plain, share)
+        dots(s, 1, s.direction, s.product, share)
         meet(share.gate, share.threads)
-        for iteration in range(limit):
-            if size <= goal:
-                return SOLVED, size, iteration
-            multiply(bonds, s.springs, s, s.direction, s.product, plain, share)
-            dots(s, 1, s.direction, s.product, share)
-            meet(share.gate, share.threads)
-            curvature = summed(s, 1)
-            if not curvature < np.inf:
-                return WILD, size, iteration
-            if not curvature > 0:
-                return INDEFINITE, size, iteration
-            step = size / curvature
-            add_scaled(s.solution, step, s.direction, lo, hi)
-            add_scaled(s.residual, -step, s.product, lo, hi)
-            after = size2(s, share)
-            if not after < np.inf:
-                return WILD, after, iteration
-            scale_and_add(s.direction, after / size, s.near, lo, hi)
-            size = after
-            meet(share.gate, share.threads)
-        return (SOLVED if size <= goal else UNSOLVED), size, limit
-
-    return impl
+        curvature = summed(s, 1)
+        if not curvature < np.inf:
+            return WILD, size, iteration
+        if not curvature > 0:
+            return INDEFINITE, size, iteration
+        step = size / curvature
+        add_scaled(s.solution, step, s.direction, lo, hi)
+        add_scaled(s.residual, -step, s.product, lo, hi)
+        after = size2(s, share)
+        if not after < np.inf:
+            return WILD, after, iteration
+        scale_and_add(s.direction, after / size, s.near, lo, hi)
+        size = after
+        meet(share.gate, share.threads)
+    return (SOLVED if size <= goal else UNSOLVED), size, limit
 
 
-def stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
-    """BiCGStab, for equations that are not symmetric or not positive definite; as `conjugate_gradients` otherwise."""
+class Symmetric(NamedTuple):
+    """Stands for a kernel that solves symmetric positive definite equations alone: most islands have no others, and half of
+    what there is to compile is for them."""
+
+
+class General(NamedTuple):
+    """Stands for a kernel that solves any equations."""
+
+
+def stabilised(
+    solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
+) -> Any:
+    """BiCGStab, for equations that are not symmetric or not positive definite; as `conjugate_gradients` otherwise.
+
+    A kernel of the `Symmetric` kind gives them back: it ends with INDEFINITE.
+    """
     return stub()
 
 
 @outline(stabilised)
-def _stabilised(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Impl:
+def _stabilised(
+    solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
+) -> Impl:
+    if solver.instance_class is Symmetric:
+        return lambda solver, bonds, s, share, plain, begin, goal, limit: (INDEFINITE, begin, 0)
+
     # Preconditioned from the right. `shadow` is the residual at the start, `near` what the preconditioner makes of a vector,
     # `other` A M⁻¹ of the intermediate residual.
-    def impl(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
+    def impl(
+        solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
+    ) -> Any:
         lo, hi = share.first, share.last
         clear(s.solution, lo, hi)
         copy(s.residual, s.direction, lo, hi)

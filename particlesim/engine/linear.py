@@ -1,14 +1,14 @@
 """Islands linearised at a state: m δa ≈ (∂f/∂x) δx + (∂f/∂v) δv, for each force alone and for all together.
 
-Single particles give blocks of 3 × 3 from the Jacobians of their forces. Springs couple particles: a small island gives
-dense matrices, a large one its extreme modes alone (`spring_tensors`). Every mode y of x'' = Kx x + Kv v has Rayleigh
-quotients of stiffness, k = −ȳ·Kx y, and damping, d = −ȳ·Kv y, and its eigenvalues obey λ² + d λ + k = 0: a mode is a pair
-(k, d).
+Single particles give blocks of 3 × 3 from the Jacobians of their forces. Springs, hinges and surfaces couple particles: a
+small island gives dense matrices, a large one its extreme modes alone (`spring_tensors`, `corner_tensors`). Every mode y of
+x'' = Kx x + Kv v has Rayleigh quotients of stiffness, k = −ȳ·Kx y, and damping, d = −ȳ·Kv y, and its eigenvalues obey
+λ² + d λ + k = 0: a mode is a pair (k, d).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.corner_tensors import corner_tensors
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import IndependentIsland
-from particlesim.engine.rod_modes import bounding, directions, free_motions, pulls
-from particlesim.engine.spring_tensors import Tensors, bound, extreme_modes, jacobians, network, tensors
+from particlesim.engine.rod_modes import directions, free_motions, pulls
+from particlesim.engine.spring_tensors import Coupling, Tensors, bound, extreme_modes, tensors
 from particlesim.engine.state import GroupState
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group
@@ -38,6 +39,7 @@ MOST_SPRINGS = 100_000
 """Springs up to which extreme modes are computed; bounds serve for more."""
 FEW_SPRINGS = 20_000
 """Springs up to which that is done for every set alone, too."""
+
 MOST_RODS = 20_000
 """Rods up to which what pulls on them is computed; more are left out."""
 
@@ -54,8 +56,7 @@ class Blocks(NamedTuple):
 class Linearised:
     """An island near a state: its systems for every force alone, by label, and for all together.
 
-    `how` tells what they stand for: "all particles", "sampled particles", "extreme modes", or "bounds", and what is left
-    out.
+    `how` tells what they stand for: "all particles", "sampled particles", "extreme modes", or "bounds".
     """
 
     forces: dict[str, Linear]
@@ -79,14 +80,6 @@ class IslandModel:
         ]
         self.count = sum(state.count for state in island.states)
         self.massless = [group.dynamics.type != "second_order" for group in structure.groups]
-
-    @property
-    def _left_out(self) -> str:
-        """What the linearised island lacks, in words."""
-        lacks = ["hinges and surfaces"] if self.structure.hinges or any(self.structure.surfaces) else []
-        if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
-            lacks += ["rods"] if self.island.rods.number > MOST_RODS else []
-        return f" (without {', '.join(lacks)})" if lacks else ""
 
     def linearise(self) -> Linearised:
         """Systems of each force alone and of all together."""
@@ -112,34 +105,50 @@ class IslandModel:
         """
         if not isinstance(self.island, CoupledIsland) or any(self.massless):
             return None
-        w, sets = self._mobility(), list(self._springs(self.island).values())
-        sets += [bounding(each) for each in self._rods(self.island).values()]
+        w, sets = self._mobility(), [part for _, part in self._couplings(self.island)]
         k, d = self._background()
         return k + bound(sets, w, damping=False), d + bound(sets, w, damping=True)
 
-    def _springs(self, island: CoupledIsland) -> dict[str, Tensors]:
+    def _couplings(self, island: CoupledIsland) -> list[tuple[str, Coupling]]:
+        """Springs, rods, hinges, and triangles under each force, by label; a force on several surfaces comes several
+        times."""
         columns = island.island_columns()
-        names = (bonds.name for bonds in self.structure.bonds)
-        return {name: tensors(bond, columns) for name, bond in zip(names, island.bonds, strict=True)}
+        labels = dict(zip(map(id, self.scenario.forces), self.scenario.force_labels(), strict=False))
+        corners = [
+            *(each.name for each in self.structure.hinges),
+            *(labels[id(force)] for forces in self.structure.surfaces for force in forces),
+        ]
+        bonds = zip((each.name for each in self.structure.bonds), island.bonds, strict=True)
+        springs = [(name, tensors(bond, columns)) for name, bond in bonds]
+        return [
+            *springs,
+            *self._rods(island, [each for _, each in springs]),
+            *(
+                (name, corner_tensors(each, columns, self.time))
+                for name, each in zip(corners, island.corners, strict=True)
+            ),
+        ]
 
-    def _rods(self, island: CoupledIsland) -> dict[str, Tensors]:
-        """Every set of rods with what pulls on it at present; none where there are too many."""
+    def _rods(self, island: CoupledIsland, springs: Sequence[Tensors]) -> Iterator[tuple[str, Coupling]]:
+        """Sets of rods with what springs and forces on their ends pull at present; none where there are too many."""
         if island.rods is None or island.rods.number > MOST_RODS:
-            return {}
+            return
         total = np.zeros((3, self.count))
         ends, begin = island.rods.ends, 0
         for state, records in zip(island.states, self.records, strict=True):
             for row in ends[(ends >= begin) & (ends < begin + state.count)].tolist():
                 total[:, row] = _force(tuple(records.values()), state.particle(row - begin, self.time))
             begin += state.count
-        for springs in self._springs(island).values():
-            ahead = (springs.velocity * springs.e).sum(axis=0)
-            # Across it a spring pulls back with k (1 − L₀/l), hence along itself with l times that.
-            pull = (springs.across * springs.length + springs.damping * ahead) * springs.e
-            for axis in range(3):
-                total[axis] += np.bincount(springs.j, pull[axis], self.count)
-                total[axis] -= np.bincount(springs.i, pull[axis], self.count)
-        return pulls(island.rods, island.island_columns(), total, self._mobility())
+        for each in springs:
+            along = each.across * each.length + each.damping * (each.velocity * each.e).sum(axis=0)
+            for axis, pull in enumerate(along * each.e):
+                total[axis] += np.bincount(each.j, pull, self.count) - np.bincount(each.i, pull, self.count)
+        yield from pulls(island.rods, island.island_columns(), total, self._mobility())
+
+    def _left_out(self) -> str:
+        """What the linearised island lacks, in words."""
+        rods = self.island.rods if isinstance(self.island, CoupledIsland) else None
+        return " (without rods)" if rods is not None and rods.number > MOST_RODS else ""
 
     def _mobility(self) -> Floats:
         """1/m of every particle, or 1/γ without inertia; 0 for pinned ones."""
@@ -186,23 +195,17 @@ class IslandModel:
 
     def _dense(self, island: CoupledIsland) -> Linearised:
         """All particles, with matrices."""
-        w, terms = self._mobility(), {}
-        for name, springs in self._springs(island).items():
-            terms[name] = [
-                np.repeat(w, 3)[:, None] * network(springs, part, self.count).toarray()
-                for part in jacobians(springs)
-            ]
-        for name, rods in self._rods(island).items():
-            terms[name] = [
-                np.repeat(w, 3)[:, None] * network(rods, part, self.count).toarray()
-                for part in jacobians(rods)
-            ]
+        w = self._mobility()
+        zero = np.zeros((3 * self.count, 3 * self.count))
+        terms: dict[str, list[Floats]] = {}
+        for name, part in self._couplings(island):
+            found = [np.repeat(w, 3)[:, None] * matrix.toarray() for matrix in part.jacobians(self.count)]
+            terms[name] = [a + b for a, b in zip(terms.get(name, [zero, zero]), found, strict=True)]
         for label, blocks in self._blocks(self.count).items():
             terms[label] = [_diagonal(blocks.rows, part, self.count) for part in (blocks.kx, blocks.kv)]
         alone = {label: self._modes(kx, kv, w) for label, (kx, kv) in terms.items()}
-        zero = np.zeros((3 * self.count, 3 * self.count))
         kx, kv = (sum((part[k] for part in terms.values()), zero) for k in (0, 1))
-        return Linearised(alone, self._modes(kx, kv, w), "all particles" + self._left_out)
+        return Linearised(alone, self._modes(kx, kv, w), "all particles" + self._left_out())
 
     def _modes(self, kx: Floats, kv: Floats, w: Floats) -> Linear:
         """Modes of an island's matrices, in coordinates of free particles: eigenvalues λ where the method has a function of
@@ -212,9 +215,7 @@ class IslandModel:
         # In y = √m x the matrices of springs are symmetric.
         kx, kv = (m[np.ix_(free, free)] * root / root[:, None] for m in (kx, kv))
         if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
-            x = np.concatenate(
-                [state.x[:, : state.count].astype(float) for state in self.island.states], axis=1
-            )
+            x = np.concatenate([state.position.T.astype(float) for state in self.island.states], axis=1)
             space = free_motions(directions(self.island.rods, x).toarray()[:, free] * root)
             if space.shape[1] == 0:
                 return pairs(np.zeros(1), np.zeros(1))
@@ -237,20 +238,21 @@ class IslandModel:
 
     def _large(self, island: CoupledIsland) -> Linearised:
         """The modes that decide; forces on single particles add their largest stiffness and damping to each."""
-        w, springs = self._mobility(), self._springs(island)
-        springs |= {name: bounding(rods) for name, rods in self._rods(island).items()}
-        exact = sum(len(s.i) for s in springs.values()) <= MOST_SPRINGS
-        find = extreme_modes if exact else _bounding_modes
-        few = sum(len(s.i) for s in springs.values()) <= FEW_SPRINGS
+        w, couplings = self._mobility(), self._couplings(island)
+        number = sum(part.number for _, part in couplings)
+        labels = dict.fromkeys(name for name, _ in couplings)
+        sets = {label: [part for name, part in couplings if name == label] for label in labels}
         alone = {
-            name: self._damped((extreme_modes if few else _bounding_modes)([s], w))
-            for name, s in springs.items()
+            label: self._damped((extreme_modes if number <= FEW_SPRINGS else _bounding_modes)(parts, w))
+            for label, parts in sets.items()
         }
         for label, blocks in self._blocks(SAMPLE).items():
             alone[label] = Linear(blocks.kx, None if all(self.massless) else blocks.kv)
-        modes = find(list(springs.values()), w) if springs else np.zeros((1, 2))
+        find = extreme_modes if number <= MOST_SPRINGS else _bounding_modes
+        modes = find([part for _, part in couplings], w) if couplings else np.zeros((1, 2))
         together = self._damped(modes + self._background())
-        return Linearised(alone, together, ("extreme modes" if exact else "bounds") + self._left_out)
+        how = "extreme modes" if number <= MOST_SPRINGS else "bounds"
+        return Linearised(alone, together, how + self._left_out())
 
     def _damped(self, modes: Floats) -> Linear:
         """Pairs (k, d) as systems; without inertia x' = −k x."""
@@ -338,7 +340,7 @@ def _diagonal(rows: NDArray[np.int64], blocks: Floats, count: int) -> Floats:
     return out.reshape(3 * count, 3 * count)
 
 
-def _bounding_modes(sets: Sequence[Tensors], w: Floats) -> Floats:
+def _bounding_modes(sets: Sequence[Coupling], w: Floats) -> Floats:
     """Modes as stiff and as damped as any could be, each alone and both at once, shape [3, 2]."""
     k, d = (bound(sets, w, damping=damping) for damping in (False, True))
     return np.array([[k, 0.0], [k, d], [0.0, d]])

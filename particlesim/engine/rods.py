@@ -342,13 +342,17 @@ def take_aim(rods: Any, c: Any) -> None:
 
 
 @kernel
-def after_drift(rods: Any, c: Any, h: Any) -> bool:
-    """Hold all rods of a thread after a drift of h [s]; whether that could be done."""
+def hold(rods: Any, c: Any, h: Any, levelled: bool) -> bool:
+    """Hold all rods of a thread after a drift of h [s] since they were aimed at, and level their velocities if asked to;
+    whether that could be done.
+
+    0 stands for anything else that has moved particles: they are brought to the nearest places that fit.
+    """
     held = True
     for k in range(rods.first, rods.last):
         if not shake(rods, c, k, h):
             held = False
-        elif rods.eager:
+        elif levelled:
             level(rods, c, k)
     return held
 
@@ -358,19 +362,6 @@ def after_kicks(rods: Any, c: Any) -> None:
     """Level the velocities of all rods of a thread."""
     for k in range(rods.first, rods.last):
         level(rods, c, k)
-
-
-@kernel
-def fit_rods(rods: Any, c: Any) -> bool:
-    """Bring particles on the rods of a thread that something else has moved since they were aimed at to the nearest places
-    and velocities that fit; whether that could be done."""
-    held = True
-    for k in range(rods.first, rods.last):
-        if shake(rods, c, k, 0.0):
-            level(rods, c, k)
-        else:
-            held = False
-    return held
 
 
 def after_contact(rods: Any, c: Any, share: Any) -> Any:
@@ -386,7 +377,7 @@ def _after_contact(rods: Any, c: Any, share: Any) -> Impl:
     def impl(rods: Any, c: Any, share: Any) -> None:
         if rods.touched:
             meet(share.gate, share.threads)
-            if not fit_rods(rods, places(c)):
+            if not hold(rods, places(c), 0.0, True):
                 share.wild[8 * share.number] = 1
             meet(share.gate, share.threads)
 

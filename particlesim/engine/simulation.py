@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.books import total_energy, work_columns
+from particlesim.engine.books import total_energy
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.divergence import Guard, not_finite, overflowed
@@ -24,7 +24,9 @@ from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
 from particlesim.graph import Graph, build_graph
 from particlesim.laws import has_law, potential
-from particlesim.scenario.scenario import Scenario, acts_on
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.totals import work_columns
 from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
 
@@ -193,7 +195,8 @@ class Simulation:
         forces = sorted({k for here, _ in self._sources for k in here})
         bonds = range(len(self.scenario.forces), len(self._labels))
         potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
-        return (*MOTION, *potentials, *work_columns(self.scenario, self.graph))
+        work = work_columns(self.scenario) if self.scenario.output.work else ()
+        return (*MOTION, *potentials, *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""

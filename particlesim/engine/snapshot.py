@@ -57,8 +57,8 @@ FOLLOWS: dict[type, frozenset[str]] = {
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "_corners", "_driven"),
-            *("_kept", "_method", "_shares", "_staged", "rods"),
+            *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "corners", "_driven"),
+            *("_kept", "_method", "_shares", "_staged", "_step", "rods"),
         }
     ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),

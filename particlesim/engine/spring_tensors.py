@@ -8,8 +8,8 @@ largest eigenvalue is at most that of Σ (w₁ + w₂) T over the springs of som
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,58 @@ class Tensors(NamedTuple):
     along: Floats
     across: Floats
     damping: Floats
+
+    @property
+    def number(self) -> int:
+        """How many there are."""
+        return len(self.i)
+
+    def matrices(self, count: int) -> tuple[Any, Any]:
+        """Stiffness and damping of all particles as sparse matrices, shape [3 count, 3 count].
+
+        Springs that are pushed count as neutral across, where they would buckle.
+        """
+        return network(self, _stiffness(self), count), network(self, _damping(self), count)
+
+    def jacobians(self, count: int) -> tuple[Any, Any]:
+        """∂f/∂x and ∂f/∂v of all particles as sparse matrices, exact."""
+        by_place, by_velocity = jacobians(self)
+        return network(self, by_place, count), network(self, by_velocity, count)
+
+    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
+        """What bounds the stiffness or the damping of particles: which ones [n], and tensors to be added up, as xx, yy, zz,
+        xy, xz, yz [n]; of 1 row, a bound on their largest eigenvalue."""
+        along, across = (
+            (self.damping, np.zeros_like(self.damping))
+            if damping
+            else (self.along, np.maximum(self.across, 0))
+        )
+        pull = w[self.i] + w[self.j]
+        if rows == 1:
+            parts = [pull * np.maximum(along, across)]
+        else:
+            x, y, z = self.e
+            rise, base = pull * (along - across), pull * across
+            parts = [
+                rise * x * x + base,
+                rise * y * y + base,
+                rise * z * z + base,
+                rise * x * y,
+                rise * x * z,
+                rise * y * z,
+            ]
+        yield self.i, parts
+        yield self.j, parts
+
+
+class Coupling(Protocol):
+    """What joins particles, linearised: springs, hinges, or triangles."""
+
+    @property
+    def number(self) -> int: ...
+    def matrices(self, count: int) -> tuple[Any, Any]: ...
+    def jacobians(self, count: int) -> tuple[Any, Any]: ...
+    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]: ...
 
 
 def tensors(bond: Bonds, columns: Any) -> Tensors:
@@ -96,30 +148,13 @@ def network(s: Tensors, blocks: Floats, count: int) -> Any:
     return coo_array((values.ravel(), (rows, columns)), shape=(3 * count, 3 * count)).tocsr()
 
 
-def bound(sets: Sequence[Tensors], w: Floats, *, damping: bool) -> float:
+def bound(sets: Sequence[Coupling], w: Floats, *, damping: bool) -> float:
     """At least the largest eigenvalue of a network's stiffness [1/s²], or of its damping [1/s]; w is 1/m, shape [n]."""
-    number = sum(len(s.i) for s in sets)
-    rows = np.zeros((6 if number <= BY_COMPONENT else 1, len(w)))
+    rows = np.zeros((6 if sum(s.number for s in sets) <= BY_COMPONENT else 1, len(w)))
     for s in sets:
-        along, across = (
-            (s.damping, np.zeros_like(s.damping)) if damping else (s.along, np.maximum(s.across, 0))
-        )
-        pull = w[s.i] + w[s.j]
-        if len(rows) == 1:
-            parts = [pull * np.maximum(along, across)]
-        else:
-            x, y, z = s.e
-            rise, base = pull * (along - across), pull * across
-            parts = [
-                rise * x * x + base,
-                rise * y * y + base,
-                rise * z * z + base,
-                rise * x * y,
-                rise * x * z,
-                rise * y * z,
-            ]
-        for row, part in zip(rows, parts, strict=True):
-            row += np.bincount(s.i, part, len(w)) + np.bincount(s.j, part, len(w))
+        for at, parts in s.loads(w, damping=damping, rows=len(rows)):
+            for row, part in zip(rows, parts, strict=True):
+                row += np.bincount(at, part, len(w))
     rows = rows[:, w > 0]
     if len(rows) == 1 or not rows.size:
         return float(rows.max(initial=0.0))
@@ -129,19 +164,15 @@ def bound(sets: Sequence[Tensors], w: Floats, *, damping: bool) -> float:
     return float(np.minimum(sums, xx + yy + zz).max())
 
 
-def extreme_modes(sets: Sequence[Tensors], w: Floats) -> Floats:
-    """Stiffness k [1/s²] and damping d [1/s] of the stiffest mode, the most damped one, and one between; shape [modes, 2].
-
-    Springs that are pushed count as neutral across, where they would buckle.
-    """
+def extreme_modes(sets: Sequence[Coupling], w: Floats) -> Floats:
+    """Stiffness k [1/s²] and damping d [1/s] of the stiffest mode, the most damped one, and one between; [modes, 2]."""
     from scipy.sparse import diags_array
 
     root = diags_array(np.sqrt(np.repeat(w, 3)))
-    stiffness, damping = (
-        sum(root @ network(s, blocks(s), len(w)) @ root for s in sets) for blocks in (_stiffness, _damping)
-    )
+    parts = [s.matrices(len(w)) for s in sets]
+    stiffness, damping = (sum(root @ part[k] @ root for part in parts) for k in (0, 1))
     modes = [_largest(stiffness)]
-    if any(s.damping.any() for s in sets):
+    if damping.count_nonzero():
         modes.append(_largest(damping))
         frequency = float(np.sqrt(max(modes[0] @ (stiffness @ modes[0]), 0.0)))
         modes.append(_largest(stiffness + frequency * damping))

@@ -6,7 +6,8 @@ G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single p
     (c + γ k) e eᵀ + γ max(T/l, 0) (1 − e eᵀ) = q 1 + w wᵀ
 
 on the difference of its ends, with e its direction, l its length and T its tension. Compressed springs would push sideways;
-that part is dropped, so that B is positive (semi-)definite. A spring is the four numbers w and q.
+that part is dropped, so that B is positive (semi-)definite. A spring is the four numbers w and q. What hinges and triangles
+add to B is in `particlesim.engine.corner_stiffness`.
 
 Threads own chunks of particles and add to those alone, piece after piece, as they do with forces.
 Source: D. Baraff, A. Witkin, SIGGRAPH 1998; K.-J. Choi, H.-S. Ko, SIGGRAPH 2002.
@@ -24,7 +25,8 @@ from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, chunks_of, of_bond, of_bonds
 from particlesim.engine.columns import fetch, type_of
-from particlesim.engine.compile import inline, inlined, outline, outlined, stub, times
+from particlesim.engine.compile import inline, inlined, outline, outlined, spliced, stub, times
+from particlesim.engine.corner_stiffness import stiffen, times_corners
 from particlesim.engine.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.runs import (
     FIRST,
@@ -57,7 +59,8 @@ class System(NamedTuple):
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `pull`: scratch of a thread [7, chunk], and `lanes` for its
+    `springs`: w and q of every slot [4, slots], for every set; `corners`: what hinges and triangles of a thread add
+    (`particlesim.engine.corner_stiffness`); `pull`: scratch of a thread [7, chunk], and `lanes` for its
     sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
     Newton and linear iterations.
     """
@@ -77,6 +80,7 @@ class System(NamedTuple):
     shadow: Any
     other: Any
     springs: tuple[Any, ...]
+    corners: tuple[Any, ...]
     lattices: Lattices
     pull: Any
     lanes: Any
@@ -110,6 +114,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         other=rows(3),
         lattices=_lattices(bonds, place, dtype),
         springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
+        corners=(),
         pull=np.zeros((7, chunk), dtype),
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
@@ -404,6 +409,7 @@ def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, shar
                     out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
         for chunk in range(chunks_of(bonds)):
             _times_chunk(bonds, springs, s.pull, x, y, chunk)
+        times_corners(share.corners, s.corners, x, y, lo, hi)
 
     return impl
 
@@ -494,36 +500,30 @@ def of_rounding(s: Any, c: Any, lo: Any, hi: Any, reach: Any) -> float:
     return total
 
 
+@spliced
 def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
     """The equations at the present state, under the total forces at time t; ready when all threads have met.
 
     Returns whether G is zero, whether the matrix is symmetric, and Σ tr(M) (V² + X²/γ²): the square of the residual that
     errors of the size of all positions and velocities would leave.
     """
-    return stub()
-
-
-@outline(linearise)
-def _linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Impl:
-    def impl(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
-        flags = s.flags[FLAGS * share.number : FLAGS * (share.number + 1)]
-        flags[:] = 0
-        for lo in range(share.first, share.last, share.chunk):
-            add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
-        add_springs(bonds, s.springs, c, s, reach)
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)
-        gather_blocks(s, share)
-        invert(s, share.first, share.last)
-        meet(share.gate, share.threads)
-        general, coupled = False, False
-        for k in range(share.threads):
-            general |= s.flags[FLAGS * k + GENERAL] != 0
-            coupled |= s.flags[FLAGS * k + COUPLED_AXES] != 0
-        rounding = 0.0
-        for k in range(s.partial.shape[1]):
-            rounding += s.partial[3, k]
-        return not coupled, not general, rounding
-
-    return impl
+    flags = s.flags[FLAGS * share.number : FLAGS * (share.number + 1)]
+    flags[:] = 0
+    for lo in range(share.first, share.last, share.chunk):
+        add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
+    add_springs(bonds, s.springs, c, s, reach)
+    gather_blocks(s, share)
+    stiffen(share.corners, s.corners, c, s, share.first, share.last, t, reach)
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)
+    invert(s, share.first, share.last)
+    meet(share.gate, share.threads)
+    general, coupled = False, False
+    for k in range(share.threads):
+        general |= s.flags[FLAGS * k + GENERAL] != 0
+        coupled |= s.flags[FLAGS * k + COUPLED_AXES] != 0
+    rounding = 0.0
+    for k in range(s.partial.shape[1]):
+        rounding += s.partial[3, k]
+    return not coupled, not general, rounding

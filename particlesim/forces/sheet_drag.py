@@ -23,7 +23,7 @@ from particlesim.crossfield import invalid
 from particlesim.flows import AnyFlow
 from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
-from particlesim.laws import Particle, Vector, law, triangle_force, velocity
+from particlesim.laws import Matrix, Particle, Vector, law, triangle_force, triangle_force_dv, velocity
 from particlesim.units import KilogramsPerCubicMetre, Number
 
 
@@ -106,3 +106,30 @@ def sheet_drag_force(f: SheetDragRecord, s: Triangle) -> Vector:
     n = area - area if leeward else f.normal * square * abs(across) * across
     t = f.tangential * area * np.sqrt(tx * tx + ty * ty + tz * tz)
     return n * s.x + t * tx, n * s.y + t * ty, n * s.z + t * tz
+
+
+@law(triangle_force_dv, SheetDragRecord)
+def sheet_drag_dv(f: SheetDragRecord, s: Triangle) -> Matrix:
+    # −∂f/∂u, with ½ ρ A (2 c_n |u_n| n nᵀ + c_t (|u_t| (1 − n nᵀ) + u_t u_tᵀ/|u_t|)): negative (semi-)definite.
+    wx, wy, wz = velocity(f.flow, s.middle)
+    ux, uy, uz = wx - s.middle.vx, wy - s.middle.vy, wz - s.middle.vz
+    square = s.x * s.x + s.y * s.y + s.z * s.z
+    area = np.sqrt(square)
+    across = (ux * s.x + uy * s.y + uz * s.z) / square if square > 0 else square - square  # u·n / A
+    tx, ty, tz = ux - across * s.x, uy - across * s.y, uz - across * s.z
+    speed = np.sqrt(tx * tx + ty * ty + tz * tz)
+    leeward = f.closed * across > 0
+    t = f.tangential * area * speed
+    n = (area - area if leeward else 2 * f.normal * abs(across)) - (t / square if square > 0 else t)
+    e = f.tangential * area / speed if speed > 0 else speed
+    return (
+        -(n * s.x * s.x + e * tx * tx + t),
+        -(n * s.x * s.y + e * tx * ty),
+        -(n * s.x * s.z + e * tx * tz),
+        -(n * s.y * s.x + e * ty * tx),
+        -(n * s.y * s.y + e * ty * ty + t),
+        -(n * s.y * s.z + e * ty * tz),
+        -(n * s.z * s.x + e * tz * tx),
+        -(n * s.z * s.y + e * tz * ty),
+        -(n * s.z * s.z + e * tz * tz + t),
+    )

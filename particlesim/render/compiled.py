@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numba
 
 from particlesim.engine.cache import FAST, INLINE, keep_on_disk, kernel
+from particlesim.engine.linking import KernelPipeline
 
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit  # its type hints do not know `_nrt`
@@ -19,7 +20,11 @@ _njit: Any = numba.njit  # its type hints do not know `_nrt`
 
 def lean(function: F) -> F:
     """A kernel that makes no arrays: it counts no references, which saves a quarter of the time."""
-    compiled: F = keep_on_disk(_njit(nogil=True, fastmath=FAST, error_model="numpy", _nrt=False)(function))
+    compiled: F = keep_on_disk(
+        _njit(pipeline_class=KernelPipeline, nogil=True, fastmath=FAST, error_model="numpy", _nrt=False)(
+            function
+        )
+    )
     return compiled
 
 

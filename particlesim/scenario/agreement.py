@@ -11,26 +11,15 @@ from particlesim.crossfield import Invalid
 from particlesim.emitters import Emitter
 from particlesim.forces.expression import reads
 from particlesim.forces.operations import Temperature
-from particlesim.laws import has_law, potential
 from particlesim.names import did_you_mean
-from particlesim.quantities import FIELD_QUANTITIES, TOTALS, VECTOR_FIELDS
+from particlesim.quantities import FIELD_QUANTITIES, VECTOR_FIELDS
 from particlesim.scenario.timegrid import TOLERANCE, TimeGrid
+from particlesim.scenario.totals import booked, totals
 from particlesim.trajectory.fields import FIELDS
 
 if TYPE_CHECKING:
     from particlesim.groups import Group
     from particlesim.scenario.scenario import Scenario
-
-
-def quantities(scenario: Scenario) -> tuple[str, ...]:
-    """Quantities of the whole simulation that a scenario has."""
-    labels = scenario.force_labels()
-    forces = [
-        label
-        for label, force in zip(labels, scenario.forces, strict=False)
-        if has_law(potential, force.record())
-    ]
-    return (*TOTALS, *(f"potential.{label}" for label in (*forces, *labels[len(scenario.forces) :])))
 
 
 def check_labels(scenario: Scenario) -> tuple[str, ...]:
@@ -62,11 +51,11 @@ def disagreements(scenario: Scenario) -> Iterator[Invalid]:
 
 def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
     at = ("checks", k)
-    totals = quantities(scenario)
+    known = totals(scenario)
     name = check.quantity
     whole = name in VECTOR_FIELDS and check.reference is not None
-    if name not in totals and name not in FIELD_QUANTITIES and not whole:
-        yield _unknown(name, k, totals)
+    if name not in known and name not in FIELD_QUANTITIES and not whole:
+        yield _unknown(scenario, name, k)
         return
     groups = [group.name for group in scenario.groups]
     if check.group is not None and check.group not in groups:
@@ -79,7 +68,7 @@ def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
             (*at, "quantity"),
             allowed=f"statistic = {allowed}",
         )
-    if name in totals:
+    if name in known:
         yield from _total(check, k)
     looked = [group for group in scenario.groups if check.group in (None, group.name)]
     if name == "temperature" and looked and all(group.temperature is None for group in looked):
@@ -136,18 +125,27 @@ def _reference(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
         )
 
 
-def _unknown(name: str, k: int, totals: tuple[str, ...]) -> Invalid:
-    known = (*totals, *FIELD_QUANTITIES)
-    allowed = ", ".join(known)
-    components = [known_name for known_name in FIELD_QUANTITIES if known_name.startswith(f"{name}.")]
-    hint = did_you_mean(name, known)
-    if components:
+def _unknown(scenario: Scenario, name: str, k: int) -> Invalid:
+    place = ("checks", k, "quantity")
+    known = (*totals(scenario), *FIELD_QUANTITIES)
+    unbooked = () if scenario.output.work else booked(scenario)
+    if name in unbooked:
+        switched = "work" in scenario.output.model_fields_set
+        return Invalid(
+            f"{name} is not in the ledger, as no work is booked",
+            place,
+            ((("output", "work"), "switched off here"),) if switched else (),
+            hint="to book it: work = true under [output]",
+        )
+    components = [one for one in (*known, *unbooked) if one.startswith(f"{name.partition('.')[0]}.")]
+    hint = did_you_mean(name, (*known, *unbooked))
+    if name == name.partition(".")[0] and components:
         hint = "name a component: " + ", ".join(components)
     elif name.startswith("potential."):
-        hint = "of forces, those count that have a potential energy: " + (
-            ", ".join(known_name for known_name in totals if known_name.startswith("potential.")) or "none"
-        )
-    return Invalid(f"unknown quantity {name!r}", ("checks", k, "quantity"), allowed=allowed, hint=hint)
+        hint = "of forces, those count that have a potential energy: " + (", ".join(components) or "none")
+    elif name.startswith("work.") and hint is None:
+        hint = "work is done by: " + (", ".join(components) or "nothing")
+    return Invalid(f"unknown quantity {name!r}", place, allowed=", ".join(known), hint=hint)
 
 
 def check_step(grid: TimeGrid, at: float) -> int | None:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from particlesim.crossfield import Invalid, Path
 from particlesim.integrators import ImplicitMethod, method_for
-from particlesim.laws import force_dv, force_dx, has_law
+from particlesim.laws import force_dv, force_dx, has_law, triangle_force_dv
+from particlesim.scenario.reach import acts_on, group_tables
 
 if TYPE_CHECKING:
-    from particlesim.groups import Group
     from particlesim.scenario.scenario import Scenario
 
 HINT = "an explicit method steps it, rk4 or symplectic_euler for instance; or name its groups with on = [...]"
@@ -20,7 +20,7 @@ def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
     """Forces without derivatives on groups that an implicit method steps."""
     implicit = {
         group.name: (path, method.name)
-        for path, group in _groups(scenario)
+        for path, group in group_tables(scenario)
         if isinstance(
             method := method_for(group.integrator or scenario.simulation.integrator), ImplicitMethod
         )
@@ -38,27 +38,11 @@ def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
                 break
 
 
-def _groups(scenario: Scenario) -> Iterator[tuple[Path, Group]]:
-    for section, groups in (("particles", scenario.particles), ("emitters", scenario.emitters)):
-        for k, group in enumerate(groups):
-            yield (section, k), group
-
-
 def _without_derivatives(scenario: Scenario) -> Iterator[tuple[Path, str, str, list[str]]]:
     """Every force without derivatives: its place, its name, why it has none, and the groups that it acts on."""
-    from particlesim.scenario.scenario import acts_on
-
     labels = scenario.force_labels()
     for k, (label, force) in enumerate(zip(labels, scenario.forces, strict=False)):
         groups = [group.name for group in scenario.groups if acts_on(force, group)]
-        if force.on_surfaces:
-            yield ("forces", k), label, "acts on triangles, which have none yet", groups
-        elif not all(has_law(derivative, force.record()) for derivative in (force_dx, force_dv)):
+        needed = (triangle_force_dv,) if force.on_surfaces else (force_dx, force_dv)
+        if not all(has_law(derivative, force.record()) for derivative in needed):
             yield ("forces", k), label, "has no law for them", groups
-    for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
-        for k, hinges in enumerate(entries):
-            yield (section, k), hinges.name, "joins more than two particles and has none yet", [hinges.on]
-    for k, group in enumerate(scenario.particles):
-        for made in group.hinges(scenario.folder):
-            place: Path = ("particles", k, "springs")
-            yield place, made.name, "joins more than two particles and has none yet", [group.name]

@@ -6,6 +6,7 @@ Source: https://distributed.dask.org.
 
 from __future__ import annotations
 
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -166,12 +167,28 @@ def _connected(address: str, timeout: float) -> Client:
     except ImportError:
         raise UsageError("clusters need Dask distributed, which is not installed", _NEEDED) from None
     try:
+        _listen(address, timeout)
         return Client(address, timeout=timeout, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise UsageError(
             f"no scheduler answers at {address} ({str(error).splitlines()[0]})",
             "Start one with `dask scheduler`; it prints its address, such as tcp://node7:8786.",
         ) from None
+
+
+def _listen(address: str, timeout: float) -> None:
+    """Raise OSError unless something at a tcp:// address speaks, as Dask's servers do first.
+
+    Dask's client waits for ever for one that accepts connections and says nothing. ValueError for what is no address.
+    """
+    from distributed.comm import parse_address, parse_host_port
+
+    scheme, place = parse_address(address)
+    if scheme != "tcp":
+        return
+    with socket.create_connection(parse_host_port(place), timeout) as connection:
+        if not connection.recv(1):
+            raise OSError("it hangs up")
 
 
 def _ready(client: Client, place: str, timeout: float) -> DaskExecutor:

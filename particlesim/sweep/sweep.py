@@ -12,10 +12,12 @@ from pathlib import Path
 from particlesim.errors import InputOutputError, Interrupted, ScenarioError, UsageError
 from particlesim.interruption import held_signals
 from particlesim.names import did_you_mean
-from particlesim.scenario.agreement import check_labels, quantities
+from particlesim.quantities import is_count
+from particlesim.scenario.agreement import check_labels
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import read_source
+from particlesim.scenario.totals import booked, totals
 from particlesim.sweep.design import Design
 from particlesim.sweep.executor import Executor, InProcess, LocalWorkers
 from particlesim.sweep.files import PARQUET, TABLE, alone, finished, prepare, run_folder, write_atomically
@@ -28,7 +30,6 @@ from particlesim.version import __version__
 TABLE_EVERY = 5.0
 """Seconds between writings of the table while runs go on."""
 FAILURES_KEPT = 20
-COUNTS = ("count", "born", "died")
 
 
 @dataclass(frozen=True)
@@ -246,12 +247,15 @@ class _Sitting:
 
 def _columns(scenario: Scenario, chosen: Sequence[str]) -> tuple[str, ...]:
     """Quantities of the table: all that there are, or the chosen ones."""
-    known = quantities(scenario) if scenario.output.ledger else COUNTS
+    there = totals(scenario)
+    known = there if scenario.output.ledger else tuple(name for name in there if is_count(name))
     for name in chosen:
-        if name in quantities(scenario) and name not in known:
+        if name in there and name not in known:
             raise UsageError(
                 f"{name} comes from the ledger, which is switched off", "--set output.ledger=true"
             )
+        if name not in there and name in booked(scenario):
+            raise UsageError(f"{name} is not in the ledger, as no work is booked", "--set output.work=true")
         if name not in known:
             hint = did_you_mean(name, known) or "There are: " + ", ".join(known)
             raise UsageError(

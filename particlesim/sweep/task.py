@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from particlesim.checking import total
+from particlesim.checking import count, total
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
+from particlesim.quantities import is_count
 from particlesim.runner import Result, run
-from particlesim.scenario.agreement import quantities
 from particlesim.scenario.dump import dump
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.overrides import Override, overrides_from_mapping
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import Source
+from particlesim.scenario.totals import totals
 from particlesim.sweep.design import Design
 from particlesim.sweep.files import RESULT, SCENARIO, TRAJECTORY, run_folder, write_atomically, write_json
 from particlesim.sweep.outcome import Outcome, Status
@@ -88,15 +89,15 @@ class Task:
 
 def final_quantities(result: Result) -> dict[str, float | None]:
     """Totals at the end of a run, by name; without a ledger only counts."""
-    found: dict[str, float | None] = {
-        "count": len(result.final),
-        "born": result.born,
-        "died": sum(result.died.values()),
-    }
+    known = totals(result.scenario)
+    found: dict[str, float | None] = {"count": len(result.final)}
+    for name in known:
+        if name != "count" and is_count(name):
+            found[name] = int(count(name, result.born, result.died, result.broken))
     if result.ledger:
         last = {name: float(values[-1]) for name, values in result.ledger.items()}
         start = float(result.energy[0])
-        for name in quantities(result.scenario):
+        for name in known:
             if name not in found:
                 found[name] = _finite(total(name, last, start))
     return found

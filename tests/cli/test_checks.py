@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 from .conftest import TINY
 
 CHECKS = """
@@ -66,10 +68,18 @@ def test_a_run_that_diverges_is_an_error_in_the_report(psim) -> None:
     assert suite.find("testcase/error").get("type") == "DivergenceError"
 
 
-def test_a_report_that_cannot_be_written(psim) -> None:
-    ended = psim("run", "tiny.toml", "--junit", "nowhere/report.xml")
+def test_a_report_in_folders_that_are_made(psim) -> None:
+    assert psim("run", "tiny.toml", "--junit", "new/deep/report.xml").code == 0
+    assert ElementTree.parse("new/deep/report.xml").getroot().get("errors") == "0"
+    assert [path.name for path in Path("new/deep").iterdir()] == ["report.xml"]
+
+
+@pytest.mark.parametrize("place", ["tiny.toml/report.xml", "folder"])
+def test_a_report_that_cannot_be_written(psim, place: str) -> None:
+    Path("folder").mkdir()
+    ended = psim("run", "tiny.toml", "--junit", place)
     assert ended.code == 2
-    assert "nowhere" in ended.err
+    assert place.partition("/")[0] in ended.err
     assert not Path("outputs").exists()
 
 

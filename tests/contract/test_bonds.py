@@ -16,7 +16,15 @@ from contract.test_forces import numbers_without_unit
 from numpy.typing import NDArray
 
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, SpringRecord, Springs, StringRecord, StrutRecord
-from particlesim.bonds.hinge import Cosine, Harmonic, angle_gradient, angles_at, dihedral_gradient, wrapped
+from particlesim.bonds.hinge import (
+    Cosine,
+    Harmonic,
+    angle_forms,
+    angle_gradient,
+    angles_at,
+    dihedral_gradient,
+    wrapped,
+)
 from particlesim.bonds.spring import Pair
 from particlesim.flows.uniform import Uniform
 from particlesim.forces.sheet_drag import SheetDrag, Triangle
@@ -29,7 +37,9 @@ from particlesim.laws import (
     bond_potential,
     hinge_energy,
     hinge_moment,
+    hinge_stiffness,
     triangle_force,
+    triangle_force_dv,
 )
 from particlesim.model import field_docs
 
@@ -162,11 +172,77 @@ def test_jacobians_of_springs(record: Any, rest: float) -> None:
         np.testing.assert_allclose(exact, numeric, atol=50 * TOLERANCE * (1 + np.abs(numeric).max()))
 
 
+def differences(force: Callable[[Floats], Floats], x: Floats, h: float) -> Floats:
+    """∂f_i/∂x_j by the five-point central difference."""
+    columns = [
+        (8 * (force(x + s) - force(x - s)) - (force(x + 2 * s) - force(x - 2 * s))) / (12 * h)
+        for s in h * np.eye(x.size)
+    ]
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("record", [Harmonic(2.0), Cosine(2.0)], ids=lambda r: type(r).__name__)
+def test_stiffness_of_hinges(record: Any) -> None:
+    for d in np.linspace(-3, 3, 7):
+        numeric = differences(lambda x: np.array([hinge_moment(record, x[0])]), np.array([d]), H)
+        assert hinge_stiffness(record, d) == pytest.approx(numeric[0, 0], abs=10 * TOLERANCE)
+
+
+def derivatives_of_an_angle(rest: float, x: Floats) -> tuple[Floats, Floats]:
+    """Second derivatives of U = d² by a and b: numerically, and their positive part."""
+    record = Harmonic(2.0)
+
+    def slope(y: Floats) -> Floats:
+        g = angle_gradient(*y)
+        return hinge_moment(record, wrapped(g[0] - rest)) * np.array(g[1:])
+
+    moment = hinge_moment(record, wrapped(angle_gradient(*x)[0] - rest))
+    w, p = np.reshape(angle_forms(2.0, moment, *x), (2, 6))
+    return differences(slope, x, 1e-2 * H), np.outer(w, w) + np.outer(p, p)
+
+
+@pytest.mark.parametrize(
+    ("rest", "x"),
+    [
+        (None, [0.7, 0.2, -0.4, 0.1, 0.9, 0.3]),
+        (np.pi, [1.0, 0, 0, -2.0, 0, 0]),
+        (np.pi, [0, 0.3, 0, 0, -0.4, 0]),
+        (0.0, [0, 0, 1.0, 0, 0, 0.7]),
+    ],
+)
+def test_second_derivatives_of_an_angle_at_rest(rest: float | None, x: list[float]) -> None:
+    # U'' ∇θ ∇θᵀ is all there is, and on a straight or folded angle its limit, which has no plane. The gradient is odd in the
+    # distance from there: differences find the limit to h² ~ 10⁻¹⁰ over the length's square.
+    place = np.array(x)
+    exact, positive = derivatives_of_an_angle(angle_gradient(*place)[0] if rest is None else rest, place)
+    np.testing.assert_allclose(positive, exact, rtol=0, atol=1e-7 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("rest", [np.pi, 0.0, 1.2])
+def test_a_bent_angle_resists_being_turned_out_of_its_plane(rest: float) -> None:
+    # Displacements along the normal, α |a| and β |b|, decouple from those in the plane: of α + β and α − β one is resisted.
+    for shape in shapes(3):
+        x = np.concatenate([shape[0] - shape[1], shape[2] - shape[1]])
+        exact, positive = derivatives_of_an_angle(rest, x)
+        n = np.cross(x[:3], x[3:]) / np.linalg.norm(np.cross(x[:3], x[3:]))
+        out = np.kron(np.diag(np.linalg.norm(x.reshape(2, 3), axis=1)), n)
+        values, vectors = np.linalg.eigh(out @ exact @ out.T)
+        scale = np.abs(values).max()
+        assert values[0] < 1e-7 * scale
+        kept = np.maximum(values, 0)
+        np.testing.assert_allclose(
+            out @ positive @ out.T, vectors @ np.diag(kept) @ vectors.T, atol=1e-6 * scale
+        )
+
+
 def test_every_law_of_bonds_is_reached() -> None:
     reached = {SpringRecord, StringRecord, StrutRecord, Harmonic, Cosine}
     laws = {
         record
-        for generic in (bond_force, bond_force_dx, bond_force_dv, bond_potential, hinge_energy, hinge_moment)
+        for generic in (
+            *(bond_force, bond_force_dx, bond_force_dv, bond_potential),
+            *(hinge_energy, hinge_moment, hinge_stiffness),
+        )
         for record in GENERICS[generic].laws
     }
     assert laws == reached
@@ -235,6 +311,21 @@ def test_drag_on_a_plate_only_takes_energy_and_does_not_know_its_front() -> None
         np.testing.assert_array_equal(triangle_force(drag, plate(-area, velocity)), force)
     assert triangle_force(drag, plate((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))) == (0, 0, 0)
     assert triangle_force(drag, plate((1.0, 0.0, 0.0))) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_jacobian_of_the_drag_on_a_plate(closed: bool) -> None:
+    drag = SheetDrag(fluid="air", tangential_coefficient=0.3, flow=(WIND,)).surface_record(closed)
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        area, velocity = rng.normal(size=3), rng.normal(size=3)
+        exact = np.reshape(triangle_force_dv(drag, plate(area, velocity)), (3, 3))
+        numeric = differences(lambda v, a=area: np.array(triangle_force(drag, plate(a, v))), velocity, H)
+        np.testing.assert_allclose(exact, numeric, atol=10 * TOLERANCE * np.abs(numeric).max())
+        np.testing.assert_allclose(exact, exact.T, atol=4 * EPS * np.abs(exact).max())
+        assert np.linalg.eigvalsh(exact).max() <= 4 * EPS * np.abs(exact).max()
+    for still in (plate((0.0, 0.0, 0.0)), plate((1.0, 0.0, 0.0), WIND.velocity)):
+        assert np.abs(triangle_force_dv(drag, still)).max() == 0
 
 
 def test_the_lee_of_a_closed_surface_is_not_pushed() -> None:

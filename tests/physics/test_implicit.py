@@ -1,7 +1,8 @@
 """Implicit steps: decay by the amplification factor, the rest shape of a hanging net, momentum, stiff springs, threads.
 
-All islands here are one group with a pinned particle, one set of springs, gravity and linear drag: one kernel, and another
-one for the method that remembers.
+Kernels take long to compile, so that all islands here are of two kinds: one group with a pinned particle, one set of
+springs, one of angles, gravity and linear drag (and the same for the method that remembers); or a cloth with dihedrals in
+the wind.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from simulate import EPS, points, simulate, table
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
 from particlesim.integrators import METHODS, ImplicitMethod
-from particlesim.laws import GENERICS, force_dx
+from particlesim.laws import GENERICS, force_dx, triangle_force_dv
 
 IMPLICIT = [name for name, method in METHODS.items() if isinstance(method, ImplicitMethod)]
 K, M = 50.0, 2.0
@@ -24,12 +25,19 @@ OMEGA = math.sqrt(K / M)
 
 
 def body(
-    layout: dict[str, Any], spring: dict[str, Any], *, g: float = 0.0, drag: float = 0.0, **group: Any
+    layout: dict[str, Any],
+    spring: dict[str, Any],
+    angle: dict[str, Any] | None = None,
+    *,
+    g: float = 0.0,
+    drag: float = 0.0,
+    **group: Any,
 ) -> dict[str, Any]:
-    """A group with springs, gravity and drag, as parts of a scenario."""
+    """A group with springs, angles (without stiffness unless given), gravity and drag, as parts of a scenario."""
     return {
         "particles": [{"name": "body", "layout": layout, **group}],
         "springs": [{"on": "body", **spring}],
+        "angles": [{"on": "body", "triples": [[0, 1, 2]], "stiffness": 0.0, **(angle or {})}],
         "forces": [
             {"type": "gravity", "acceleration": [0, -g, 0]},
             {"type": "linear_drag", "coefficient": drag},
@@ -39,9 +47,9 @@ def body(
 
 def pinned_spring(method: Any, h: float, steps: int) -> ps.Result:
     """A mass on a spring to a pinned point, 0.1 m out of rest, along an axis: a linear oscillator."""
-    layout = {"type": "points", "position": [[0, 0, 0], [1.1, 0, 0]]}
-    spring = {"pairs": [[0, 1]], "stiffness": K, "rest_length": 1.0}
-    return simulate(steps * h, h, method, **body(layout, spring, mass=M, pinned=[0]))
+    layout = {"type": "points", "position": [[0, 0, 0], [0, 1, 0], [1.1, 0, 0]]}
+    spring = {"pairs": [[0, 2]], "stiffness": K, "rest_length": 1.0}
+    return simulate(steps * h, h, method, **body(layout, spring, mass=M, pinned=[0, 1]))
 
 
 def well(method: Any, h: float, steps: int) -> ps.Result:
@@ -64,6 +72,36 @@ def test_oscillators_decay_by_the_amplification_factor(name: str, scene: Any) ->
         final = scene({"method": name, **options}, h, n).final
         states.append(final.position[-1, 0] - 1.0 - 1j * final.velocity[-1, 0] / OMEGA)
     assert states[1] / states[0] == pytest.approx(complex(method.amplification(0.3j)), abs=100 * steps * EPS)
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("rest", [180.0, 90.0])
+def test_an_arm_held_by_an_angle_decays_by_the_amplification_factor(rest: float, name: str) -> None:
+    # ω = √(k/m)/L, as for a spring, to both sides: a straight angle has no plane. The swing of 10⁻⁶ changes ω by its square,
+    # and the length, which the spring would feel, likewise. A square angle holds in its plane alone.
+    method = METHODS[name]
+    assert isinstance(method, ImplicitMethod)
+    small, length, stiffness = 1e-6, 0.5, 3.0
+    omega = math.sqrt(stiffness / M) / length
+    h, steps = 0.3 / omega, 40
+    foot = [-1.0, 0.0, 0.0] if rest == 180 else [0.0, -1.0, 0.0]
+    arms = []
+    for axis in (1, 2) if rest == 180 else (1,):
+        end = [length, 0.0, 0.0]
+        end[axis] = small * length
+        layout = {"type": "points", "position": [foot, [0, 0, 0], end]}
+        spring = {"pairs": [[1, 2]], "stiffness": 1.0, "rest_length": length}
+        angle = {"stiffness": stiffness, "rest_angle": rest}
+        parts = body(layout, spring, angle, mass=M, pinned=[0, 1])
+        options = {} if name == "backward_euler" else {"tolerance": 1e-12}
+        arms.append((axis, {"method": name, **options}, parts))
+    for axis, stepper, parts in arms:
+        states = []
+        for n in (steps, steps + 1):
+            final = simulate(n * h, h, stepper, **parts).final
+            states.append(final.position[-1, axis] - 1j * final.velocity[-1, axis] / omega)
+        expected = complex(method.amplification(0.3j))
+        assert states[1] / states[0] == pytest.approx(expected, rel=1e-4), "xyz"[axis]
 
 
 def hanging(method: Any, duration: float, dt: float) -> ps.Result:
@@ -93,7 +131,16 @@ def block(method: Any, stiffness: float = 2e3, dt: float = 0.02, count: int = 5)
         "position": [[9, 9, 9], *grid.tolist()],
         "velocity": [[0, 0, 0], *turning.tolist()],
     }
-    parts = body(layout, {"within": 0.15, "stiffness": stiffness}, g=9.8, mass=0.01, pinned=[0])
+    number = len(grid)
+    triples = [[k, 1 + (k + 70) % number, 1 + (k + 31) % number] for k in range(1, number, 5)]
+    parts = body(
+        layout,
+        {"within": 0.15, "stiffness": stiffness},
+        {"triples": triples, "stiffness": 1e-3 * stiffness},
+        g=9.8,
+        mass=0.01,
+        pinned=[0],
+    )
     return table(10 * dt, dt, method, **parts, output={"ledger": True})
 
 
@@ -129,17 +176,94 @@ def test_a_solution_that_is_not_found_ends_the_run() -> None:
         simulate(1.0, 1.0, lonely, particles=[points((1.1, 0, 0))], forces=[wavy])
 
 
-def test_any_number_of_threads_leaves_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def sail(
+    dt: float,
+    steps: int,
+    resolution: tuple[int, int],
+    wind: tuple[float, float, float],
+    *,
+    mass: float,
+    g: float = 0.0,
+    dihedral: float = 0.01,
+    converged: bool = False,
+    tolerance: float = 1e-10,
+) -> dict[str, Any]:
+    """A cloth of 1 m² in the wind, by backward Euler."""
+    layout = {"type": "cloth", "origin": [0, 0, 0], "size": [1, 1], "resolution": list(resolution)}
+    springs = {"structural": 50.0, "dihedral": dihedral}
+    return table(
+        steps * dt,
+        dt,
+        {"method": "backward_euler", "converged": converged, "tolerance": tolerance},
+        particles=[{"name": "sail", "layout": layout, "mass": mass, "springs": springs}],
+        forces=[
+            {"type": "gravity", "acceleration": [0, 0, -g]},
+            {
+                "type": "sheet_drag",
+                "density": 1.3,
+                "normal_coefficient": 1.1,
+                "flow": [{"type": "uniform", "velocity": list(wind)}],
+            },
+        ],
+    )
+
+
+def test_a_sheet_falls_with_its_terminal_velocity_in_long_steps() -> None:
+    # M g = ½ ρ A c v², and h = 0.5 s is 17 times M/(ρ A c v), the time of the drag. A fold of 10⁴ J, 10⁵ times what explicit
+    # methods would stand, keeps the sheet flat to M g · 1 m/10⁴ J ~ 10⁻⁵. Nothing keeps it from being sheared by the
+    # 10⁻⁶ N that this leaves in its plane: by 10⁻³ in 6 s, and the area changes by the square.
+    mass, g = 0.02, 9.8
+    for converged in (False, True):
+        scenario = sail(0.5, 12, (2, 2), (0, 0, 1.0), g=g, mass=mass, converged=converged, dihedral=1e4)
+        final = ps.run(ps.from_table(scenario)).final
+        terminal = math.sqrt(2 * mass * g / (1.3 * 1.1))
+        assert final.velocity[:, 2] == pytest.approx(np.full(4, 1.0 - terminal), rel=3e-6)
+
+
+def test_a_fold_decays_by_the_amplification_factor() -> None:
+    # Corners are √½ m from the diagonal, the fold: φ = z·(1, −1, −1, 1)/√½, and along that ω² = k |∇φ|²/m = 8 k/m. The wind
+    # is none.
+    small, stiffness = 1e-6, 3.0
+    omega = math.sqrt(8 * stiffness / M)
+    h = 0.3 / omega
+    states = []
+    for n in (40, 41):
+        scenario = sail(h, n, (2, 2), (0, 0, 0), dihedral=stiffness, mass=4 * M)
+        scenario["forces"][1]["density"] = 1e-12
+        simulation = Simulation(ps.from_table(scenario), threads=1)
+        mode = np.array([1.0, -1.0, -1.0, 1.0])
+        for edge in simulation.islands[0].corners[0].rows[1:3]:
+            assert sorted([mode[edge[0]], mode[edge[-1]]]) in ([-1.0, -1.0], [1.0, 1.0])
+        simulation.states[0].x[2, :4] = small * mode
+        simulation.advance_to(n)
+        state = simulation.states[0]
+        z, vz = (part[2, :4] @ mode for part in (state.x, state.v))
+        states.append(z - 1j * vz / omega)
+        simulation.close()
+    assert states[1] / states[0] == pytest.approx(complex(1 / (1 - 0.3j)), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        block("backward_euler", count=14),
+        block("bdf2", count=14),
+        sail(0.02, 10, (60, 45), (3.0, 1.0, 5.0), mass=0.2, tolerance=1e-3),
+    ],
+    ids=["springs and angles", "with a memory", "folds and wind"],
+)
+def test_any_number_of_threads_leaves_the_same_bytes(
+    scenario: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_SPRINGS", 1)
     monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_THREADS", 1)
-    for method in ("backward_euler", "bdf2"):
-        left = []
-        for threads in (1, 2, 3):
-            simulation = Simulation(ps.from_table(block(method, count=14)), threads=threads)
-            simulation.advance_to(3)
-            left.append(simulation.states[0].x.tobytes() + simulation.states[0].v.tobytes())
-            simulation.close()
-        assert left[0] == left[1] == left[2]
+    left = []
+    for threads in (1, 2, 3):
+        simulation = Simulation(ps.from_table(scenario), threads=threads)
+        simulation.advance_to(3)
+        left.append(simulation.states[0].x.tobytes() + simulation.states[0].v.tobytes())
+        simulation.close()
+    assert left[0] == left[1] == left[2]
 
 
 @pytest.mark.parametrize(
@@ -160,6 +284,7 @@ def test_options_that_cannot_be(options: dict[str, Any], message: str) -> None:
 
 def test_forces_without_derivatives_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     from particlesim.forces.field import FieldRecord
+    from particlesim.forces.sheet_drag import SheetDragRecord
 
     monkeypatch.delitem(GENERICS[force_dx].laws, FieldRecord)
     with pytest.raises(
@@ -167,3 +292,6 @@ def test_forces_without_derivatives_are_named(monkeypatch: pytest.MonkeyPatch) -
     ) as caught:
         well("bdf2", 0.1, 1)
     assert caught.value.diagnostics[0].path == "forces.field"
+    monkeypatch.delitem(GENERICS[triangle_force_dv].laws, SheetDragRecord)
+    with pytest.raises(ps.ScenarioError, match="and sheet_drag has no law"):
+        ps.from_table(sail(0.1, 1, (2, 2), (0, 0, 0), mass=1.0))

@@ -12,6 +12,7 @@ from scipy.special import ellipj, ellipk
 from simulate import EPS, G, points, simulate, table
 
 import particlesim as ps
+from particlesim.engine import linear
 from particlesim.engine.simulation import Simulation
 
 METHODS = [("symplectic_euler", 1), ("velocity_verlet", 2), ("yoshida4", 4)]
@@ -228,3 +229,52 @@ def test_a_rope_of_rods_is_the_chain() -> None:
     whole = simulate(1.0, 0.005, **rope(rigid=True))
     listed = simulate(1.0, 0.005, **chain(*place, mass=0.1))
     assert whole.final.position == pytest.approx(listed.final.position, abs=1e-9)
+
+
+def hanging(number: int, dt: float, aside: float = 0.0, duration: float = 1.0) -> dict[str, Any]:
+    """A chain of rods of half a metre that hangs at rest, its end a little aside."""
+    place = [(0.0, -0.5 * k, 0.0) for k in range(number)]
+    angle = aside / 0.5
+    place.append((0.5 * math.sin(angle), -0.5 * (number - 1) - 0.5 * math.cos(angle), 0.0))
+    return table(duration, dt, output={"ledger": True}, **chain(*place, mass=0.7))
+
+
+def test_the_look_at_stability_knows_what_rods_leave() -> None:
+    # The double pendulum of equal masses and lengths: ω² = (2 ± √2) g/l.
+    found = ps.stability(ps.from_table(hanging(2, 0.01)))
+    limit = 2 / math.sqrt((2 + math.sqrt(2)) * G / 0.5)
+    assert found.step == pytest.approx(limit, rel=1e-6)
+    assert found.islands[0].forces == {"links": pytest.approx(limit, rel=1e-6)}
+    steady = ps.run(ps.from_table(hanging(2, 0.97 * limit, 1e-6, 400 * 0.97 * limit)))
+    assert np.abs(steady.final.position[1:, 0]).max() < 1e-4
+    with pytest.raises(ps.DivergenceError, match="could not be held") as caught:
+        ps.run(ps.from_table(hanging(2, 1.03 * limit, 1e-6, 400 * 1.03 * limit)))
+    assert "try simulation.dt = 0.21" in str(caught.value)
+    assert "backward_euler" not in str(caught.value)
+
+
+def test_bounds_on_long_chains_are_never_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = ps.from_table(hanging(12, 0.01))
+    exact = ps.stability(scenario).step
+    monkeypatch.setattr(linear, "DENSE", 3)
+    bounded = ps.stability(scenario)
+    assert bounded.islands[0].how == "extreme modes"
+    assert 0.9 * exact < bounded.step <= exact * (1 + 1e-9)
+    monkeypatch.setattr(linear, "MOST_RODS", 3)
+    assert ps.stability(scenario).islands[0].how == "extreme modes (without rods)"
+
+
+def test_a_pendulum_counts_as_hanging_wherever_it_starts() -> None:
+    for start in ((0.0, -0.5, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0)):
+        found = ps.stability(ps.from_table(table(1.0, 0.01, **chain((0, 0, 0), start))))
+        assert found.step == pytest.approx(2 / math.sqrt(G / 0.5), rel=1e-6)
+    # Nothing hangs where nothing is pinned.
+    falling = chain((0, 0, 0), (0.5, 0, 0), pinned=())
+    assert ps.stability(ps.from_table(table(1.0, 0.01, **falling))).step == math.inf
+
+
+def test_rods_that_leave_no_motion_put_no_limit() -> None:
+    # Two pins and a taut rod on each leave one direction across, and a third rod takes that.
+    locked = chain((0, 0, 0), (1, 1, 0), (2, 0, 0), (1, 0, 1), pinned=(0, 2, 3))
+    locked["rods"][0]["pairs"] = [[0, 1], [1, 2], [1, 3]]
+    assert ps.stability(ps.from_table(table(1.0, 0.01, **locked))).step == math.inf

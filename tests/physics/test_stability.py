@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,15 @@ import pytest
 from simulate import points, table
 
 import particlesim as ps
+from particlesim.bonds.hinge import Harmonic, angle_forms, angle_gradient, dihedral_gradient, wrapped
 from particlesim.engine import linear
+from particlesim.engine.corner_tensors import corner_tensors
+from particlesim.engine.corners import AngleColumns, DihedralColumns
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.spring_tensors import bound, network
 from particlesim.engine.stability import rounded, stability, suspects
 from particlesim.integrators import METHODS
+from particlesim.laws import hinge_moment
 
 M1, M2, K = 0.5, 1.5, 30.0
 OMEGA = math.sqrt(K * (1 / M1 + 1 / M2))
@@ -154,7 +159,7 @@ def test_the_bound_is_above_the_largest_eigenvalue_and_near_it() -> None:
     simulation = Simulation(ps.from_table(scenario), threads=1)
     model = linear.IslandModel(simulation.scenario, simulation.graph.islands[0], simulation.islands[0], 0.0)
     w = model._mobility()
-    springs = model._springs(simulation.islands[0])["springs"]
+    springs = dict(model._couplings(simulation.islands[0]))["springs"]
     blocks = springs.along[:, None, None] * np.einsum("an,bn->nab", springs.e, springs.e)
     blocks = blocks + springs.across[:, None, None] * (
         np.eye(3) - np.einsum("an,bn->nab", springs.e, springs.e)
@@ -239,3 +244,93 @@ def test_a_pinned_end_is_heavy() -> None:
         springs=[{"on": "bob", "pairs": [[0, 1]], "stiffness": 8.0}],
     )
     assert judged(scenario).step == pytest.approx(2 / 4, rel=1e-6)
+
+
+def arm(dt: float, method: str) -> dict[str, Any]:
+    """An arm of 0.5 m that an angle of 3 J holds straight, bent by 10⁻⁵ rad."""
+    end = (0.5 * math.cos(1e-5), 0.5 * math.sin(1e-5), 0.0)
+    return table(
+        25 * dt,
+        dt,
+        method,
+        particles=[points((-1, 0, 0), (0, 0, 0), end, mass=0.4, pinned=[0, 1], name="arm")],
+        angles=[{"on": "arm", "triples": [[0, 1, 2]], "stiffness": 3.0, "rest_angle": 180}],
+        output={"ledger": True},
+    )
+
+
+def test_an_angle_limits_the_step_as_runs_show() -> None:
+    # ω = √(k/m)/L, and velocity Verlet allows 2/ω. 1 % beyond, the swing grows 1.33-fold in a step, 10³-fold in 25, which
+    # nothing feeds; below it is at most 1/√(1 − 0.98²) = 5 times the first.
+    limit = 2 * 0.5 / math.sqrt(3.0 / 0.4)
+    found = judged(arm(1e-3, "velocity_verlet"))
+    assert found.islands[0].forces == {"angles": pytest.approx(limit, rel=1e-6)}
+    bounded = ps.run(ps.from_table(arm(0.98 * limit, "velocity_verlet")))
+    assert not bounded.warnings
+    assert math.hypot(*bounded.final.position[2, 1:]) < 5.1 * 0.5e-5
+    told: list[str] = []
+    with pytest.raises(ps.DivergenceError, match="particle 2 of 'arm' ran away"):
+        ps.run(ps.from_table(arm(1.01 * limit, "velocity_verlet")), warn=told.append)
+    assert len(told) == 1
+    assert "beyond the largest stable step" in told[0]
+
+
+def test_wind_on_a_sail_limits_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A sail that moves as a whole: M dv/dt = −½ ρ A c |u| u, whose derivative is ρ A c |u|/M across it. Of uneven motions
+    # none is damped more than twice as much.
+    size, mass, speed = 0.8, 0.3, 6.0
+    cloth = {"type": "cloth", "origin": [0, 0, 0], "size": [size, size], "resolution": [5, 5]}
+    scenario = table(
+        1.0,
+        1e-3,
+        "rk4",
+        particles=[
+            {"name": "sail", "layout": cloth, "mass": mass, "springs": {"structural": 1.0, "dihedral": 1e-3}}
+        ],
+        forces=[
+            {
+                "type": "sheet_drag",
+                "density": 1.3,
+                "normal_coefficient": 1.1,
+                "flow": [{"type": "uniform", "velocity": [0, 0, speed]}],
+            }
+        ],
+    )
+    whole = 2.7852935634 / (1.3 * size**2 * 1.1 * speed / mass)
+    (island,) = judged(scenario).islands
+    assert set(island.forces) == {"sail.structural", "sail.dihedral", "sheet_drag"}
+    assert whole / 2 < island.forces["sheet_drag"] <= whole
+    exact = dict(island.forces)
+    monkeypatch.setattr(linear, "DENSE", 0)
+    (extreme,) = judged(scenario).islands
+    assert extreme.forces == pytest.approx(exact, rel=0.02)
+    monkeypatch.setattr(linear, "MOST_SPRINGS", 0)
+    monkeypatch.setattr(linear, "FEW_SPRINGS", 0)
+    (bounded,) = judged(scenario).islands
+    for name, step in exact.items():
+        assert 0.4 * step < bounded.forces[name] <= step * (1 + 1e-9), name
+
+
+def test_hinges_all_at_once_are_those_one_by_one() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(3, 24))
+    columns = SimpleNamespace(
+        **dict(zip("xyz", x, strict=True)), **dict.fromkeys(("vx", "vy", "vz"), 0 * x[0])
+    )
+    law, rest = Harmonic(2.0), rng.uniform(0, 3, 6)
+    angles, folds = (rng.permutation(24)[: 6 * k].reshape(k, 6) for k in (3, 4))
+    for each in (AngleColumns(law, angles, rest), DihedralColumns(law, folds, rest)):
+        forms = []
+        for q, rows in enumerate(each.rows.T):
+            p = x[:, rows].T
+            if len(rows) == 3:
+                a, b = p[0] - p[1], p[2] - p[1]
+                moment = hinge_moment(law, wrapped(angle_gradient(*a, *b)[0] - rest[q]))
+                found = np.reshape(angle_forms(2.0, moment, *a, *b), (2, 2, 3))
+                forms.append([[u, -u - v, v] for u, v in found])
+            else:
+                g = np.reshape(dihedral_gradient(*(p[0] - p[1]), *(p[1] - p[2]), *(p[3] - p[2]))[1:], (3, 3))
+                forms.append([math.sqrt(2.0) * np.stack([g[0], g[1], -g.sum(axis=0), g[2]])])
+        expected = np.array(forms).transpose(1, 0, 2, 3)
+        made = corner_tensors(each, columns, 0.0).forms
+        np.testing.assert_allclose(made, expected, atol=1e-12 * np.abs(expected).max())

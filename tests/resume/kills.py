@@ -1,8 +1,9 @@
 """Kill runs at random moments, resume them, and compare with runs that were left alone.
 
-    python tests/resume/kills.py [--kills 50] [--seed 1] [--kinds fountain cloth memory]
+    python tests/resume/kills.py [--kills 50] [--seed 1] [--kinds fountain cloth memory] [--command]
 
-After every kill (SIGKILL) the finished frames are read and compared, and at the end every byte of physics data.
+After every kill (SIGKILL) the finished frames are read and compared, and at the end every byte of physics data. A killed run
+is a fork of this process, in which everything is imported and compiled; with --command it is `psim run --resume`.
 """
 
 from __future__ import annotations
@@ -11,30 +12,44 @@ import argparse
 import os
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from conftest import KINDS, assert_same
 
 import particlesim as ps
+from particlesim.scenario.dump import dump
 
-PAUSE = 0.02
-"""Seconds that every frame is slowed down by, so that kills fall everywhere."""
+PAUSE = 0.01
+"""Seconds that every frame of a fork is slowed down by, so that kills fall everywhere."""
+
+Start = Callable[[str, Path], int]
+"""Begins a run of a kind of scenario, or goes on with it, in a process of its own; its id."""
 
 
-def rest(_: ps.Progress) -> None:
-    time.sleep(PAUSE)
+def checkpoint_every(kind: str) -> float:
+    """Simulated time between checkpoints [s]: thirteen in a run, none of them at a frame."""
+    return float(KINDS[kind]["simulation"]["duration"]) / 13
 
 
-def start(kind: str, path: Path, **options: object) -> int:
-    """A process that runs a scenario; its id."""
+def fork(kind: str, path: Path) -> int:
+    """A run in a fork of this process."""
     child = os.fork()
     if child == 0:
         try:
-            ps.run(ps.from_table(KINDS[kind]), path, threads=1, **options)
+            ps.run(
+                ps.from_table(KINDS[kind]),
+                path,
+                threads=1,
+                resume=True,
+                checkpoint_every=checkpoint_every(kind),
+                progress=lambda _: time.sleep(PAUSE),
+            )
             os._exit(0)
         except BaseException as error:
             print(f"{type(error).__name__}: {error}", file=sys.stderr, flush=True)
@@ -42,7 +57,21 @@ def start(kind: str, path: Path, **options: object) -> int:
     return child
 
 
-def prefix_of(path: Path, whole: Path) -> int:
+def command(kind: str, path: Path) -> int:
+    """A run by the command line."""
+    scenario = path.with_suffix(".toml")
+    scenario.write_text(dump(ps.from_table(KINDS[kind])), encoding="utf-8")
+    asked = ["run", str(scenario), "-o", str(path), "--resume", "--quiet"]
+    asked += ["--threads", "1", "--checkpoint-every", str(checkpoint_every(kind))]
+    return subprocess.Popen([sys.executable, "-m", "psim", *asked]).pid
+
+
+def wait(child: int) -> int:
+    """The exit status of a process that ends by itself."""
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def frames_left(path: Path, whole: Path) -> int:
     """How many frames the file of a killed run has; all must be those of the whole run."""
     if not path.exists():
         return 0
@@ -53,20 +82,22 @@ def prefix_of(path: Path, whole: Path) -> int:
         return len(killed)
 
 
-def torment(kind: str, kills: int, generator: random.Random, folder: Path) -> list[int]:
-    """Kill a run so many times, then let it end; frames that were left by each kill."""
+def torment(kind: str, kills: int, generator: random.Random, folder: Path, start: Start) -> list[int]:
+    """Kill a run so many times, then let it end; frames that were left by each kill.
+
+    A run that ended before it could be killed must be right, and is begun anew.
+    """
     whole, path = folder / f"{kind}.whole.vtkhdf", folder / f"{kind}.vtkhdf"
-    takes = 0.0
-    for _ in range(2):  # the first one may compile
-        began = time.monotonic()
-        assert os.waitpid(start(kind, whole, overwrite=True), 0)[1] == 0
-        takes = time.monotonic() - began
-    every = KINDS[kind]["simulation"]["duration"] / 13
-    options = {"resume": True, "progress": rest, "checkpoint_every": every}
+    ps.run(ps.from_table(KINDS[kind]), whole, threads=1)  # which also compiles, for all forks
+    began = time.monotonic()
+    assert wait(start(kind, path)) == 0
+    takes = time.monotonic() - began
+    assert_same(path, whole)
+    path.unlink()
     left: list[int] = []
     while len(left) < kills:
-        child = start(kind, path, **options)
-        time.sleep(generator.uniform(0, takes + 40 * PAUSE))
+        child = start(kind, path)
+        time.sleep(generator.uniform(0, takes))
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             assert status == 0
@@ -75,8 +106,8 @@ def torment(kind: str, kills: int, generator: random.Random, folder: Path) -> li
             continue
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        left.append(prefix_of(path, whole))
-    assert os.waitpid(start(kind, path, **options), 0)[1] == 0
+        left.append(frames_left(path, whole))
+    assert wait(start(kind, path)) == 0
     assert_same(path, whole)
     return left
 
@@ -84,15 +115,20 @@ def torment(kind: str, kills: int, generator: random.Random, folder: Path) -> li
 def main() -> None:
     """Parse arguments, torment, print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--kills", type=int, default=50, help="in all, shared out to the kinds")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--command", action="store_true", help="kill the command line")
     asked = parser.parse_args()
     generator = random.Random(asked.seed)
+    all_left: list[int] = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind in asked.kinds:
-            left = torment(kind, asked.kills, generator, Path(folder))
-            print(f"{kind}: {len(left)} kills, frames left by each: {left}", flush=True)
+        for k, kind in enumerate(asked.kinds):
+            kills = len(range(k, asked.kills, len(asked.kinds)))
+            left = torment(kind, kills, generator, Path(folder), command if asked.command else fork)
+            print(f"{kind}: frames left by each kill: {left}", flush=True)
+            all_left += left
+    print(f"{len(all_left)} kills, {len(set(all_left))} different moments")
 
 
 if __name__ == "__main__":

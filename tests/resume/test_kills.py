@@ -6,15 +6,24 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are forked and killed")
 
-@pytest.mark.skipif(sys.platform == "win32", reason="processes are forked")
-def test_killed_and_resumed():
+
+def torment(*options: str) -> str:
+    """What tests/resume/kills.py prints."""
     script = Path(__file__).with_name("kills.py")
     done = subprocess.run(
-        [sys.executable, str(script), "--kills", "5", "--seed", "2", "--kinds", "fountain"],
-        capture_output=True,
-        text=True,
-        timeout=120,
+        [sys.executable, str(script), *options], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "5 kills" in done.stdout
+    return done.stdout.splitlines()[-1]
+
+
+def test_fifty_kills():
+    kills, moments = (int(words.split()[0]) for words in torment("--kills", "50", "--seed", "2").split(", "))
+    assert kills == 50
+    assert moments >= 10  # frames left by kills: they do not all fall into the start
+
+
+def test_kills_of_the_command():
+    assert torment("--kills", "2", "--seed", "5", "--kinds", "memory", "--command").startswith("2 kills")

@@ -151,6 +151,13 @@ def test_particles_at_the_same_place(tmp_path: Path) -> None:
     assert "are at the same place: a rod between them has no direction" in str(refused(tmp_path, written))
 
 
+def test_lengths_that_do_not_fit_each_other(tmp_path: Path) -> None:
+    # 1 m and 1 m in a row, and 2.0001 m from end to end: each is within its tolerance, all three are impossible.
+    rods = CHAIN + 'pairs = [[0, 1], [1, 2]]\nlength = 1.0\n\n[[rods]]\nname = "whole"\n'
+    rods += CHAIN + "pairs = [[0, 2]]\nlength = 2.0001"
+    assert "rods do not fit each other at the start" in str(refused(tmp_path, text(RODS=rods)))
+
+
 def test_methods_that_hold_rods_are_named(tmp_path: Path) -> None:
     error = refused(tmp_path, text(method="rk4"))
     assert "symplectic_euler, velocity_verlet, yoshida4" in str(error)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import importlib
+import os
+import signal
 import socket
 import sys
+import time
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +17,7 @@ from typing import Any
 import pytest
 
 from particlesim.errors import UsageError
-from particlesim.sweep import Design, InProcess, Sweep, parse_axis
+from particlesim.sweep import Design, InProcess, Sweep, SweepProgress, parse_axis
 from particlesim.sweep.cluster import DaskExecutor, _next_size, do_chunk, scheduler, slurm
 
 HERE = Path(__file__).parent
@@ -42,22 +45,40 @@ def test_a_worker_that_came_later_with_another_version() -> None:
     assert do_chunk(abs, [-1, 2], importlib.import_module("particlesim.version").__version__)[0] == [1, 2]
 
 
+LOCAL = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+"""A cluster for nobody but these tests, on ports that are free."""
+
+
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory) -> Iterator[Any]:
-    """Two worker processes on this machine."""
+    """Two worker processes on this machine, which are gone afterwards."""
     distributed = pytest.importorskip("distributed")
+    dask, psutil = (importlib.import_module(name) for name in ("dask", "psutil"))
     patch = pytest.MonkeyPatch()
     patch.syspath_prepend(str(HERE))
     patch.setenv("PYTHONPATH", ":".join(path for path in sys.path if path))
     patch.setenv("PSIM_TEST_MARK", str(tmp_path_factory.mktemp("mark") / "mark"))
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    ) as made:
+    before = set(psutil.Process().children(recursive=True))
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(n_workers=2, **LOCAL) as made,
+    ):
         yield made
+        mine = set(psutil.Process().children(recursive=True)) - before
+        address = made.scheduler_address
     patch.undo()
+    workers = [process for process in mine if "resource_tracker" not in " ".join(command_of(process))]
+    assert psutil.wait_procs(workers, timeout=10)[1] == []
+    with socket.socket() as port, pytest.raises(OSError, match="refused"):
+        port.connect(("127.0.0.1", int(address.rpartition(":")[2])))
 
 
-pytestmark = pytest.mark.filterwarnings("default")  # of Dask and Tornado
+def command_of(process: Any) -> list[str]:
+    """The command line of a process, empty for one that has ended."""
+    try:
+        return list(process.cmdline())
+    except importlib.import_module("psutil").Error:
+        return []
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -65,15 +86,25 @@ def rows(path: Path) -> list[dict[str, str]]:
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(lines)]
 
 
-def test_the_same_table_as_in_one_process(cluster, tmp_path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
+def test_the_same_table_as_in_one_process_with_a_worker_killed_in_the_middle(cluster, tmp_path) -> None:
+    distributed = pytest.importorskip("distributed")
     file = tmp_path / "balls.toml"
     file.write_text(SCENARIO)
     sweep = Sweep(
         file, Design((parse_axis("simulation.seed=linspace(1, 40, 40)"), parse_axis("simulation.dt=0.01,-1")))
     )
     here = sweep.run(tmp_path / "here", executor=InProcess())
+    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+        victims = [next(iter(client.run(os.getpid).values()))]
+
+    def kill(now: SweepProgress) -> None:
+        if now.ended >= 7 and victims:
+            os.kill(victims.pop(), signal.SIGKILL)
+
     with scheduler(cluster.scheduler_address) as executor:
-        there = sweep.run(tmp_path / "there", executor=executor)
+        there = sweep.run(tmp_path / "there", executor=executor, progress=kill)
+    assert not victims
     assert there.counts == here.counts == {"done": 40, "bad_scenario": 40}
     assert rows(there.table) == rows(here.table)
     state = [(tmp_path / where / "0001/scenario.toml").read_bytes() for where in ("here", "there")]
@@ -91,11 +122,11 @@ def test_lost_workers_are_replaced(cluster) -> None:
 
 def test_another_version_is_refused(cluster) -> None:
     distributed = pytest.importorskip("distributed")
-    with (
-        distributed.Client(cluster.scheduler_address, set_as_default=False) as client,
-        pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0"),
-    ):
-        DaskExecutor(client, version="99.0")
+    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=30)  # they may still be on their way back from the test before
+        with pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0") as caught:
+            DaskExecutor(client, version="99.0")
+    assert caught.value.exit_code == 2
 
 
 def test_slurm_through_its_jobqueue(monkeypatch, tmp_path) -> None:
@@ -104,7 +135,7 @@ def test_slurm_through_its_jobqueue(monkeypatch, tmp_path) -> None:
 
     class SLURMCluster(distributed.LocalCluster):
         def __init__(self) -> None:
-            super().__init__(n_workers=0, threads_per_worker=1, dashboard_address=None, host="127.0.0.1")
+            super().__init__(n_workers=0, **LOCAL)
 
     module = types.ModuleType("dask_jobqueue")
     module.SLURMCluster = SLURMCluster  # type: ignore[attr-defined]
@@ -120,12 +151,28 @@ def test_slurm_through_its_jobqueue(monkeypatch, tmp_path) -> None:
         pass
 
 
-def test_nobody_answers() -> None:
+@pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
+def test_nobody_answers(silent) -> None:
+    """Nothing listens at the address, or something does that is no scheduler and says nothing."""
     pytest.importorskip("distributed")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    with pytest.raises(UsageError, match="no scheduler answers at"), scheduler(address, timeout=0.5):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        if silent:
+            other.listen()
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        began = time.monotonic()
+        with pytest.raises(UsageError, match="no scheduler answers at"), scheduler(address, timeout=0.5):
+            pass
+        assert time.monotonic() - began < 10
+
+
+def test_a_scheduler_without_workers() -> None:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=0, **LOCAL) as empty,
+        pytest.raises(UsageError, match=r"has no workers after 0\.3 s"),
+        scheduler(empty.scheduler_address, timeout=0.3),
+    ):
         pass
 
 

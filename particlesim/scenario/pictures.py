@@ -1,0 +1,67 @@
+"""Videos show what the trajectory holds, and draw what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, get_args
+
+from particlesim.crossfield import Invalid
+from particlesim.groups import Particles
+from particlesim.names import did_you_mean
+from particlesim.scenario.joints import bond_tables
+from particlesim.scenario.reach import group_tables
+from particlesim.scenario.rendering import colorable
+from particlesim.scenario.rods import rod_tables
+from particlesim.scenario.simulation import FieldName
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def colors(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos show what the trajectory holds."""
+    name, fields = scenario.render.color_by, scenario.recorded_fields()
+    springs = any(True for _ in bond_tables(scenario))
+    if name not in (*fields, "position", "id") and name not in (known := colorable(fields, springs=springs)):
+        hint = did_you_mean(name, known)
+        if hint is None and name in get_args(FieldName):
+            hint = f"to record it: fields = [..., {name!r}] under [output]"
+        yield Invalid(
+            f"the trajectory does not hold {name!r}",
+            ("render", "color_by"),
+            allowed=", ".join(known),
+            hint=hint,
+        )
+
+
+def styles(scenario: Scenario) -> Iterator[Invalid]:
+    """Videos draw what there is: groups and sets of springs or rods that exist, surfaces and lines where there are some."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    sets = {rods.name: ("rods", k) for k, rods in enumerate(scenario.rods)}
+    sets |= {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    joined = {name for _, names, _ in bond_tables(scenario) for name in names}
+    joined |= {name for _, names in rod_tables(scenario) for name in names}
+    for name, style in scenario.render.styles.items():
+        at = ("render", "styles", name)
+        if name not in tables and name not in sets:
+            known = [*tables, *sets]
+            hint = did_you_mean(name, known)
+            yield Invalid(
+                f"no group, springs or rods are called {name!r}", at, allowed=", ".join(known), hint=hint
+            )
+        elif name in tables:
+            path, group = tables[name]
+            skin = isinstance(group, Particles) and group.layout.has_surface()
+            if style == "surface" and not skin:
+                yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
+            if style == "lines" and name not in joined:
+                yield Invalid(
+                    f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
+                )
+        elif style in ("surface", "points"):
+            yield Invalid(
+                "springs and rods are lines or hidden",
+                at,
+                ((sets[name], f"these {sets[name][0]}"),),
+                allowed='"lines", "hidden"',
+            )

@@ -1,0 +1,43 @@
+"""What a force reaches: which groups can feel it, and where groups are stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from particlesim.crossfield import Path
+from particlesim.forces import Force
+from particlesim.forces.field import Field
+from particlesim.groups import Group, Particles
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def acts_on(force: Force, group: Group) -> bool:
+    """Whether a force acts on a group.
+
+    A force without `on` acts on every group that can feel it: tracers feel none, and particles without inertia none that
+    depend on the velocity.
+    """
+    if force.on is not None:
+        return group.name in force.on
+    return not unfelt(force, group)
+
+
+def unfelt(force: Force, group: Group) -> str | None:
+    velocity = force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
+    if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
+        return "this force acts on surfaces; cloth, jelly and mesh have one"
+    if group.dynamics.type == "tracer":
+        return "tracers move with their flow; no force acts on them"
+    if group.dynamics.type == "first_order" and velocity:
+        return "this force depends on the velocity, which particles without inertia do not have"
+    return None
+
+
+def group_tables(scenario: Scenario) -> Iterator[tuple[Path, Group]]:
+    for k, particles in enumerate(scenario.particles):
+        yield ("particles", k), particles
+    for k, emitter in enumerate(scenario.emitters):
+        yield ("emitters", k), emitter
