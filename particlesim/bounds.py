@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from particlesim.distributions import largest
 from particlesim.emitters import Emitter, Schedule
-from particlesim.errors import UsageError
+from particlesim.errors import ResourceError
 from particlesim.groups import Group, Particles
 from particlesim.integrators import RungeKutta, method_for
 from particlesim.scenario.scenario import Scenario
@@ -202,13 +202,13 @@ def _cgroup_limit() -> int:
 
 
 def check_fits(required: Needs, output: Path | None) -> None:
-    """Refuse a run that cannot fit. Raises UsageError with what is needed and what there is."""
+    """Refuse a run that cannot fit. Raises ResourceError with what is needed and what there is."""
     memory = available_memory()
     if memory is not None and required.memory > memory:
         hint = 'fewer particles, a limit on emitters, or precision = "single" need less'
         if required.births > 2 * required.particles:
             hint = "a lower rate needs less, and so do more frames: all births between two frames are in memory together"
-        raise UsageError(
+        raise ResourceError(
             f"the run needs about {size(required.memory)} of memory for {required.particles:,} particles"
             + (f" at once and {required.births:,} births" if required.births else "")
             + f", and {size(memory)} are free",
@@ -221,7 +221,7 @@ def check_fits(required: Needs, output: Path | None) -> None:
         free = shutil.disk_usage(folder).free
         if required.disk > free:
             bound = "up to" if required.compressed else "about"
-            raise UsageError(
+            raise ResourceError(
                 f"the trajectory needs {bound} {size(required.disk)} on disk for {required.frames:,} frames, "
                 f"and {size(free)} are free in {folder}",
                 "fewer frames (output.fps), fewer fields (output.fields) or compression need less",

@@ -144,6 +144,9 @@ class _Item:
         elif not isinstance(check.at, str):
             self._step = check_step(scenario.grid, check.at)
         self._worst: tuple[Seen, float] | None = None
+        if isinstance(self.observer, Reference) and self.observer.lacking is not None:
+            note = "the run has no frame, the reference has one"
+            self.take(Seen(float("nan"), float("inf"), note=note), self.observer.lacking)
 
     def due(self, simulation: Simulation) -> bool:
         """Whether the present frame counts."""
@@ -175,14 +178,17 @@ class _Item:
             return missing
         seen, time = self._worst
         passed = seen.excess <= 0
-        relation = "is" if passed else "is not"
-        value = f"{seen.value:.9g}" + (f" off for particle {seen.particle}" if check.reference else "")
-        if seen.expected is not None:
-            value += f" instead of {seen.expected:.9g}"
-            value += f" for particle {seen.particle}" if seen.particle is not None else ""
-        message = f"{self.label} {relation} {check.bound()}: {value} at t = {time:.9g} s"
-        if seen.note:
-            message += f" ({seen.note})"
-        elif seen.value != seen.value and self.observer is not None:
+        message = f"{self.label} {'is' if passed else 'is not'} {check.bound()}: {_shown(seen, check)}"
+        message += f" at t = {time:.9g} s"
+        if seen.value != seen.value and self.observer is not None and not seen.note:
             message += " (no particle, or not a number)"
         return replace(missing, passed=passed, value=seen.value, time=time, message=message)
+
+
+def _shown(seen: Seen, check: Check) -> str:
+    """What was seen, in words: '0.3 off for particle 2', '4 instead of 5 for particle 2'."""
+    if seen.note:
+        return seen.note
+    value = f"{seen.value:.9g}" + (" off" if check.reference is not None else "")
+    value += f" instead of {seen.expected:.9g}" if seen.expected is not None else ""
+    return value + (f" for particle {seen.particle}" if seen.particle is not None else "")

@@ -5,12 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from particlesim.errors import UsageError
-from particlesim.layouts.file import File
 from particlesim.scenario.dump import to_table
+from particlesim.scenario.named_files import file_digest, layout_files
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 
@@ -34,20 +32,11 @@ def physics_digest(scenario: Scenario) -> str:
     physics = physics_of(to_table(scenario))
     grid = scenario.grid
     physics["simulation"] = {**physics["simulation"], "dt": grid.dt, "substeps": None, "steps": grid.steps}
-    for group, table in zip(scenario.particles, physics.get("particles", ()), strict=True):
-        if isinstance(group.layout, File):
-            table["layout"]["path"] = _file_digest(scenario.folder, group.layout.path)
+    for file in layout_files(scenario):
+        _, k, *_ = file.address
+        physics["particles"][k]["layout"]["path"] = file_digest(file.path)
     text = json.dumps(physics, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _file_digest(folder: Path | None, name: str) -> str:
-    path = Path(name) if folder is None else folder / name
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def state_digest(final: Frame) -> str:

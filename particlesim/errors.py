@@ -67,6 +67,10 @@ class UsageError(PsimError):
     exit_code = 2
 
 
+class ResourceError(UsageError):
+    """A run that this machine has no memory or no disk for, at present: another one might, and this one later."""
+
+
 class OutputExistsError(UsageError):
     """An output that is there already, and would be overwritten."""
 

@@ -31,7 +31,7 @@ class Held:
     def __init__(self) -> None:
         self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
         self._waiting: int | None = None
-        self._timer: threading.Timer | None = None
+        self._reminder: _thread.LockType | None = None
 
     def check(self) -> None:
         """A safe point: if a signal came, its own handler is called (Python's own raises KeyboardInterrupt).
@@ -51,9 +51,7 @@ class Held:
 
     def give_back(self) -> None:
         """Put the handlers back. A signal that still waits stays to be heard by `check`."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._forget_reminder()
         for number in self._handlers:
             signal.signal(number, self._handlers[number])
 
@@ -62,15 +60,25 @@ class Held:
             self._deliver(number, frame)
             return
         self._waiting = number
-        self._timer = threading.Timer(GRACE, _thread.interrupt_main, (number,))
-        self._timer.daemon = True
-        self._timer.start()
+        # This may interrupt the start of a thread, so nothing here takes the locks of `threading`.
+        self._reminder = _thread.allocate_lock()
+        self._reminder.acquire()
+        _thread.start_new_thread(_remind, (self._reminder, number))
 
     def _deliver(self, number: int, frame: FrameType | None) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._forget_reminder()
         self._handlers[number](number, frame)
+
+    def _forget_reminder(self) -> None:
+        reminder, self._reminder = self._reminder, None
+        if reminder is not None:
+            reminder.release()
+
+
+def _remind(reminder: _thread.LockType, number: int) -> None:
+    """Send the signal once more after a while, unless the lock is released before."""
+    if not reminder.acquire(timeout=GRACE):
+        _thread.interrupt_main(signal.Signals(number))
 
 
 _active: Held | None = None

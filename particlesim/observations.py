@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,15 @@ from particlesim.quantities import AXES, FIELD_QUANTITIES
 from particlesim.recording import column
 from particlesim.regions import inside
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory import reader
 from particlesim.trajectory.fields import FIELDS
+from particlesim.trajectory.frame import Frame
 
 Floats = NDArray[np.float64]
 
+MOST_NAMED = 3
+"""Lost particles that a message names."""
 SAME_TIME = 1e-9
 """A frame of a reference counts for a time that differs by this fraction of the reference's duration."""
 
@@ -56,13 +61,17 @@ class Selection:
 
     def of(self, simulation: Simulation) -> NDArray[np.intp]:
         """Their rows in the columns of the present state."""
-        part = slice(0, simulation.count)
-        if self._group is not None:
-            part = rows(simulation.states)[self._group]
-        chosen = np.arange(part.start, part.stop)
+        chosen = self.of_group(simulation)
         if self._region is None:
             return chosen
         return chosen[inside(self._region, values(simulation, "position")[chosen])]
+
+    def of_group(self, simulation: Simulation) -> NDArray[np.intp]:
+        """Rows of the particles of the group, in the region or not."""
+        part = slice(0, simulation.count)
+        if self._group is not None:
+            part = rows(simulation.states)[self._group]
+        return np.arange(part.start, part.stop)
 
 
 def values(simulation: Simulation, quantity: str) -> Floats:
@@ -145,7 +154,10 @@ class Oracle:
 
 
 class Reference:
-    """Every chosen particle against the one with its id in a recorded trajectory; the value is their distance."""
+    """Every chosen particle against the one with its id in a recorded trajectory; the value is their distance.
+
+    Particles and frames that only one of both has are as far off as can be.
+    """
 
     def __init__(self, check: Check, scenario: Scenario) -> None:
         self._check = check
@@ -159,45 +171,89 @@ class Reference:
             )
         self._trajectory = reader.open(path)
         if self._field not in self._trajectory.fields:
-            self._trajectory.close()
-            raise UsageError(
-                f"the reference {path} does not hold {self._field}", "psim run --bless writes another one."
-            )
+            raise self._unfit(path, self._field)
+        if check.group is not None and check.group not in self._trajectory.groups:
+            raise self._unfit(path, f"the group {check.group}")
+        times = self._trajectory.times
+        self._near = SAME_TIME * (float(times[-1]) if len(times) else 0.0)
+        self.lacking = self._lacking(scenario.grid)
+        """Time of the first frame to be compared [s] that the reference has, and the run will not have."""
+
+    def _unfit(self, path: Path, what: str) -> UsageError:
+        self._trajectory.close()
+        return UsageError(
+            f"the reference {path} does not hold {what}", "psim run --bless writes another one."
+        )
+
+    def _lacking(self, grid: TimeGrid) -> float | None:
+        times = self._trajectory.times
+        if self._check.at == "end":
+            times = times[-1:]
+        elif self._check.at != "always":
+            return None
+        steps = np.minimum(np.rint(times / (grid.every * grid.dt)) * grid.every, grid.steps)
+        apart = np.minimum(np.abs(times - steps * grid.dt), np.abs(times - grid.duration))
+        lost = times[apart > self._near]
+        return float(lost[0]) if len(lost) else None
 
     def close(self) -> None:
         """Close the file."""
         self._trajectory.close()
 
     def at(self, simulation: Simulation) -> Seen | None:
-        """The particle that is farthest from its reference; None when there is none to look at, here or there."""
-        chosen = self._chosen.of(simulation)
+        """The particle that is farthest from its reference; None when there is none to look at, neither here nor there."""
         there = self._trajectory
-        near = SAME_TIME * (float(there.times[-1]) if len(there) else 0.0)
-        if not len(there) or abs((frame := there.frame_at(simulation.time)).time - simulation.time) > near:
-            return Seen(float("nan"), float("inf"), note="the reference has no frame at that time")
-        ids = values(simulation, "id").astype(int)[chosen]
-        if not len(ids):
-            return None
-        order = np.argsort(frame.id)
-        place = np.searchsorted(frame.id, ids, sorter=order).clip(max=max(len(frame) - 1, 0))
-        if not len(frame) or (lost := frame.id[order[place]] != ids).any():
-            particle = int(ids[0] if not len(frame) else ids[lost.argmax()])
-            return Seen(
-                float("nan"),
-                float("inf"),
-                particle=particle,
-                note="the reference does not have this particle",
-            )
+        if (
+            not len(there)
+            or abs((frame := there.frame_at(simulation.time)).time - simulation.time) > self._near
+        ):
+            return _nowhere("the reference has no frame")
+        group = self._chosen.of_group(simulation)
+        ids = values(simulation, "id").astype(int)
+        known = frame.id if self._check.group is None else frame.id[frame.of(self._check.group)]
+        wanted = np.union1d(ids[self._chosen.of(simulation)], known[self._inside(frame, known)])
+        if (lost := np.setdiff1d(wanted, known)).size:
+            return _nowhere(f"the reference does not have {_particles(lost)}")
+        if (lost := np.setdiff1d(wanted, ids[group])).size:
+            return _nowhere(f"the run does not have {_particles(lost)} of the reference")
+        return self._farthest(simulation, frame, wanted, ids) if len(wanted) else None
+
+    def _inside(self, frame: Frame, known: NDArray[Any]) -> NDArray[np.bool_]:
+        """Which of these particles of a frame lie in the region of the check."""
+        if self._check.region is None:
+            return np.ones(len(known), np.bool_)
+        return inside(self._check.region, frame.position[_places(frame.id, known)].astype(float))
+
+    def _farthest(
+        self, simulation: Simulation, frame: Frame, wanted: NDArray[Any], ids: NDArray[Any]
+    ) -> Seen:
         stored = frame[self._field]
-        here = values(simulation, self._field)[chosen].astype(stored.dtype).astype(float)
-        expected = stored[order[place]].astype(float)
+        here = values(simulation, self._field)[_places(ids, wanted)].astype(stored.dtype).astype(float)
+        expected = stored[_places(frame.id, wanted)].astype(float)
         if self._axis:
             here, expected = (v[:, AXES.index(self._axis)] for v in (here, expected))
         apart = np.abs(here - expected) if here.ndim == 1 else np.linalg.norm(here - expected, axis=1)
         apart[np.isnan(apart)] = np.inf
         worst = int(apart.argmax())
         allowed = self._check.allowance(float(np.abs(stored).max(initial=0.0)))
-        return Seen(float(apart[worst]), float(apart[worst]) - allowed, particle=int(ids[worst]))
+        return Seen(float(apart[worst]), float(apart[worst]) - allowed, particle=int(wanted[worst]))
+
+
+def _nowhere(note: str) -> Seen:
+    return Seen(float("nan"), float("inf"), note=note)
+
+
+def _particles(ids: NDArray[Any]) -> str:
+    """'particle 3', or 'particles 3, 5, 8 and 97 more'."""
+    shown = ", ".join(str(i) for i in ids[:MOST_NAMED].tolist())
+    more = f" and {len(ids) - MOST_NAMED:,} more" if len(ids) > MOST_NAMED else ""
+    return f"particle{'s' if len(ids) > 1 else ''} {shown}{more}"
+
+
+def _places(ids: NDArray[Any], wanted: NDArray[Any]) -> NDArray[np.intp]:
+    """Where the wanted ids, all of which are there, stand among `ids`."""
+    order = np.argsort(ids)
+    return np.asarray(order[np.searchsorted(ids, wanted, sorter=order)])
 
 
 def reference_path(scenario: Scenario, check: Check) -> Path:

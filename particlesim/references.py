@@ -6,18 +6,14 @@ import shutil
 from pathlib import Path
 
 from particlesim.errors import UsageError
-from particlesim.observations import reference_path
+from particlesim.scenario.named_files import reference_files
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.target import check_target, replacing
 
 
 def reference_paths(scenario: Scenario) -> tuple[Path, ...]:
     """The references that the checks of a scenario name, each once."""
-    return tuple(
-        dict.fromkeys(
-            reference_path(scenario, check) for check in scenario.checks if check.reference is not None
-        )
-    )
+    return tuple(dict.fromkeys(file.path for file in reference_files(scenario)))
 
 
 def check_references(scenario: Scenario, output: Path | None, *, bless: bool) -> None:
@@ -30,6 +26,7 @@ def check_references(scenario: Scenario, output: Path | None, *, bless: bool) ->
                 "Choose another output.",
             )
         if bless:
+            _check_beside(path, scenario)
             check_target(path, overwrite=True)
     if bless and not paths:
         raise UsageError(
@@ -38,6 +35,16 @@ def check_references(scenario: Scenario, output: Path | None, *, bless: bool) ->
         )
     if bless and output is None:
         raise UsageError("a reference is made of a trajectory, and none is written", "Give an output.")
+
+
+def _check_beside(path: Path, scenario: Scenario) -> None:
+    """A scenario names no place to write to but its own folder, and what is below. Raises UsageError."""
+    home = (scenario.folder or Path()).resolve()
+    if not path.resolve().is_relative_to(home):
+        raise UsageError(
+            f"the reference {path} is not in the scenario's folder, or below it",
+            "psim run --bless writes nowhere else; bless the scenario that lies beside it.",
+        )
 
 
 def bless(scenario: Scenario, trajectory: Path) -> tuple[Path, ...]:

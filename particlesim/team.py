@@ -14,8 +14,12 @@ from itertools import pairwise
 from types import TracebackType
 from typing import Any, Self
 
+from particlesim.interruption import held_signals
+
 PIECES_PER_THREAD = 4
 """Ranges per thread: when another program takes a core, the other threads take over its share."""
+_LONGEST_START = 1.0
+"""Seconds that a thread waits for its siblings at most."""
 
 
 def available_cores() -> int:
@@ -30,12 +34,11 @@ class Team:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = available_cores() if threads is None else max(1, threads)
-        self._pool = ThreadPoolExecutor(self.threads, "psim") if self.threads > 1 else None
-        if self._pool is not None:
-            # Start them all now: a thread that is born with work stays for milliseconds on the core of its parent.
-            together = threading.Barrier(self.threads)
-            for _ in range(self.threads):
-                self._pool.submit(together.wait)
+        self._pool: ThreadPoolExecutor | None = None
+        if self.threads > 1:
+            # A thread that a signal cuts off from its pool in the moment of its birth would never hear of its end.
+            with held_signals():
+                self._pool = _started_pool(self.threads)
 
     def each(self, work: Callable[[int], Any], count: int) -> None:
         """Call work(0) … work(count − 1), in any order, and return when all are done."""
@@ -64,7 +67,8 @@ class Team:
     def close(self) -> None:
         """End the threads; work that has not begun is dropped."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            with held_signals():
+                self._pool.shutdown(cancel_futures=True)
 
     def __enter__(self) -> Self:
         return self
@@ -73,3 +77,15 @@ class Team:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _started_pool(threads: int) -> ThreadPoolExecutor:
+    """A pool whose threads have all begun: one that is born with work stays for milliseconds on the core of its parent."""
+    pool = ThreadPoolExecutor(threads, "psim")
+    begun = threading.Event()
+    try:
+        for _ in range(threads):
+            pool.submit(begun.wait, _LONGEST_START)  # an idle thread would take the work of the next
+    finally:
+        begun.set()
+    return pool

@@ -164,13 +164,13 @@ def _aim(
 
 
 def _write(path: Path, scenario: Any, force: bool) -> None:
-    """The resolved scenario as TOML."""
-    from particlesim.scenario.dump import dump
+    """The resolved scenario as TOML, its files named from where it lies."""
+    from particlesim.scenario.named_files import dump_for
     from particlesim.trajectory.target import check_target, replacing
 
     check_target(path, overwrite=force)
     with replacing(path) as temporary:
-        temporary.write_text(dump(scenario), encoding="utf-8")
+        temporary.write_text(dump_for(scenario, path.resolve().parent), encoding="utf-8")
 
 
 def _show_fit(found: Fit) -> None:

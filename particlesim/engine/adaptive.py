@@ -9,9 +9,10 @@ step that a particle would have taken stays in its memory.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
@@ -69,6 +70,48 @@ from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
 from particlesim.laws import PASS
 
 Impl = Callable[..., Any]
+
+# The log of steps
+
+
+class Log(NamedTuple):
+    """Own steps that particles have taken, for who needs them.
+
+    `number` [2]: how many, and the row at which the present block begins. Of the first of them, `spans` [3, room] has row,
+    beginning and length [s], and `states` [18, room] position and velocity at the beginning, at the end without contact, and
+    with it.
+    """
+
+    number: NDArray[np.int64]
+    spans: NDArray[np.float64]
+    states: NDArray[np.float64]
+
+
+def new_log(room: int = 0) -> Log:
+    """A log with room for so many steps; those beyond are only counted."""
+    return Log(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
+
+
+@inlined
+def enter(log: Any, d: Any, k: Any, q: Any, r: Any) -> None:
+    """Log the step of particle k of a desk from its state to q, which contact makes r."""
+    n = log.number[0]
+    log.number[0] = n + 1
+    if n < log.spans.shape[1]:
+        log.spans[0, n] = log.number[1] + d.row[k]
+        log.spans[1, n], log.spans[2, n] = d.clock[NOW, k], d.clock[TAKEN, k]
+        for s in range(6):
+            log.states[s, n] = d.body[STATE + s, k]
+        write(log.states[6:12, n], q)
+        write(log.states[12:18, n], r)
+
+
+@inlined
+def write(column: Any, p: Any) -> None:
+    """Position and velocity of a particle."""
+    column[0], column[1], column[2] = p.x, p.y, p.z
+    column[3], column[4], column[5] = p.vx, p.vy, p.vz
+
 
 # One try
 
@@ -191,19 +234,20 @@ def aim(d: Any, k: Any, most: Any) -> None:
     d.clock[TAKEN, k] = left if left <= 1.01 * d.clock[STEP, k] else d.clock[STEP, k]
 
 
-def land(program: Any, c: Any, d: Any, k: Any) -> Any:
+def land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Any:
     """Particle k of a desk has taken its step: contacts, and whether it is done."""
     return stub()
 
 
 @inline(land)
-def _land(program: Any, c: Any, d: Any, k: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, k: Any) -> bool:
+def _land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, k: Any, log: Any) -> bool:
         now, taken = d.clock[NOW, k], d.clock[TAKEN, k]
         arrived = taken >= d.clock[STOP, k] - now
         then = d.clock[STOP, k] if arrived else now + taken
         q = at(d, k, AHEAD, then)
         touched, r, outcome = touch(program, d, k, q)
+        enter(log, d, k, q, r)
         d.clock[NOW, k] = then
         put(d, k, STATE, r)
         if touched:
@@ -252,14 +296,14 @@ def _touch(program: Any, d: Any, k: Any, q: Any) -> Impl:
     return careful
 
 
-def judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Any:
+def judge(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> Any:
     """Accept or reject the try of particle k of a desk: 0 it goes on, −1 it has arrived, else why it cannot go on."""
     return stub()
 
 
 @inline(judge)
-def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, k: Any, most: Any) -> int:
+def _judge(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> int:
         w, method = d.clock, program.method
         error, taken = w[ERROR, k], w[TAKEN, k]
         wish = taken * factor(method, error, w[PREVIOUS, k], w[AGAIN, k] > 0)
@@ -271,7 +315,7 @@ def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
                 w[PREVIOUS, k] = max(error, SMALLEST)
             else:  # a try that was cut short by the end of the grid step says nothing against the step that was meant
                 w[STEP, k] = max(w[STEP, k], wish)
-            if land(program, c, d, k):
+            if land(program, c, d, k, log):
                 return -1
         else:
             w[AGAIN, k], w[STEP, k] = 1, wish
@@ -283,20 +327,20 @@ def _judge(program: Any, c: Any, d: Any, k: Any, most: Any) -> Impl:
     return impl
 
 
-def step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> Any:
+def step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> Any:
     """All steps of a block from t to `end`. Returns 0, or why a particle cannot go on; moment[0] is then when."""
     return stub()
 
 
 @inline(step_block)
-def _step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any) -> int:
+def _step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> Impl:
+    def impl(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> int:
         n = sit_down(program, c, d, t, end)
         while n > 0:
             attempt(program, d, n)
             k = 0
             while k < n:
-                verdict = judge(program, c, d, k, end - t)
+                verdict = judge(program, c, d, k, end - t, log)
                 if verdict > 0:
                     moment[0] = d.clock[NOW, k]
                     leave(c, d, k)
@@ -325,23 +369,26 @@ def step_range_adaptive(
     restore: Any,
     faults: Any,
     moment: Any,
+    log: Any,
 ) -> None:
     """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
 
     When a particle cannot go on, faults[k] says why for the first particle k of its block, and moment[0] when. With
     `restore` the block is put back to its state at the beginning; without, the particle stays where it could not go on.
+    Every own step is entered into `log`.
     """
     some = min(block, DESK)
     kept = np.empty((KEPT, some))
     desk = new_desk(columns)
     for lo in range(first, last, some):
         c = block_of(columns, lo, min(last, lo + some))
+        log.number[1] = lo
         for i in range(c.x.size):
             keep(c, kept, i)
         verdict = 0
         for s in range(steps):
             t, end = (first_step + s) * dt, (first_step + s + 1) * dt
-            verdict = step_block(program, c, desk, t, end, moment)
+            verdict = step_block(program, c, desk, t, end, moment, log)
             if verdict != 0:
                 break
         if verdict == 0:

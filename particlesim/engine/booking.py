@@ -2,31 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.bonding import Bonds
-from particlesim.engine.books import Books, accelerations, damping, halfway, halfway_between
-from particlesim.engine.columns import Clock, Columns
+from particlesim.engine.books import (
+    SIMPSON,
+    Books,
+    accelerations,
+    damping,
+    halfway,
+    halfway_between,
+    moved,
+    weighted,
+)
+from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.driving import Driven
 from particlesim.engine.measure import bond_energy
 from particlesim.graph import Island
+from particlesim.integrators import EmbeddedRungeKutta
 
 Floats = NDArray[np.float64]
 
 
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
-    without contact (None: nothing can be touched); the energy that rods have given to led ends in that free step [J]."""
+    without contact (None: nothing can be touched). `path`: states on the way, if the method told them. `effort`: the energy
+    that rods have given to led ends in that free step [J]."""
 
     columns: Columns
     begin: Floats
     h: Floats
     free: Columns | None
+    path: tuple[Moment, ...] = ()
     effort: float = 0.0
+
+
+class Moment(NamedTuple):
+    """A state on the way of a step, when that is [s], and its weight in an integral over the step of length 1."""
+
+    columns: Columns
+    time: float
+    weight: float
+
+
+class Legs(NamedTuple):
+    """Own steps of independent particles: rows [n], beginnings and lengths [s], shape [n], and position and velocity at the
+    beginning, at the end without contact, and with it, shape [6, n] each."""
+
+    rows: NDArray[np.intp]
+    begin: Floats
+    h: Floats
+    start: Floats
+    free: Floats
+    end: Floats
 
 
 def spans(clock: Clock | None, number: int, t: float, end: float) -> tuple[Floats, Floats]:
@@ -54,8 +86,8 @@ class ParticleBooks:
             at = np.concatenate([np.zeros(low), times])
             self.books.add("births", float(self.books.energies(0, columns, at)[low:].sum()))
 
-    def close(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> None:
-        """Book a step that has been taken to the state `columns` at the time `end` [s], the dead among them."""
+    def book_step(self, step: Opened, columns: Columns) -> None:
+        """Book the work of forces and contact in a step that has been taken to the state `columns`."""
         books, finish = self.books, step.begin + step.h
         path = columns if step.free is None else step.free
         if books.spends(0):
@@ -63,17 +95,75 @@ class ParticleBooks:
             a1 = accelerations(self._forces, path, finish)
             middle = halfway(step.columns, path, a0, a1, step.h)
             states = ((step.columns, step.begin), (middle, step.begin + step.h / 2), (path, finish))
-            books.book_powers(0, [books.powers(0, c, t) for c, t in states], step.h)
-        if not (self._contact or self._mortal or driven):
-            return
-        now = books.energies(0, columns, finish)
+            books.book_powers(0, [books.powers(0, c, t) for c, t in states], SIMPSON, step.h)
         if self._contact:
-            books.add("contact", float((now - books.energies(0, path, finish)).sum()))
+            change = books.energies(0, columns, finish) - books.energies(0, path, finish)
+            books.add("contact", float(change.sum()))
+
+    def book_legs(self, legs: Legs, columns: Columns, method: EmbeddedRungeKutta) -> None:
+        """Book the work of forces and contact in own steps of particles of a group with these columns."""
+        books, here = self.books, picked(columns, legs.rows)
+        if books.spends(0):
+            powers: list[Floats] = []
+            slopes: list[Floats] = []
+            for row, c in zip(method.a, method.c, strict=True):
+                ahead = legs.h * weighted(row, slopes) if row else np.zeros_like(legs.start)
+                state, times = moved(here, legs.start, ahead), legs.begin + c * legs.h
+                velocity = np.stack([state.vx, state.vy, state.vz]).astype(float)
+                slopes.append(np.concatenate([velocity, accelerations(self._forces, state, times)]))
+                powers.append(books.powers(0, state, times))
+            books.book_powers(0, powers, method.b, legs.h)
+        touched = np.flatnonzero((legs.free != legs.end).any(axis=0))
+        if touched.size:
+            met, times = picked(columns, legs.rows[touched]), (legs.begin + legs.h)[touched]
+            before, after = (
+                books.energies(0, moved(met, states[:, touched], np.zeros((6, 1))), times)
+                for states in (legs.free, legs.end)
+            )
+            books.add("contact", float((after - before).sum()))
+
+    def close(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> None:
+        """Book what motions and deaths did in a step that has been taken to the time `end` [s], the dead still there."""
+        if not (self._mortal or driven):
+            return
+        books, finish = self.books, step.begin + step.h
+        now = books.energies(0, columns, finish)
         for each in driven:
             before = books.energies(0, step.columns, step.begin)
             books.add("motion", float((now - before)[each.rows].sum()))
         if self._mortal and columns.clock is not None:
             books.add("deaths", -float(now[columns.clock.stop <= end].sum()))
+
+
+def picked(c: Columns, rows: NDArray[np.intp]) -> Columns:
+    """Copies of some rows of columns."""
+    heat = c.thermal
+    if heat is not None:
+        heat = Thermal(heat.start[rows], heat.birth[rows], heat.rate, heat.ambient)
+    return c._replace(
+        **{name: getattr(c, name)[rows] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
+        r=None if c.r is None else c.r[rows],
+        thermal=heat,
+        clock=None if c.clock is None else Clock(*(column[rows] for column in c.clock)),
+        memory=tuple(column[rows] for column in c.memory),
+    )
+
+
+def stages(
+    before: Columns,
+    states: tuple[Floats, Floats],
+    span: tuple[float, float],
+    h: Floats,
+    method: EmbeddedRungeKutta,
+) -> tuple[Moment, ...]:
+    """The stages of a step that count, from the states at its beginning [6, n] and the slopes [stages, 6, n]."""
+    (start, slopes), (begin, end) = states, span
+    found = []
+    for k, (row, c, weight) in enumerate(zip(method.a, method.c, method.b, strict=True)):
+        if weight:
+            ahead = h * weighted(row, list(slopes[:k])) if row else np.zeros_like(start)
+            found.append(Moment(moved(before, start, ahead), begin + c * (end - begin), weight))
+    return tuple(found)
 
 
 class SpringBooks:
@@ -121,28 +211,26 @@ class SpringBooks:
             or self._driven.size
             or any(books.spends(k) for k in self._members)
         ):
-            f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
-            if self._rods:  # whose forces are not among these
-                middle = halfway_between(step.columns, path, step.h)
-            else:
-                middle = halfway(step.columns, path, f0 / columns.m, f1 / columns.m, step.h)
-            fm = self._forces(
-                middle, bonds, (start + end) / 2
-            )  # which also puts led particles where they are then
-            states = ((step.columns, start), (middle, (start + end) / 2), (path, end))
+            moments = step.path or self._halfway(step, path, bonds, (start, end))
+            weights = [moment.weight for moment in moments]
+            forces = [
+                self._forces(c, bonds, t) for c, t, _ in moments
+            ]  # puts led particles where they are then
+            moving = step.h.copy()
+            moving[self._driven] = end - start  # nothing moves them, and yet forces work on them
             for k in self._members:
                 if books.spends(k):
-                    h = step.h[self._bounds[k] : self._bounds[k + 1]]
-                    powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t in states]
-                    books.book_powers(k, powers, h)
-            self._book_damping([c for c, _ in states], bonds, end - start)
-            self._book_motion([c for c, _ in states], (f0, fm, f1), end - start)
+                    h = moving[self._bounds[k] : self._bounds[k + 1]]
+                    powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t, _ in moments]
+                    books.book_powers(k, powers, weights, h)
+            self._book_damping(moments, bonds, end - start)
+            self._book_motion(moments, forces, (step.columns, path), end - start)
             if self._driven.size and self._rods:
                 books.add("motion", -effort)
             if self._surfaces:
-                bare = [self._forces(c, bonds, t, corners=False) for c, t in states]
-                pulls = tuple(f - g for f, g in zip((f0, fm, f1), bare, strict=True))
-                self._book_surfaces([c for c, _ in states], pulls, end - start)
+                bare = [self._forces(c, bonds, t, corners=False) for c, t, _ in moments]
+                pulls = [f - g for f, g in zip(forces, bare, strict=True)]
+                self._book_surfaces(moments, pulls, (step.columns, path), end - start)
         if self._contact:
             books.add(
                 "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
@@ -155,33 +243,52 @@ class SpringBooks:
                 left, was = bond_energy((new, old), columns)
                 self.books.add(f"{name}.breaking", left - was)
 
-    def _book_damping(self, states: list[Columns], bonds: tuple[Bonds, ...], h: float) -> None:
+    def _halfway(
+        self, step: Opened, path: Columns, bonds: tuple[Bonds, ...], span: tuple[float, float]
+    ) -> tuple[Moment, ...]:
+        """Beginning, middle and end of a step of which nothing more is known."""
+        start, end = span
+        f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
+        if self._rods:  # whose forces are not among these
+            middle = halfway_between(step.columns, path, step.h)
+        else:
+            middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
+        states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
+        return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
+
+    def _book_damping(self, moments: Sequence[Moment], bonds: tuple[Bonds, ...], h: float) -> None:
         damped = [bond for bond, yes in zip(bonds, self._damped, strict=True) if yes]
-        begin, middle, finish = (damping(damped, c) for c in states)
+        powers = [damping(damped, moment.columns) for moment in moments]
         names = [name for name, yes in zip(self._names, self._damped, strict=True) if yes]
-        for name, joule in zip(names, h / 6 * (begin + 4 * middle + finish), strict=True):
+        work = h * weighted([moment.weight for moment in moments], powers)
+        for name, joule in zip(names, work, strict=True):
             self.books.add(name, float(joule))
 
-    def _book_motion(self, states: list[Columns], forces: tuple[Floats, Floats, Floats], h: float) -> None:
+    def _book_motion(
+        self, moments: Sequence[Moment], forces: Sequence[Floats], ends: tuple[Columns, Columns], h: float
+    ) -> None:
         """What leads particles along their paths gives them their kinetic energy, and holds against all forces on them."""
         rows = self._driven
         if not rows.size:
             return
-        velocities = [np.stack([c.vx[rows], c.vy[rows], c.vz[rows]]).astype(float) for c in states]
-        begin, middle, finish = (
-            float((f[:, rows] * v).sum()) for f, v in zip(forces, velocities, strict=True)
+        work = sum(
+            moment.weight * float((f[:, rows] * _velocity(moment.columns, rows)).sum())
+            for moment, f in zip(moments, forces, strict=True)
         )
-        m = states[0].m[rows].astype(float)
-        kinetic = [0.5 * float((m * (v * v).sum(axis=0)).sum()) for v in (velocities[0], velocities[2])]
-        self.books.add("motion", kinetic[1] - kinetic[0] - h / 6 * (begin + 4 * middle + finish))
+        m = ends[0].m[rows].astype(float)
+        before, after = (0.5 * float((m * (_velocity(c, rows) ** 2).sum(axis=0)).sum()) for c in ends)
+        self.books.add("motion", after - before - h * work)
 
-    def _book_surfaces(self, states: list[Columns], pulls: tuple[Floats, ...], h: float) -> None:
+    def _book_surfaces(
+        self, moments: Sequence[Moment], pulls: Sequence[Floats], ends: tuple[Columns, Columns], h: float
+    ) -> None:
         """Work on surfaces: that of all forces at corners, but for what goes into hinges."""
-        begin, middle, finish = (
-            float((f[0] * c.vx + f[1] * c.vy + f[2] * c.vz).sum()) for f, c in zip(pulls, states, strict=True)
+        work = sum(
+            moment.weight * float((f * _velocity(moment.columns, slice(None))).sum())
+            for moment, f in zip(moments, pulls, strict=True)
         )
-        stored = self._hinged(states[2]) - self._hinged(states[0])
-        self.books.add("surfaces", h / 6 * (begin + 4 * middle + finish) + stored)
+        stored = self._hinged(ends[1]) - self._hinged(ends[0])
+        self.books.add("surfaces", h * work + stored)
 
     def _energy(
         self,
@@ -194,3 +301,8 @@ class SpringBooks:
         for k, part in enumerate(parts(columns)):
             total += float(self.books.energies(k, part, np.full(len(part.m), time)).sum())
         return total
+
+
+def _velocity(c: Columns, rows: NDArray[np.int64] | slice) -> Floats:
+    """Velocities of some rows [m/s], shape [3, n]."""
+    return np.stack([c.vx[rows], c.vy[rows], c.vz[rows]]).astype(float)

@@ -6,8 +6,11 @@ W = h (P₀ + 4 P̄ + P₁)/6, P = f·v, by Simpson's rule: of fourth order, so 
 
     E(t) − E(0) − Σ W
 
-is the error of the integrator. A step in which a particle may touch something is taken twice, with and without contact; the
-difference of the energies at its end is the work of contact. Nothing here changes the motion.
+is the error of the integrator. A step of an adaptive method may be long, and brings its own quadrature: with the weights b
+of the method and the power at its stages, W = h Σ bᵢ Pᵢ is what the method would make of dW/dt = P, to its order.
+
+A step in which a particle may touch something is taken twice, with and without contact (an adaptive method tells its end
+without); the difference of the energies at its end is the work of contact. Nothing here changes the motion.
 """
 
 from __future__ import annotations
@@ -63,10 +66,9 @@ class Books:
         each_power(records, columns, times, out)
         return out
 
-    def book_powers(self, member: int, powers: Sequence[Floats], h: Floats) -> None:
-        """Book the work of forces from powers at the beginning, middle and end of steps of lengths h [s], shape [n]."""
-        begin, middle, end = powers
-        work = (h / 6 * (begin + 4 * middle + end))[:, h > 0].sum(axis=1)
+    def book_powers(self, member: int, powers: Sequence[Floats], weights: Sequence[float], h: Floats) -> None:
+        """Book the work of forces in steps of lengths h [s], shape [n], from powers at moments and their weights."""
+        work = (h * weighted(weights, powers))[:, h > 0].sum(axis=1)
         for label, joule in zip(self._spent[member][0], work, strict=True):
             self.add(label, float(joule))
 
@@ -93,6 +95,18 @@ def _chosen(
     return tuple(label for label, _ in here), tuple(record for _, record in here)
 
 
+SIMPSON = (1 / 6, 4 / 6, 1 / 6)
+"""Weights of the beginning, the middle and the end of a step."""
+
+
+def weighted(weights: Sequence[float], values: Sequence[Floats]) -> Floats:
+    """Σ weights[k] values[k]."""
+    total = weights[0] * values[0]
+    for weight, value in zip(weights[1:], values[1:], strict=True):
+        total = total + weight * value
+    return np.asarray(total)
+
+
 def halfway(before: Columns, after: Columns, a0: Floats, a1: Floats, h: Floats) -> Columns:
     """The state in the middle of steps of lengths h [s] from one state to another; accelerations have shape [3, n]."""
     moved: dict[str, Any] = {}
@@ -105,15 +119,21 @@ def halfway(before: Columns, after: Columns, a0: Floats, a1: Floats, h: Floats) 
 
 def halfway_between(before: Columns, after: Columns, h: Floats) -> Columns:
     """The same from both states alone, v̄ = 3 (x₁ − x₀)/(2h) − (v₀ + v₁)/4, where accelerations are not known."""
-    moved: dict[str, Any] = {}
+    made: dict[str, Any] = {}
     moves = h > 0
     length = np.where(moves, h, 1.0)
     for x, v in (("x", "vx"), ("y", "vy"), ("z", "vz")):
         x0, x1, v0, v1 = (getattr(c, name).astype(float) for name in (x, v) for c in (before, after))
-        moved[x] = (0.5 * (x0 + x1) + h * (v0 - v1) / 8).astype(before.x.dtype)
+        made[x] = (0.5 * (x0 + x1) + h * (v0 - v1) / 8).astype(before.x.dtype)
         between = np.where(moves, 1.5 * (x1 - x0) / length - 0.25 * (v0 + v1), v1)
-        moved[v] = between.astype(before.x.dtype)
-    return after._replace(**moved)
+        made[v] = between.astype(before.x.dtype)
+    return after._replace(**made)
+
+
+def moved(before: Columns, start: Floats, change: Floats) -> Columns:
+    """Columns with the positions and velocities `start` + `change`, shape [6, n]."""
+    now = (start + change).astype(before.x.dtype)
+    return before._replace(**dict(zip(("x", "y", "z", "vx", "vy", "vz"), now, strict=True)))
 
 
 def accelerations(forces: Any, columns: Columns, times: Floats) -> Floats:

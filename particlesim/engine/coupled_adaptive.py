@@ -34,21 +34,34 @@ from particlesim.engine.steppers import Rate
 Impl = Callable[..., Any]
 
 
+PAUSED, BEGAN, ENDED, TAKEN, STEP, PREVIOUS, TRIES, PRESENT = 0, 1, 2, 3, 4, 5, 6, 7
+"""What a paused island remembers: whether it is one, when its last step began and ended, its length, the next one [s], the
+error, and how many tries there have been in the grid step."""
+
+
 class Pace(NamedTuple):
     """What the threads of an island tell each other: largest value and its row of each, on cache lines of their own.
 
     `report`: why the island cannot go on, when [s], and the worst particle. `disturbed`: whether contacts or breaking bonds
-    may change the state between steps, so that the last slope is not the next step's first.
+    may change the state between steps, so that the last slope is not the next step's first. `pauses`: whether to return
+    after every own step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
     """
 
     slots: NDArray[np.float64]
     report: NDArray[np.float64]
     disturbed: bool
+    pauses: bool
+    present: NDArray[np.float64]
+
+    @property
+    def stuck(self) -> bool:
+        """Whether the island could not go on."""
+        return bool(self.report[0])
 
 
-def new_pace(threads: int, disturbed: bool) -> Pace:
+def new_pace(threads: int, disturbed: bool, pauses: bool = False) -> Pace:
     """For some threads."""
-    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed)
+    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT))
 
 
 @inlined
@@ -168,6 +181,16 @@ def land(
 
 
 @inlined
+def pause(
+    share: Any, present: Any, t: Any, end: Any, taken: Any, step: Any, previous: Any, tries: Any
+) -> None:
+    """Remember where an island is. All threads have read what was remembered before, as they have met since."""
+    if share.number == 0:
+        present[PAUSED], present[BEGAN], present[ENDED], present[TAKEN] = 1, t, end, taken
+        present[STEP], present[PREVIOUS], present[TRIES] = step, previous, tries
+
+
+@inlined
 def give_up(share: Any, pace: Any, why: Any, t: Any, row: Any) -> None:
     """Report why the island cannot go on."""
     if share.number == 0:
@@ -190,8 +213,8 @@ def step_island_adaptive(
     """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step_number · dt.
 
     As many threads as there are shares must call this at the same time. The next step and the last error are those of the
-    first particle's memory. Returns the number of grid steps done; fewer when the next one could not be crossed. The
-    island is then where its last own step ended, and `pace.report` says why.
+    first particle's memory. Returns the number of grid steps done; fewer when the next one could not be crossed (the
+    island is then where its last own step ended, and `pace.report` says why), or when it pauses.
     """
     spread = np.empty((len(method.errors), 6, share.chunk), work.before.dtype)
     step, previous = float(c.memory[0][0]), float(c.memory[1][0])
@@ -199,6 +222,11 @@ def step_island_adaptive(
     for s in range(steps):
         t, end = (first_step_number + s) * dt, (first_step_number + s + 1) * dt
         now, tries = t, 0
+        if pace.present[PAUSED] > 0:
+            began, now, taken = pace.present[BEGAN], pace.present[ENDED], pace.present[TAKEN]
+            step, previous, tries = pace.present[STEP], pace.present[PREVIOUS], int(pace.present[TRIES])
+            land(parts, bonds, c, work, share, pace.disturbed, began, now, type_of(c.x[0], taken))
+            stale = pace.disturbed
         while now < end:
             if stale:
                 find_slopes(parts, bonds, c, work, share, 0, now)
@@ -216,18 +244,22 @@ def step_island_adaptive(
             error, row = worst(share, pace.slots, largest, row)
             wish = taken * factor(method, error, previous, again)
             tries += 1
+            least = max(method.least, RESOLVED * end)
             if error <= 1:
                 whole = taken >= step
                 step = wish if whole else max(step, wish)
                 previous = max(error, SMALLEST) if whole else previous
                 again = False
+                if pace.pauses and not (wish < taken and step < least) and tries < MOST_STEPS:
+                    pause(share, pace.present, now, then, taken, step, previous, tries)
+                    return s
                 land(parts, bonds, c, work, share, pace.disturbed, now, then, h)
                 stale = pace.disturbed
                 now = then
             else:
                 step, again = wish, True
                 restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
-            if wish < taken and step < max(method.least, RESOLVED * end):
+            if wish < taken and step < least:
                 give_up(share, pace, why_short(six(work.slopes[0], row)), now, row)
                 return s
             if tries >= MOST_STEPS:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from particlesim.bonds import BondSet, HingeSet, record_of
 from particlesim.bonds.hinge import angles_at
 from particlesim.engine.bonding import Bonds, Breaking
-from particlesim.engine.booking import Opened, SpringBooks, spans
-from particlesim.engine.books import Books
+from particlesim.engine.booking import Opened, SpringBooks, spans, stages
+from particlesim.engine.books import Books, moved
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
 from particlesim.engine.corner_stiffness import new_forms
@@ -28,7 +28,7 @@ from particlesim.engine.coupled import (
     staged,
     step_island,
 )
-from particlesim.engine.coupled_adaptive import Pace, new_pace, step_island_adaptive
+from particlesim.engine.coupled_adaptive import BEGAN, ENDED, Pace, new_pace, step_island_adaptive
 from particlesim.engine.implicit import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.islands import (
     OWN_STEPS,
@@ -48,7 +48,7 @@ from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
-from particlesim.integrators import ImplicitMethod
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -289,8 +289,7 @@ class CoupledIsland:
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
-        whole = self.island_columns()
-        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+        return self._cut(self.island_columns())
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
@@ -314,11 +313,13 @@ class CoupledIsland:
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         self._keep(first)
-        opened = self._open(first)
+        done = [0] * len(shares)
+        booked, pace = self._booking is not None, None
+        if self._method.adaptive:
+            pace = new_pace(len(shares), self._disturbed, booked)
+        opened = self._open(first) if booked and pace is None else None
         if self.rods is not None:
             self.rods.begin()
-        done = [0] * len(shares)
-        pace = new_pace(len(shares), self._disturbed) if self._method.adaptive else None
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
@@ -329,6 +330,10 @@ class CoupledIsland:
                 done[k] += self._step(*given, first + done[k], steps - done[k], self.dt)
 
         team.each(work, len(shares))
+        while booked and pace is not None and done[0] < steps and not pace.stuck:
+            leg = self._leg(pace)
+            team.each(work, len(shares))
+            self._close_leg(leg, pace, arrived=done[0] == steps)
         if pace is None and done[0] < steps and self._solves_more():
             team.each(work, len(shares))
         if done[0] == steps:
@@ -389,7 +394,7 @@ class CoupledIsland:
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
             self._step_copy(parts, bonds, free, step, 1)
             effort = 0.0 if self.rods is None else self.rods.effort
-        return Opened(columns, begin, h, free, effort)
+        return Opened(columns, begin, h, free, effort=effort)
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""
@@ -397,13 +402,36 @@ class CoupledIsland:
             return
         columns = self.island_columns()
         bonds = _with(columns, self.bonds, self._kept)[1]
-
-        def parts(whole: Columns) -> list[Columns]:
-            return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
-
         effort = opened.effort if opened.free is not None or self.rods is None else self.rods.effort
-        self._booking.close(opened, columns, bonds, parts, last * self.dt, effort)
+        self._booking.close(opened, columns, bonds, self._cut, last * self.dt, effort)
         self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _leg(self, pace: Pace) -> tuple[Opened, tuple[Bonds, ...], float]:
+        """The own step at the end of which an island pauses, the bonds before it, and when it ends [s]."""
+        assert isinstance(self._method, EmbeddedRungeKutta)
+        began, ended = float(pace.present[BEGAN]), float(pace.present[ENDED])
+        now = self.island_columns()
+        free, bonds = _with(now, self.bonds, [column.copy() for column in _changing(now, self.bonds)])
+        begin, h = spans(free.clock, self._all.count, began, ended)
+        start = self._work.before.astype(float)
+        before = moved(free, start, np.zeros((6, 1)))
+        path = stages(before, (start, self._work.slopes), (began, ended), h, self._method)
+        return Opened(before, begin, h, free, path), bonds, ended
+
+    def _close_leg(self, leg: tuple[Opened, tuple[Bonds, ...], float], pace: Pace, *, arrived: bool) -> None:
+        """Book an own step, of which it is known by now what contact and breaking springs made of its end."""
+        opened, bonds, ended = leg
+        if self._booking is None or pace.stuck:
+            return
+        columns = self.island_columns()
+        if not arrived:  # the next step has been tried already, from there
+            columns = moved(columns, self._work.before.astype(float), np.zeros((6, 1)))
+        self._booking.close(opened, columns, bonds, self._cut, ended)
+        self._booking.book_breaking(bonds, self.bonds, columns)
+
+    def _cut(self, whole: Columns) -> list[Columns]:
+        """Columns of the island cut into those of its groups."""
+        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def _forces_in(
         self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True

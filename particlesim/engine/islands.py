@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.adaptive import step_range_adaptive
-from particlesim.engine.booking import Opened, ParticleBooks, spans
+from particlesim.engine.adaptive import new_log, step_range_adaptive
+from particlesim.engine.booking import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
@@ -36,6 +36,9 @@ WORTH_THREADS = 500_000
 
 OWN_STEPS = 20
 """Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+BOOKED_TOGETHER = 4096
+"""Particles whose own steps are in memory at the same time, to book them."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,7 @@ class IndependentIsland:
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
         self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
         self._booking = None if self.books is None else ParticleBooks(self.books, island, self.program.forces)
+        self._room = BOOKED_TOGETHER
 
     @property
     def state(self) -> GroupState:
@@ -158,18 +162,52 @@ class IndependentIsland:
             return None, None, None
         faults = self._no_faults(self.state.count)
         if self.state.count:
-            columns = self.columns()[0]
-
-            def work(a: int, b: int) -> None:
-                self._step(columns, first, last - first, a, b, self._block, faults)
-
-            ahead = self.state.count * (last - first) * (OWN_STEPS if self._adaptive else 1)
-            team.over_range(self.state.count, self._block, work, worth=ahead >= WORTH_THREADS)
+            self._move(opened, first, last, team, faults)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         self._close(opened, last)
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
+
+    def _move(self, opened: Opened | None, first: int, last: int, team: Team, faults: NDArray[Any]) -> None:
+        """Steps first … last − 1 of all particles."""
+        columns, number = self.columns()[0], self.state.count
+        if opened is not None and self._adaptive:
+            for a in range(0, number, BOOKED_TOGETHER):
+                self._move_booked(opened, columns, first, slice(a, min(a + BOOKED_TOGETHER, number)), faults)
+            return
+
+        def work(a: int, b: int) -> None:
+            self._step(columns, first, last - first, a, b, self._block, faults)
+
+        ahead = number * (last - first) * (OWN_STEPS if self._adaptive else 1)
+        team.over_range(number, self._block, work, worth=ahead >= WORTH_THREADS)
+
+    def _move_booked(
+        self, opened: Opened, columns: Columns, step: int, part: slice, faults: NDArray[Any]
+    ) -> None:
+        """A step of an adaptive method for some particles, and the work in their own steps."""
+        while True:  # with a log that turns out too small once more, with a larger one
+            log = new_log(self._room)
+            range_ = (part.start, part.stop, self._block, True, faults, np.zeros(1), log)
+            step_range_adaptive(self.program, columns, step, 1, self.dt, *range_)
+            taken = int(log.number[0])
+            if taken <= self._room:
+                break
+            self._room = taken + taken // 4
+            for name in ("x", "y", "z", "vx", "vy", "vz", "memory", "clock"):
+                for mine, kept in zip(
+                    _arrays(getattr(columns, name)), _arrays(getattr(opened.columns, name)), strict=True
+                ):
+                    mine[part] = kept[part]
+        if self._booking is None or faults.any() or not taken:
+            return
+        assert isinstance(self._method, EmbeddedRungeKutta)
+        begin, h = log.spans[1, :taken], log.spans[2, :taken]
+        rows = log.spans[0, :taken].astype(np.intp)
+        order = np.lexsort((begin, rows))  # whatever the blocks
+        states = (log.states[6 * k : 6 * k + 6, order] for k in range(3))
+        self._booking.book_legs(Legs(rows[order], begin[order], h[order], *states), columns, self._method)
 
     def _open(self, born: Births | None, step: int) -> Opened | None:
         """The state at the beginning of a step whose work is booked; None where none is."""
@@ -180,7 +218,8 @@ class IndependentIsland:
             self._booking.born(columns, born.ids.size, born.times)
         begin, h = spans(columns.clock, n, step * self.dt, (step + 1) * self.dt)
         kept, free = snapshot(columns, slice(0, n)), None
-        if self.books is not None and "contact" in self.books.names and not self._fixed:
+        touches = self.books is not None and "contact" in self.books.names
+        if touches and not self._fixed and not self._adaptive:
             free = snapshot(columns, slice(0, n))
             program = self.program._replace(contacts=Simple(()))
             step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_))
@@ -189,6 +228,8 @@ class IndependentIsland:
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""
         if self._booking is not None and opened is not None:
+            if not self._adaptive:
+                self._booking.book_step(opened, self.columns()[0])
             self._booking.close(opened, self.columns()[0], self.state.driven, last * self.dt)
 
     def _no_faults(self, number: int) -> NDArray[Any]:
@@ -200,9 +241,8 @@ class IndependentIsland:
     ) -> None:
         """Steps from `first` on for particles [a, b)."""
         if self._adaptive:
-            step_range_adaptive(
-                self.program, columns, first, steps, self.dt, a, b, block, True, faults, np.zeros(1)
-            )
+            last = (a, b, block, True, faults, np.zeros(1), new_log())
+            step_range_adaptive(self.program, columns, first, steps, self.dt, *last)
         else:
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults)
 
@@ -256,7 +296,8 @@ class IndependentIsland:
         columns, _, part = self.replay(row, first, step - first)
         number, i = part.stop - part.start, row - part.start
         fault, moment = np.zeros(number, np.int8), np.zeros(1)
-        step_range_adaptive(self.program, columns, step, 1, self.dt, i, i + 1, 1, False, fault, moment)
+        alone = (i, i + 1, 1, False, fault, moment, new_log())
+        step_range_adaptive(self.program, columns, step, 1, self.dt, *alone)
         p = self.state.particle(row, moment[0])
         place = {name: float(getattr(columns, name)[i]) for name in ("x", "y", "z", "vx", "vy", "vz")}
         least = shortest_step(self._method, (step + 1) * self.dt)
@@ -277,6 +318,13 @@ def snapshot(c: Columns, part: slice) -> Columns:
         clock=clock,
         memory=tuple(column[part].copy() for column in c.memory),
     )
+
+
+def _arrays(columns: Any) -> tuple[NDArray[Any], ...]:
+    """A column, or those of a tuple; none of None."""
+    if columns is None:
+        return ()
+    return columns if isinstance(columns, tuple) else (columns,)
 
 
 class Source:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from particlesim.errors import DivergenceError, ScenarioError, UsageError
 from particlesim.fit.measurements import Measurements
-from particlesim.fit.parameters import Range, value_of
+from particlesim.fit.parameters import Range, value_of, within_limits
 from particlesim.fit.predict import predict
 from particlesim.interruption import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 STEP = 1e-5
 """Step of the differences that make the Jacobian, in scaled parameters: rounding of the runs and curvature balance."""
+NEAR = 1e-7
+"""Distance from a bound at which a parameter is at it, in scaled parameters."""
 HOPELESS = 1e9
 """Residual, in units of the spread of the data, of parameters with which the run diverges."""
 
@@ -82,6 +84,7 @@ def fit(
 ) -> Fit:
     """Fit numbers of a scenario file to measurements.
 
+    Bounds are those of the ranges, and those that the scenario's models know, as of a coefficient that cannot be negative.
     The first start is the scenario's own values; further `starts` are drawn between the bounds (Latin hypercube, by
     `seed`), which then must be finite. `progress(runs, chi2)` is called after each run. Raises UsageError and ScenarioError
     for what cannot be fitted; runs that diverge count as bad fits.
@@ -90,16 +93,17 @@ def fit(
         raise UsageError("there is nothing to vary", "For example: --vary forces.air.coefficient=0,2")
     if starts < 1:
         raise UsageError(f"{starts} starts find nothing", "Give 1 or more.")
+    keys = [each.key for each in ranges]
+    if len(set(keys)) < len(keys):
+        raise UsageError(f"{max(keys, key=keys.count)} is varied twice")
+    problem = _Problem(Path(scenario), parse_overrides(overrides), measurements, ranges, progress)
+    points = _starts(problem.ranges, problem.begin, starts, seed)
     if measurements.count <= len(ranges):
         raise UsageError(
             f"{measurements.count} measured numbers cannot determine {len(ranges)} parameters",
             "Measure more, or vary less.",
         )
-    keys = [each.key for each in ranges]
-    if len(set(keys)) < len(keys):
-        raise UsageError(f"{max(keys, key=keys.count)} is varied twice")
-    problem = _Problem(Path(scenario), parse_overrides(overrides), measurements, ranges, progress)
-    points = _starts(ranges, problem.begin, starts, seed)
+    problem.try_out()
     with held_signals() as signals:
         problem.check = signals.check
         solutions = sorted((_solve(problem, point) for point in points), key=lambda s: float(s.cost))
@@ -119,23 +123,28 @@ class _Problem:
     ) -> None:
         self._source, self._folder = read_source(path), path.resolve().parent
         self._settings, self._progress = settings, progress
-        self.ranges, self.data = tuple(ranges), measurements
+        self.ranges: tuple[Range, ...] = ()
+        self.data = measurements
         typical = self.at(())
+        self.ranges = tuple(within_limits(each, typical) for each in ranges)
         self.begin = np.array([value_of(typical, each.key) for each in ranges])
-        for each, value in zip(ranges, self.begin, strict=True):
+        for each, value in zip(self.ranges, self.begin, strict=True):
             if not each.low <= value <= each.high:
                 raise UsageError(
                     f"{each.key} is {value:.6g}, outside of its bounds {each.low:g} to {each.high:g}",
                     f"Begin inside of them: --set {each.key}=...",
                 )
-        self.scale = np.array([_scale(each, value) for each, value in zip(ranges, self.begin, strict=True)])
+        self.scale = np.array(
+            [_scale(each, value) for each, value in zip(self.ranges, self.begin, strict=True)]
+        )
         self._measured = np.isfinite(measurements.values)
         self._spread = np.broadcast_to(_spread(measurements), measurements.values.shape)
         self.runs = 0
         self.check: Callable[[], None] = lambda: None
-        predict(
-            typical, measurements.times, measurements.ids
-        )  # what is wrong in itself is told before the fit
+
+    def try_out(self) -> None:
+        """Predict the measurements once, so that what is wrong in itself is told before the fit."""
+        predict(self.at(()), self.data.times, self.data.ids)
 
     def at(self, values: Sequence[float] | Floats) -> Scenario:
         """The scenario with parameters in place. Raises ScenarioError for values that it does not allow."""
@@ -231,9 +240,9 @@ def _told(problem: _Problem, solutions: Sequence[Any]) -> Fit:
     with np.errstate(invalid="ignore"):
         correlation = covariance / np.outer(errors, errors)
     parameters = tuple(
-        Parameter(each.key, float(start), float(value), float(error), bool(active))
-        for each, start, value, error, active in zip(
-            problem.ranges, problem.begin, values, errors * problem.scale, best.active_mask, strict=True
+        Parameter(each.key, float(start), float(value), float(error), _at_bound(each, value, scale))
+        for each, start, value, error, scale in zip(
+            problem.ranges, problem.begin, values, errors * problem.scale, problem.scale, strict=True
         )
     )
     return Fit(
@@ -248,6 +257,11 @@ def _told(problem: _Problem, solutions: Sequence[Any]) -> Fit:
         problem.runs,
         bool(best.success),
     )
+
+
+def _at_bound(each: Range, value: float, scale: float) -> bool:
+    """Whether a search has ended at a bound, which it comes near and never reaches."""
+    return bool(min(value - each.low, each.high - value) <= NEAR * scale)
 
 
 def _covariance(jacobian: Floats) -> Floats:

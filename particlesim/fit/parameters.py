@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
 
 from particlesim.errors import ScenarioError, UsageError
 from particlesim.names import did_you_mean
+from particlesim.scenario import typewalk
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.overrides import resolve_path
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.typewalk import Node
 
 
 @dataclass(frozen=True)
@@ -52,16 +56,48 @@ def value_of(scenario: Scenario, key: str) -> float:
 
     Raises UsageError when there is none, or something else than a number.
     """
+    return _found(scenario, key)[0]
+
+
+def within_limits(each: Range, scenario: Scenario) -> Range:
+    """The range without what the scenario's model does not allow; of a bound that is excluded, a hair stays clear.
+
+    Raises UsageError as `value_of`, and when nothing is left of it.
+    """
+    value, kind = _found(scenario, each.key)
+    low, high = each.low, each.high
+    hair = 1e-12 * (abs(value) or 1.0)
+    for mark in () if kind is None else kind.metadata:
+        limits: Any = mark
+        if isinstance(mark, Ge):
+            low = max(low, limits.ge)
+        elif isinstance(mark, Gt):
+            low = max(low, limits.gt + hair)
+        elif isinstance(mark, Le):
+            high = min(high, limits.le)
+        elif isinstance(mark, Lt):
+            high = min(high, limits.lt - hair)
+    if not low < high:
+        raise UsageError(
+            f"{each.key} cannot lie between {each.low:g} and {each.high:g}", "Give other bounds."
+        )
+    return replace(each, low=low, high=high)
+
+
+def _found(scenario: Scenario, key: str) -> tuple[float, Node | None]:
+    """The number at an address, and its type, None where the models do not say."""
     table = to_table(scenario, defaults=True)
     try:
         path = resolve_path(table, key)
     except ScenarioError as error:
         raise UsageError(error.message, error.hint) from None
     here: Any = table
+    kind: Node | None = typewalk.node(Scenario)
     for step in path:
         if isinstance(here, dict) and step not in here:
             near = did_you_mean(str(step), here)
             raise UsageError(f"the scenario has no number {key!r}", near or f"There are: {', '.join(here)}")
+        kind = None if kind is None else typewalk.child(kind, step, here)
         try:
             here = here[step]
         except (IndexError, TypeError):
@@ -70,4 +106,6 @@ def value_of(scenario: Scenario, key: str) -> float:
         what = {dict: "a table", list: "a list", str: "text", bool: "yes or no"}.get(type(here), "no number")
         hint = f"One number of it: {key}.0" if isinstance(here, list) else None
         raise UsageError(f"{key} is {what}; only numbers can be fitted", hint)
-    return float(here)
+    if kind is not None and kind.is_union:
+        kind = typewalk.choose(kind, here)
+    return float(here), kind

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
 from particlesim.crossfield import invalid
@@ -35,7 +35,9 @@ class Hair(Mesh):
     count: Resolution
     """Particles of a strand, root and tip included."""
     length: Annotated[Metres, Gt(0)]
-    """Length of a strand."""
+    """Length of a strand; of the longest ones where they vary."""
+    variation: Annotated[Number, Ge(0), Lt(1)] = 0.0
+    """Share of the length by which the shortest strands are shorter than the longest; evenly spread by the seed."""
     roots: AnyShape
     """Where the roots are: spread evenly over a sphere, a disc, a box."""
     direction: Vector[Number] | Literal["outward"] = "outward"
@@ -74,10 +76,12 @@ class Hair(Mesh):
 
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         index = np.arange(first, first + count)
-        strand, along = index // self.count, index % self.count / (self.count - 1) * self.length
+        strand, along = index // self.count, index % self.count / (self.count - 1)
         begin, end = int(strand[0]), int(strand[-1]) + 1
+        length = self.length * (1 - self.variation * streams["length"].uniform(begin, end - begin))
         roots = self.roots.sample(streams, begin, end - begin)
-        position = roots[:, strand - begin] + along * self._directions(roots)[:, strand - begin]
+        arm = length * self._directions(roots)
+        position = roots[:, strand - begin] + along * arm[:, strand - begin]
         return Placed(position, np.repeat(np.array(self.velocity)[:, None], count, axis=1))
 
     def _directions(self, roots: Floats) -> Floats:

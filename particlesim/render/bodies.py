@@ -53,7 +53,8 @@ class Bodies:
     """The surfaces and lines of a trajectory.
 
     `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]. `lines`: the springs that are
-    drawn; `springs`: those that show strain, all but the ones against bending and the hidden ones.
+    drawn, and `owner` [l]: the number in `owners` of the body or set of springs that each belongs to. `springs`: those
+    that show strain, all but the ones against bending and the hidden ones.
     """
 
     def __init__(self, source: FrameSource, settings: RenderSettings) -> None:
@@ -64,7 +65,13 @@ class Bodies:
         self.triangles = np.concatenate([np.empty((0, 3), np.int64), *(s.triangles for s in surfaces)])
         self.torn = np.concatenate([np.empty(0), *(_torn(each, found) for each in surfaces)])
         skins = {name for name, each in found.items() if len(each.triangles)}
-        self.lines = Springs.of([each for name, each in found.items() if _is_line(name, style, skins)])
+        drawn = {name: each for name, each in found.items() if _is_line(name, style, skins)}
+        self.lines = Springs.of(list(drawn.values()))
+        self.owners = tuple(dict.fromkeys(owner_of(name) for name in drawn))
+        numbers = [
+            np.full(len(each.pairs), self.owners.index(owner_of(name))) for name, each in drawn.items()
+        ]
+        self.owner = np.concatenate([np.empty(0, np.int64), *numbers])
         self.springs = Springs.of([each for name, each in found.items() if _shows_strain(name, style)])
         self._limit = 1 + max(
             (int(ids.max()) for ids in (self.triangles, self.springs.pairs) if len(ids)), default=-1
@@ -133,12 +140,13 @@ class Bodies:
         team.over_range(len(normal), GRAIN, lambda a, b: smooth_normals(face, first, fan, a, b, normal))
         return normal
 
-    def line_ends(self, frame: Frame) -> tuple[Array, Array]:
-        """Rows of both ends of the lines that are there, int32 [l, 2], and their strains [l]."""
+    def line_ends(self, frame: Frame) -> tuple[Array, Array, Array]:
+        """Rows of both ends of the lines that are there, int32 [l, 2], their strains [l] and their owners [l]."""
         ends = self.rows(frame, self.lines.pairs)
         there = (self.lines.broke > frame.time) & (ends >= 0).all(axis=1)
         ends = ends[there]
-        return np.ascontiguousarray(ends), strain(frame.position, ends, self.lines.rest[there])
+        stretched = strain(frame.position, ends, self.lines.rest[there])
+        return np.ascontiguousarray(ends), stretched, self.owner[there]
 
     def strain_at(self, frame: Frame) -> Array:
         """Root mean square of the strains of all springs that meet in a particle, shape [n]; 0 where there are none."""
@@ -170,6 +178,11 @@ def strain(position: Array, ends: Array, rest: Array) -> Array:
     return np.divide(length - rest, rest, out=np.zeros_like(length), where=rest > 0)
 
 
+def owner_of(name: str) -> str:
+    """The body that a set of springs is part of, or the set itself, by their names."""
+    return name.rpartition(".")[0] or name
+
+
 def _styles(found: Mapping[str, Any], settings: RenderSettings) -> Callable[[str], str]:
     """How a group or a set of springs is drawn, by its name."""
     surfaces = {name for name, each in found.items() if len(each.triangles)}
@@ -185,12 +198,12 @@ def _is_line(name: str, style: Callable[[str], str], skins: Collection[str]) -> 
     have a surface."""
     body = name.rpartition(".")[0]
     inner = name.endswith(BEND) or (name.endswith(SHEAR) and body in skins)
-    return not inner and style(body or name) == "lines"
+    return not inner and style(owner_of(name)) == "lines"
 
 
 def _shows_strain(name: str, style: Callable[[str], str]) -> bool:
     """Whether a set of springs counts where points of surfaces show their strain."""
-    return not name.endswith(BEND) and style(name.rpartition(".")[0] or name) != "hidden"
+    return not name.endswith(BEND) and style(owner_of(name)) != "hidden"
 
 
 def _torn(surface: Any, found: Mapping[str, Any]) -> Array:

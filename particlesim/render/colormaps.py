@@ -2,8 +2,9 @@
 
 viridis, magma, inferno (S. van der Walt, N. Smith, E. Firing), turbo (A. Mikhailov) and coolwarm (K.
 Moreland) are given by 33 equally spaced sRGB colours; linear interpolation between them stays within 2/255
-of the published 256. blackbody is computed: Planck's spectrum through the CIE 1931 colour matching functions
-in the approximation of C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
+of the published 256. steel is this project's own, for signed values on a dark ground: light blue, grey, orange, so
+that what is near zero is dim and both ends glow. blackbody is computed: Planck's spectrum through the CIE 1931
+colour matching functions in the approximation of C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ _KNOTS = {
     "coolwarm": "3b4cc0445acc4d68d75775e16282ea6c8ef1779af782a5fb8db0fe98b9ffa3c2fe"
     "aec9fcb8d0f9c2d5f4ccd9eed5dbe6dddddde5d8d1ecd3c5f1ccb9f4c4adf7bba0"
     "f7b194f7a687f49a7bf18d6fec7f63e57058de604dd55042cb3e38c0282fb40426",
+    "steel": "19c3ff3aa6f04f8bd05f7a9f6f757c9a7a62cf8044f5822aff5a1f",
 }
 NAMES = (*_KNOTS, "blackbody")
 

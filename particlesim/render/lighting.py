@@ -71,15 +71,17 @@ def is_light(settings: RenderSettings) -> bool:
     return float(to_linear(settings.background).mean()) > 0.2
 
 
-def readable(colors: Array, on_light: bool, count: int = 512) -> Array:
+def readable(colors: Array, on_light: bool, count: int = 512, *, shaded: bool = False) -> Array:
     """The stretch of a colour map, resampled to `count` colours, that stands out from the background.
 
-    Of maps that run from black or to white the end that would vanish in it is cut off, at most a third.
+    Ends that would vanish in it are cut off: of each at most a third. `shaded`: for thin lines and for surfaces, which
+    have sides that the light does not reach, and need more contrast than spheres and dots.
     """
     y = luminance(colors)
-    good = np.flatnonzero(y < 0.72 if on_light else y > 0.042)
+    dim, bright = (0.085, 0.62) if shaded else (0.042, 0.72)
+    good = np.flatnonzero(y < bright if on_light else y > dim)
     third = len(colors) // 3
-    first, last = (0, max(good[-1], 2 * third)) if on_light else (min(good[0], third), len(colors) - 1)
+    first, last = min(good[0], third), max(good[-1], len(colors) - 1 - third)
     return np.asarray(colors[np.linspace(first, last, count).round().astype(int)])
 
 

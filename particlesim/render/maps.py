@@ -32,8 +32,8 @@ def depth_map(cast: Cast, axes: Axes, size: int, reach: float, team: Team) -> Ar
     team.over_range(n, CHUNK, piece)
     box[cast.hidden] = NO_BOX
     solids = cast.solids
-    wide = max(scale * solids.radius, THINNEST)
-    triangle_box = _boxes(disc, solids.corner, 0.0, size)
+    wide = np.maximum(scale * solids.radius, THINNEST).astype(np.float32)
+    triangle_box = _boxes(disc, solids.corner, np.zeros(len(solids.corner), np.float32), size)
     triangle_box[~cast.whole] = NO_BOX
     tube_box = _boxes(disc, solids.end, wide, size)
     spheres, triangles, tubes = (
@@ -53,7 +53,7 @@ def depth_map(cast: Cast, axes: Axes, size: int, reach: float, team: Team) -> Ar
     return depth
 
 
-def _boxes(disc: Array, rows: Ints, margin: float, size: int) -> Array:
+def _boxes(disc: Array, rows: Ints, margin: Array, size: int) -> Array:
     box = np.empty((len(rows), 4), np.int32)
     box_on_map(disc, rows, 0, len(rows), margin, size, box)
     return box

@@ -96,7 +96,7 @@ class Renderer:
         self.width, self.height = (side * self.samples for side in settings.size)
         self.use_radius = "radius" in source.fields and settings.look == "spheres"
         self.radius = self._drawn_radius()
-        self.line_radius = self._drawn_line_radius()
+        self.line_radii = self._drawn_line_radii()
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
@@ -105,8 +105,13 @@ class Renderer:
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         groups = getattr(source, "groups", ())
-        srgb = self._palette_srgb(len(groups))
-        self.palette = colormaps.to_linear(srgb).astype(np.float32)
+        srgb = self._palette_srgb(tuple(groups))
+        self.shades = len(srgb)
+        own = np.array(list(settings.colors.values()), float).reshape(-1, 3)
+        self.palette = colormaps.to_linear(np.concatenate([srgb, own])).astype(np.float32)
+        self.paint = {name: self.shades + k for k, name in enumerate(settings.colors)}
+        grouped = groups if "group" in source.fields else ()
+        self._group_paint = np.array([self.paint.get(name, -1) for name in grouped])
         self.overlay = Overlay(
             settings, self.coloring, self.range, srgb, tuple(groups), title, self.scene.count
         )
@@ -133,25 +138,40 @@ class Renderer:
         )
         return float(share) * self.scale
 
-    def _drawn_line_radius(self) -> float:
-        """Radius [m] of the tubes that springs are drawn as."""
-        if self.settings.line_radius is not None:
-            return self.settings.line_radius
-        rest = self.bodies.lines.rest
-        typical = float(np.median(rest)) if len(rest) else 0.0
-        return float(np.clip(0.08 * typical, 0.0015 * self.scale, 0.006 * self.scale))
+    def _drawn_line_radii(self) -> Array:
+        """Radius [m] of the tubes that springs are drawn as, for each owner of lines.
+
+        By itself a tenth of the springs' length, but thick enough to be seen in the whole scene, unless there are so
+        many that they would cover each other, and no thicker than a rod.
+        """
+        bodies, wanted = self.bodies, self.settings.line_radius
+        if isinstance(wanted, float):
+            return np.full(len(bodies.owners), wanted)
+        crowd = np.log10(max(len(bodies.owner), 1))
+        least = float(np.interp(crowd, [3.0, 5.0], [0.0028, 0.001]))
+        radii = np.empty(len(bodies.owners))
+        for k, name in enumerate(bodies.owners):
+            rest = bodies.lines.rest[bodies.owner == k]
+            typical = float(np.median(rest)) if len(rest) else 0.0
+            own = np.clip(0.1 * typical, least * self.scale, 0.007 * self.scale)
+            radii[k] = (wanted or {}).get(name, own)
+        return radii
 
     @property
     def _least_tube(self) -> float:
         """Smallest drawn radius of a tube [samples]."""
         return 0.5 * self.samples * max(self.height / self.samples / 1080, 0.8)
 
-    def _palette_srgb(self, groups: int) -> Array:
+    def _palette_srgb(self, groups: tuple[str, ...]) -> Array:
         if self.coloring.kind == "none":
             return np.array([colormaps.PLAIN])
         if self.coloring.kind == "group":
-            return colormaps.group_colors(max(groups, 12))
-        return readable(colormaps.colormap(self.settings.colormap, 1024), is_light(self.settings))
+            found = colormaps.group_colors(max(len(groups), 12))
+            for k, name in enumerate(groups):
+                found[k] = self.settings.colors.get(name, found[k])
+            return found
+        colors = colormaps.colormap(self.settings.colormap, 1024)
+        return readable(colors, is_light(self.settings), shaded=bool(self.bodies))
 
     @property
     def least(self) -> float:
@@ -276,11 +296,12 @@ class Renderer:
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
+        color = self._painted(frame, color)
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX
-        wide, least = solids.radius, self._least_tube
-        box_tubes(world, sphere, solids.end, 0, len(tube_box), view, planes, wide, least, tube_box)
+        least = self._least_tube
+        box_tubes(world, sphere, solids.end, 0, len(tube_box), view, planes, solids.radius, least, tube_box)
         return Cast(world, sphere, box, color, hidden, solids, whole, triangle_box, tube_box)
 
     def _radii(self, frame: Frame, n: int) -> tuple[Array, Array]:
@@ -297,22 +318,31 @@ class Renderer:
         """Surfaces and tubes, and which triangles are whole."""
         bodies = self.bodies
         corner, whole = bodies.surface(frame)
-        end, strain = bodies.line_ends(frame)
+        end, strain, owner = bodies.line_ends(frame)
         if self.coloring.kind == "strain":
-            tint = quantized(strain, *self.range, len(self.palette))
+            tint = quantized(strain, *self.range, self.shades)
             end_color = np.repeat(tint[:, None], 2, axis=1)
         else:
             end_color = color[end]
+        for k, name in enumerate(bodies.owners):
+            if name in self.paint:
+                end_color[owner == k] = self.paint[name]
         normal = bodies.normals(world, corner, whole, self.team)
-        solids = Solids(
-            corner, bodies.fans.shade, bodies.closed, normal, end, end_color, self.line_radius / self.scale
-        )
+        radius = (self.line_radii / self.scale).astype(np.float32)[owner]
+        solids = Solids(corner, bodies.fans.shade, bodies.closed, normal, end, end_color, radius)
         return solids, whole
 
     def _colors(self, frame: Frame) -> Array:
         if self.coloring.kind == "strain":
-            return quantized(self.bodies.strain_at(frame), *self.range, len(self.palette))
-        return color_indices(frame, self.coloring, *self.range, len(self.palette))
+            return quantized(self.bodies.strain_at(frame), *self.range, self.shades)
+        return color_indices(frame, self.coloring, *self.range, self.shades)
+
+    def _painted(self, frame: Frame, color: Array) -> Array:
+        """The same, but for groups that have a colour of their own."""
+        if not (self._group_paint >= 0).any():
+            return color
+        own = self._group_paint[np.asarray(frame["group"]).astype(np.int64)]
+        return np.where(own >= 0, own, color).astype(np.uint16)
 
     def _values(self, frame: Frame) -> Array | None:
         """What the colours show in a frame, or None when that is no number."""

@@ -108,8 +108,8 @@ def raster_tubes(
         t = items[k]
         p = on_screen(sphere, solids.end[t, 0], view)
         q = on_screen(sphere, solids.end[t, 1], view)
-        wide0 = max(solids.radius * view.focal * p[2], least)
-        wide1 = max(solids.radius * view.focal * q[2], least)
+        radius = solids.radius[t] * view.focal
+        wide0, wide1 = max(radius * p[2], least), max(radius * q[2], least)
         dx, dy = q[0] - p[0], q[1] - p[1]
         inv = 1.0 / max(dx * dx + dy * dy, 1e-12)
         most = max(wide0, wide1) + 0.7
@@ -207,9 +207,9 @@ def depth_of_triangles(
 
 @lean
 def depth_of_tubes(
-    disc: Float32s, end: Ints, wide: float, box: Ints, items: Array, row0: int, depth: Float32s
+    disc: Float32s, end: Ints, wide: Float32s, box: Ints, items: Array, row0: int, depth: Float32s
 ) -> None:
-    """The same for tubes, `wide` texels in radius."""
+    """The same for tubes, `wide[t]` texels in radius."""
     stop = min(row0 + BAND, len(depth))
     for k in range(len(items)):
         t = items[k]
@@ -222,5 +222,5 @@ def depth_of_tubes(
                 px, py = x + 0.5 - u, y + 0.5 - v
                 along = min(max((px * du + py * dv) * inv, 0.0), 1.0)
                 ex, ey = px - along * du, py - along * dv
-                if ex * ex + ey * ey < wide * wide and z + along * dz < depth[y, x]:
+                if ex * ex + ey * ey < wide[t] * wide[t] and z + along * dz < depth[y, x]:
                     depth[y, x] = z + along * dz

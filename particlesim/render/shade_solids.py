@@ -200,7 +200,7 @@ def _shade_tube(
     along = min(max((u * da - _dot(p, a)) / length, 0.0), 1.0)
     x, y, z = p[0] + along * arm[0], p[1] + along * arm[1], p[2] + along * arm[2]
     side = _unit(_cross(a, d))
-    radius = max(solids.radius, least * z / view.focal)
+    radius = max(solids.radius[t], least * z / view.focal)
     across = -_dot((p[0], p[1], p[2]), side) / radius
     # A line about as thin as a sample is lit like its middle: single samples of its round side would flicker.
     across *= min(radius * view.focal / (1.5 * z), 1.0)

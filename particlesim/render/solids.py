@@ -103,11 +103,11 @@ def box_tubes(
     stop: int,
     view: View,
     planes: Planes,
-    radius: float,
+    radius: Float32s,
     least: float,
     box: Ints,
 ) -> None:
-    """Samples that tubes may touch, which are at least `least` samples in radius on the screen."""
+    """Samples that tubes may touch: `radius[t]` [scene units], on the screen at least `least` samples."""
     for t in range(start, stop):
         box[t, 0], box[t, 1], box[t, 2], box[t, 3] = 0, -1, 0, -1
         a, b = end[t, 0], end[t, 1]
@@ -116,7 +116,7 @@ def box_tubes(
         if _hidden(world, a, planes) and _hidden(world, b, planes):
             continue
         p, q = on_screen(sphere, a, view), on_screen(sphere, b, view)
-        wide = max(radius * view.focal * max(p[2], q[2]), least) + 0.5
+        wide = max(radius[t] * view.focal * max(p[2], q[2]), least) + 0.5
         low = (min(p[0], q[0]) - wide, min(p[1], q[1]) - wide, 0.0)
         high = (max(p[0], q[0]) + wide, max(p[1], q[1]) + wide, 0.0)
         _clip(box, t, low, high, view.width, view.height)
@@ -124,9 +124,10 @@ def box_tubes(
 
 @lean
 def box_on_map(
-    disc: Float32s, rows: Ints, start: int, stop: int, margin: float, size: int, box: Ints
+    disc: Float32s, rows: Ints, start: int, stop: int, margin: Float32s, size: int, box: Ints
 ) -> None:
-    """Texels that triangles or tubes (`rows` of two or three particles) may touch in a parallel projection."""
+    """Texels that triangles or tubes (`rows` of two or three particles), `margin[t]` texels around their points, may touch
+    in a parallel projection."""
     for t in range(start, stop):
         box[t, 0], box[t, 1], box[t, 2], box[t, 3] = 0, -1, 0, -1
         u0, v0 = np.float64(disc[rows[t, 0], 0]), np.float64(disc[rows[t, 0], 1])
@@ -137,4 +138,5 @@ def box_on_map(
             whole = whole and isfinite(u + v)
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
         if whole:
-            _clip(box, t, (u0 - margin, v0 - margin, 0.0), (u1 + margin, v1 + margin, 0.0), size, size)
+            m = np.float64(margin[t])
+            _clip(box, t, (u0 - m, v0 - m, 0.0), (u1 + m, v1 + m, 0.0), size, size)

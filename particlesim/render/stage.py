@@ -120,8 +120,8 @@ class Solids(NamedTuple):
 
     `corner` [t, 3]: rows of the particles at each triangle's corners; `shade` [t, 3]: rows of `normal` [k, 3], world
     axes, for the same corners; `closed` [t]: whether it belongs to the skin of a body, which has one side only.
-    `end` [l, 2]: rows of the particles at a tube's ends; `end_color` [l, 2]: palette index there; `radius` [scene units]
-    of all tubes. Samples number spheres first, then triangles, then tubes.
+    `end` [l, 2]: rows of the particles at a tube's ends; `end_color` [l, 2]: palette index there; `radius` [l] [scene
+    units] of each tube. Samples number spheres first, then triangles, then tubes.
     """
 
     corner: Ints
@@ -130,7 +130,7 @@ class Solids(NamedTuple):
     normal: Float32s
     end: Ints
     end_color: npt.NDArray[np.uint16]
-    radius: float
+    radius: Float32s
 
 
 class Samples(NamedTuple):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from particlesim.crossfield import Invalid, Path
 from particlesim.emitters import Schedule
 from particlesim.groups import Particles
-from particlesim.integrators import method_for
 from particlesim.layouts.file import File
 from particlesim.names import did_you_mean
 from particlesim.scenario import joints, pictures
@@ -145,24 +144,15 @@ def kicks(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def booked(scenario: Scenario) -> Iterator[Invalid]:
-    """Work is booked for particles with inertia and steps that are known."""
+    """Work is booked for particles with inertia."""
     if not scenario.output.work:
         return
     for path, group in group_tables(scenario):
-        method = method_for(group.integrator or scenario.simulation.integrator)
         if group.dynamics.type != "second_order":
             yield Invalid(
                 f"work is booked for particles with inertia, and {group.name!r} has none",
                 ("output", "work"),
                 (((*path, "dynamics"), "here"),),
-            )
-        elif method.adaptive:
-            own = group.integrator is not None
-            yield Invalid(
-                f"work is booked step by step, and {method.name} chooses steps of its own",
-                ("output", "work"),
-                (((*path, "integrator") if own else ("simulation", "integrator"), "here"),),
-                hint="rk4 and yoshida4 keep the balance to the fourth order of the step",
             )
 
 

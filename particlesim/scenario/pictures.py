@@ -41,15 +41,24 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
     sets |= {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
     joined = {name for _, names, _ in bond_tables(scenario) for name in names}
     joined |= {name for _, names in rod_tables(scenario) for name in names}
+    known = [*tables, *sets]
+    for key, name in _looks(scenario):
+        if name not in known:
+            yield Invalid(
+                f"no group, springs or rods are called {name!r}",
+                ("render", key, name),
+                allowed=", ".join(known),
+                hint=did_you_mean(name, known),
+            )
+        elif key == "line_radius" and name not in joined and name not in sets:
+            path = tables[name][0]
+            at = ("render", key, name)
+            yield Invalid(
+                f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
+            )
     for name, style in scenario.render.styles.items():
         at = ("render", "styles", name)
-        if name not in tables and name not in sets:
-            known = [*tables, *sets]
-            hint = did_you_mean(name, known)
-            yield Invalid(
-                f"no group, springs or rods are called {name!r}", at, allowed=", ".join(known), hint=hint
-            )
-        elif name in tables:
+        if name in tables:
             path, group = tables[name]
             skin = isinstance(group, Particles) and group.layout.has_surface()
             if style == "surface" and not skin:
@@ -58,10 +67,18 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
                 yield Invalid(
                     f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
                 )
-        elif style in ("surface", "points"):
+        elif name in sets and style in ("surface", "points"):
             yield Invalid(
                 "springs and rods are lines or hidden",
                 at,
                 ((sets[name], f"these {sets[name][0]}"),),
                 allowed='"lines", "hidden"',
             )
+
+
+def _looks(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """The keys of [render] that say something by name, and the names that they use."""
+    render = scenario.render
+    radii = render.line_radius if isinstance(render.line_radius, dict) else {}
+    for key, table in (("styles", render.styles), ("colors", render.colors), ("line_radius", radii)):
+        yield from ((key, name) for name in table)

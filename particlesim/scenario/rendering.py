@@ -16,8 +16,9 @@ from particlesim.model import Model
 from particlesim.units import Degrees, Hertz, Metres, Number, Vector
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
-ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "blackbody"]
+ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "steel", "blackbody"]
 Style = Literal["surface", "lines", "points", "hidden"]
+Thickness = Annotated[Metres, Gt(0)]
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
 
 
@@ -88,10 +89,14 @@ class RenderSettings(Model):
         "particles by the `look`), or 'hidden'. What is not named is a surface if it has one, else lines if "
         "it has springs, else points.",
     )
-    line_radius: Annotated[Metres, Gt(0)] | None = Field(
+    colors: dict[str, tuple[Fraction, Fraction, Fraction]] = Field(
+        {},
+        description="Colours [r, g, b] of groups and sets of springs, by their names, instead of `color_by`.",
+    )
+    line_radius: Thickness | dict[str, Thickness] | None = Field(
         None,
-        description="Radius of the lines that springs are drawn as [m]. Left out: chosen by the springs' "
-        "length and the extent of the scene.",
+        description="Radius of the lines that springs are drawn as [m]: of all, or by the names of groups and "
+        "sets of springs. Left out: chosen by the springs' length and the extent of the scene.",
     )
     trails: bool | Literal["auto"] = Field(
         "auto",

@@ -13,7 +13,8 @@ from particlesim.errors import UsageError
 from particlesim.names import did_you_mean
 from particlesim.scenario.overrides import Override, toml_value
 
-MOST_VALUES = 10**6
+MOST_VALUES = 10**7
+"""Values that a function may make: as many as fit in memory and in the folder of a sweep with ease."""
 _CALL = re.compile(r"([A-Za-z_]\w*)\s*\((.*)\)", re.DOTALL)
 _WORD = re.compile(r"[A-Za-z_][\w-]*")
 _TOML_WORDS = ("true", "false", "inf", "nan")
@@ -116,7 +117,7 @@ def _called(key: str, name: str, arguments: str) -> list[object]:
     first, last, count = _numbers(key, name, arguments, 3)
     if count != int(count) or not 1 <= count <= MOST_VALUES:
         raise UsageError(
-            f"--vary {key}: {name} makes a whole number of values, from 1 to {MOST_VALUES:,}, not {count:g}"
+            f"--vary {key}: {name} makes a whole number of values, from 1 to {MOST_VALUES:,}, not {_plainly(count)}"
         )
     with np.errstate(over="ignore"):
         values = functions[name](first, last, int(count))
@@ -126,6 +127,11 @@ def _called(key: str, name: str, arguments: str) -> list[object]:
         )
     whole = all(value.is_integer() for value in values)  # so that whole numbers can be varied as well
     return [int(value) if whole else value for value in values]
+
+
+def _plainly(count: float) -> str:
+    """A number such that no digit is lost of a whole one."""
+    return f"{int(count):,}" if count.is_integer() and abs(count) < 1e15 else f"{count:g}"
 
 
 def _numbers(key: str, name: str, arguments: str, count: int) -> list[float]:

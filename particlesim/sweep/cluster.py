@@ -10,10 +10,11 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, UsageError
 from particlesim.sweep.executor import Ends
 from particlesim.version import __version__
 
@@ -56,9 +57,8 @@ class DaskExecutor:
                 raise _another(str(worker), version, self._version)
 
     def each(self, task: Callable[[int], R], numbers: Iterable[int]) -> Ends[R]:
-        """As `Executor.each`."""
+        """As `Executor.each`. Raises InputOutputError when the scheduler is lost."""
         from distributed import as_completed
-        from distributed.scheduler import KilledWorker
 
         todo: deque[list[int]] = deque()
         remaining = iter(numbers)
@@ -67,29 +67,52 @@ class DaskExecutor:
         size = 1
         try:
             while True:
-                for _ in range(AHEAD * max(len(self._client.nthreads()), 1) - len(waiting)):
-                    chunk = todo.popleft() if todo else _take(remaining, size)
-                    if not chunk:
-                        break
-                    future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
-                    waiting[future] = chunk
-                    flow.add(future)
+                with _scheduler_there():
+                    for _ in range(AHEAD * max(len(self._client.nthreads()), 1) - len(waiting)):
+                        chunk = todo.popleft() if todo else _take(remaining, size)
+                        if not chunk:
+                            break
+                        future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
+                        waiting[future] = chunk
+                        flow.add(future)
                 if not waiting:
                     return
                 future = next(flow)
                 chunk = waiting.pop(future)
-                try:
-                    results, seconds = future.result()
-                except KilledWorker:
-                    if len(chunk) == 1:
-                        yield chunk[0], None
-                    else:  # one of them, and nobody knows which
-                        todo.extend([number] for number in chunk)
+                done = _result(future)
+                if done is None:  # one of them took its workers down, and nobody knows which
+                    todo.extend([number] for number in chunk if len(chunk) > 1)
+                    yield from ((number, None) for number in chunk if len(chunk) == 1)
                     continue
+                results, seconds = done
                 size = _next_size(size, seconds / len(chunk))
                 yield from zip(chunk, results, strict=True)
         finally:
-            self._client.cancel(list(waiting))
+            with suppress(OSError, CancelledError):
+                self._client.cancel(list(waiting))
+
+
+@contextmanager
+def _scheduler_there() -> Iterator[None]:
+    """Raise InputOutputError for what goes wrong when the scheduler has gone."""
+    try:
+        yield
+    except (OSError, TimeoutError, CancelledError) as error:
+        raise InputOutputError(
+            "the scheduler is lost", "The runs that have ended are kept; the same command goes on."
+        ) from error
+
+
+def _result(future: Any) -> tuple[list[Any], float] | None:
+    """Results of a chunk and the seconds that it took; None when its workers died, one after the other."""
+    from distributed.scheduler import KilledWorker
+
+    with _scheduler_there():
+        try:
+            done: tuple[list[Any], float] = future.result()
+        except KilledWorker:
+            return None
+    return done
 
 
 def worker_version() -> str:

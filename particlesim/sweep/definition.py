@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from annotated_types import Ge, MinLen
-from pydantic import Field, StringConstraints, ValidationError
+from annotated_types import MinLen
+from pydantic import Field, StrictBool, StringConstraints, ValidationError
 
 from particlesim.model import Model
 from particlesim.scenario.diagnose import diagnose
@@ -26,21 +26,21 @@ class SweepFile(Model):
     """Values by key: a list, or what --vary takes, such as "linspace(0, 1, 11)"."""
     set: dict[Key, Any] = Field(default_factory=dict)
     """Values of all runs by key, as --set."""
-    zip: bool = False
+    zip: StrictBool = False
     """Take lists side by side, not every combination."""
-    samples: Annotated[int, Ge(1)] | None = None
+    samples: Annotated[int, Field(ge=1, strict=True)] | None = None
     """How many values uniform and loguniform draw."""
     method: Method = "sobol"
     """How they are drawn."""
-    seed: Annotated[int, Ge(0)] = 0
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
     """Seed of what is drawn."""
     quantities: tuple[str, ...] = ()
     """Columns of the table; all unless given."""
-    record: bool = False
+    record: StrictBool = False
     """Keep the trajectory of every run."""
-    workers: Annotated[int, Ge(1)] | None = None
+    workers: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Worker processes; one per core unless given."""
-    fail_fast: bool = False
+    fail_fast: StrictBool = False
     """Begin no run after one that did not end well."""
 
     def axes(self) -> tuple[Listed | Sampled, ...]:

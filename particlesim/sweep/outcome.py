@@ -21,7 +21,8 @@ class Outcome:
     """Number of the run (from 1), its parameters, how it ended and why, wall time [s].
 
     `quantities` are the final totals by name, `checks` the values of the checks by name (None: not finite); `state` is
-    a digest of the final particles, the same for a single run of the same scenario.
+    a digest of the final particles, the same for a single run of the same scenario. `files` are digests of the files that
+    the scenario names, by those names; empty for one that could not be read.
     """
 
     run: int
@@ -32,6 +33,7 @@ class Outcome:
     quantities: dict[str, float | None] = field(default_factory=dict)
     checks: dict[str, float | None] = field(default_factory=dict)
     state: str = ""
+    files: dict[str, str] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
         """As plain data, for JSON."""

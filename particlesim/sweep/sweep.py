@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -15,15 +15,17 @@ from particlesim.names import did_you_mean
 from particlesim.quantities import is_count
 from particlesim.scenario.agreement import check_labels
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
+from particlesim.scenario.migration import migrated
+from particlesim.scenario.overrides import Override, apply_overrides, resolve_path
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import read_source
+from particlesim.scenario.source import Source, read_source
 from particlesim.scenario.totals import booked, totals
 from particlesim.sweep.design import Design
 from particlesim.sweep.executor import Executor, InProcess, LocalWorkers
 from particlesim.sweep.files import PARQUET, TABLE, alone, finished, prepare, run_folder, write_atomically
 from particlesim.sweep.outcome import EXIT_CODES, Outcome
 from particlesim.sweep.table import Table, write_parquet
-from particlesim.sweep.task import Task
+from particlesim.sweep.task import Task, present_digest
 from particlesim.team import available_cores
 from particlesim.version import __version__
 
@@ -106,6 +108,7 @@ class Sweep:
         self.design = design
         self._task = Task(source, settings, path.resolve().parent, design, Path(), record)
         typical = self._first_valid()
+        _check_set(source, settings, design)
         self._columns = _columns(typical, quantities)
         self._checks = check_labels(typical)
         self._definition = {
@@ -151,11 +154,12 @@ class Sweep:
         """Do all runs that have not been done yet; their results go to `folder`, the table to its results.csv.
 
         `workers` bounds the processes (all cores unless given), `executor` takes their place. With `fail_fast` no run
-        begins after one that did not end well. Results depend on neither. Ctrl-C ends the sweep: the result says so,
-        and the same call goes on from there.
+        begins after one that did not end well, in this call or an earlier one. Results depend on neither. Ctrl-C ends the
+        sweep: the result says so, and the same call goes on from there.
 
-        Raises UsageError when the folder holds another sweep (unless `force`, which removes its runs), is one in which
-        another process sweeps, or cannot be written, InputOutputError when the table cannot be written.
+        Raises UsageError when the folder holds another sweep, or runs with files that have changed since (unless `force`,
+        which removes its runs), is one in which another process sweeps, or cannot be written; InputOutputError when the
+        table cannot be written.
         """
         folder = Path(folder)
         if workers is not None and workers < 1:
@@ -165,7 +169,7 @@ class Sweep:
         with alone(folder):
             prepare(folder, self._definition, len(self.design), force=force)
             sitting = _Sitting(self, folder.resolve(), progress)
-            todo = sitting.recall()
+            todo = sitting.recall(fail_fast=fail_fast)
             if executor is None:
                 count = min(workers or available_cores(), max(len(todo), 1))
                 executor = LocalWorkers(count) if count > 1 else InProcess()
@@ -184,19 +188,36 @@ class _Sitting:
         self._began = time.perf_counter()
         self._table_due = self._began + TABLE_EVERY
 
-    def recall(self) -> Sequence[int]:
-        """Take over the runs done earlier; returns the others."""
+    def recall(self, *, fail_fast: bool) -> Sequence[int]:
+        """Take over the runs done earlier; returns those to be done: the others, none if `fail_fast` and one ended badly."""
         todo = []
         there = {child.name for child in self._result.folder.iterdir()}
         for number in range(1, self._total + 1):
             known = run_folder(self._result.folder, number, self._total).name in there
             outcome = finished(self._result.folder, number, self._total) if known else None
-            if outcome is None:
+            if outcome is None or not self._holds(outcome):
                 todo.append(number)
             else:
                 self._take(outcome)
         self._result.earlier = self._result.ended
-        return todo
+        return [] if fail_fast and self._result.failures else todo
+
+    def _holds(self, outcome: Outcome) -> bool:
+        """Whether a run is to be kept; one whose files were wrong, and are others now, is not.
+
+        Raises UsageError for a run that ended with files that have changed since.
+        """
+        for name, digest in outcome.files.items():
+            path = (self._task.home or Path()) / name
+            if present_digest(path) == digest:
+                continue
+            if outcome.status == "bad_scenario":
+                return False
+            raise UsageError(
+                f"{path} has changed since run {outcome.run} was done, which used it",
+                "Put it back as it was, choose another folder with --output, or --force to do all runs anew.",
+            )
+        return True
 
     def work(self, executor: Executor, todo: Iterable[int], fail_fast: bool) -> SweepResult:
         """Do the runs."""
@@ -215,9 +236,15 @@ class _Sitting:
                         self._write()
         except (KeyboardInterrupt, Interrupted):
             self._result.interrupted = True
+        except InputOutputError:  # nobody is left to do runs, or the disk is full
+            with suppress(InputOutputError):
+                self._write()
+            raise
         self._result.seconds = time.perf_counter() - self._began
         self._write()
-        self._result.parquet = write_parquet(self._result.table, self._result.folder / PARQUET)
+        self._result.parquet = write_parquet(
+            self._result.table, self._result.folder / PARQUET, self._task.design
+        )
         self._result.failures.sort(key=lambda outcome: outcome.run)
         return self._result
 
@@ -243,6 +270,20 @@ class _Sitting:
             ) from None
         now = time.perf_counter()
         self._table_due = now + max(TABLE_EVERY, 20 * (now - began))
+
+
+def _check_set(source: Source, settings: Sequence[Override], design: Design) -> None:
+    """Raise UsageError for a setting that varied values would replace."""
+    raw = apply_overrides(migrated(source), settings).raw
+    for key in design.keys:
+        for setting in settings:
+            try:
+                varied, wanted = resolve_path(raw, key), resolve_path(raw, setting.key)
+            except ScenarioError:  # an entry that only another varied value brings
+                continue
+            if wanted[: len(varied)] == varied:
+                both = setting.key if key == setting.key else f"{setting.key}, which is in {key},"
+                raise UsageError(f"{both} is both set and varied", "Leave out one of them.")
 
 
 def _columns(scenario: Scenario, chosen: Sequence[str]) -> tuple[str, ...]:

@@ -9,6 +9,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from particlesim.quantities import is_count
+from particlesim.sweep.axes import Listed, Sampled
+from particlesim.sweep.design import Design
 from particlesim.sweep.files import plain
 from particlesim.sweep.outcome import Outcome
 from particlesim.trajectory.target import replacing
@@ -59,17 +62,43 @@ def _line(row: list[Any]) -> str:
     return out.getvalue()
 
 
-def write_parquet(table: Path, target: Path) -> Path | None:
-    """Write a table again as Parquet, with numbers as numbers; None where pyarrow is not installed.
+def write_parquet(table: Path, target: Path, design: Design) -> Path | None:
+    """Write a table of a design again as Parquet, with numbers as numbers; None where pyarrow is not installed.
 
-    Raises InputOutputError when it cannot be written.
+    The types of columns do not depend on how runs end. Raises InputOutputError when it cannot be written.
     """
     try:
+        import pyarrow as pa
         from pyarrow import csv as reader
         from pyarrow import parquet
     except ImportError:
         return None
+    with table.open(newline="", encoding="utf-8") as lines:
+        head = next(csv.reader(lines))
+    kinds = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
+    varied = {axis.key: kind_of(axis) for axis in design.axes}
+    types = {name: kinds[varied.get(name) or _kind_of_column(name)] for name in head}
     with replacing(target) as temporary:
-        options = reader.ConvertOptions(strings_can_be_null=True, quoted_strings_can_be_null=False)
+        options = reader.ConvertOptions(
+            column_types=types, strings_can_be_null=True, quoted_strings_can_be_null=False
+        )
         parquet.write_table(reader.read_csv(table, convert_options=options), temporary)
     return target
+
+
+def _kind_of_column(name: str) -> str:
+    if name in ("status", "cause"):
+        return "text"
+    return "int" if name in ("run", "count") or is_count(name) else "float"
+
+
+def kind_of(axis: Listed | Sampled) -> str:
+    """What the values of an axis are: "int", "float", "bool" or "text" (also for mixtures and what JSON cannot say)."""
+    values = axis.values if isinstance(axis, Listed) else (axis.low,)
+    if all(isinstance(value, bool) for value in values):
+        return "bool"
+    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
+        return "text"
+    if all(isinstance(value, int) and abs(value) < 2**63 for value in values):
+        return "int"
+    return "float"

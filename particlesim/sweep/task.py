@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from particlesim.checking import count, total
-from particlesim.errors import DivergenceError, InputOutputError, Interrupted, PsimError, UsageError
+from particlesim.errors import (
+    DivergenceError,
+    InputOutputError,
+    Interrupted,
+    PsimError,
+    ResourceError,
+    UsageError,
+)
 from particlesim.quantities import is_count
 from particlesim.runner import Result, run
-from particlesim.scenario.dump import dump
 from particlesim.scenario.load import scenario_of
+from particlesim.scenario.named_files import dump_for, file_digest, layout_files, reference_files
 from particlesim.scenario.overrides import Override, overrides_from_mapping
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.source import Source
@@ -46,13 +54,17 @@ class Task:
     def __call__(self, number: int) -> Outcome:
         folder = run_folder(self.output, number, len(self.design))
         began = time.perf_counter()
+        files: dict[str, str] = {}
         try:
             folder.mkdir(exist_ok=True)
-            outcome = self._run(number, folder)
+            scenario = self.scenario(number)
+            files |= named_digests(scenario)
+            outcome = self._run(number, scenario, folder, began)
         except Interrupted:
             raise
         except (PsimError, MemoryError, OSError) as error:
             outcome = self.ended(number, _status(error), _cause(error), time.perf_counter() - began)
+        outcome = replace(outcome, files=files)
         try:
             write_json(folder / RESULT, outcome.as_data())
         except OSError as error:
@@ -64,10 +76,8 @@ class Task:
         """The outcome of a run without a result."""
         return Outcome(number, self.design.settings(number - 1), status, cause, seconds)
 
-    def _run(self, number: int, folder: Path) -> Outcome:
-        began = time.perf_counter()
-        scenario = self.scenario(number)
-        write_atomically(folder / SCENARIO, self._text(scenario))
+    def _run(self, number: int, scenario: Scenario, folder: Path, began: float) -> Outcome:
+        write_atomically(folder / SCENARIO, dump_for(scenario, folder))
         trajectory = folder / TRAJECTORY if self.record else None
         result = run(scenario, trajectory, overwrite=True, threads=1)
         failed = [check.message for check in result.checks if not check.passed]
@@ -82,9 +92,26 @@ class Task:
             result.state,
         )
 
-    def _text(self, scenario: Scenario) -> str:
-        home = f"# relative paths start from {self.home}\n" if self.home is not None else ""
-        return home + dump(scenario)
+
+def named_digests(scenario: Scenario) -> dict[str, str]:
+    """Digests of the files that a scenario names, by those names; empty for what cannot be read."""
+    return {
+        file.name: present_digest(file.path) for file in (*layout_files(scenario), *reference_files(scenario))
+    }
+
+
+def present_digest(path: Path) -> str:
+    """The digest of a file as it is, empty if it cannot be read; one that looks unchanged is not read again."""
+    try:
+        state = path.stat()
+        return _digest(path, (state.st_mtime_ns, state.st_size, state.st_ino))
+    except (UsageError, OSError, ValueError):
+        return ""
+
+
+@lru_cache(maxsize=256)
+def _digest(path: Path, state: tuple[int, ...]) -> str:
+    return file_digest(path)
 
 
 def final_quantities(result: Result) -> dict[str, float | None]:
@@ -106,7 +133,7 @@ def final_quantities(result: Result) -> dict[str, float | None]:
 def _status(error: BaseException) -> Status:
     if isinstance(error, DivergenceError):
         return "diverged"
-    if isinstance(error, UsageError):
+    if isinstance(error, UsageError) and not isinstance(error, ResourceError):
         return "bad_scenario"
     return "failed"
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.trajectory.hdf5 import PATIENCE, open_beside_writer, open_unmarked
+from particlesim.trajectory.hdf5 import open_alone
 from particlesim.trajectory.layout import FORMAT
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.places import kind_of
@@ -19,7 +19,7 @@ from particlesim.trajectory.superblock import Superblock, read_superblock
 
 _ENDING = ".vtkhdf"
 _PATIENCE = 1.0
-"""Seconds to wait for a writer that opens its file."""
+"""Seconds to wait until a file that is being written can be opened."""
 
 
 def check_readable(path: Path) -> Superblock:
@@ -72,25 +72,20 @@ def open_file(path: Path) -> h5py.File:
 
 
 def _open_readable(path: Path) -> h5py.File:
-    """An HDF5 file open for reading.
+    """An HDF5 file open for reading as it is now.
 
-    A resumed run opens its file the ordinary way for some milliseconds, before others may read it again: readers wait for
-    that. If it is killed just then, the mark that it leaves is overlooked.
+    What is being written may be caught in the middle of a write: then it is tried again for a while.
     """
     until = time.monotonic() + _PATIENCE
     while True:
         block = check_readable(path)
         written = block.marked and is_being_written(path)
         try:
-            if block.version < 3:
-                return h5py.File(path, "r")
-            if block.marked and not block.shared and not written:
-                return open_unmarked(path)
-            return open_beside_writer(path, PATIENCE if written else 1)
-        except (OSError, RuntimeError) as error:
+            return h5py.File(path, "r") if block.version < 3 else open_alone(path)
+        except (OSError, RuntimeError, ValueError) as error:
             if not written:
                 raise damaged(path) from error
-            if block.shared or time.monotonic() > until:
+            if time.monotonic() > until:
                 raise UsageError(
                     f"{path} cannot be opened while another program writes it", "Close that program."
                 ) from error

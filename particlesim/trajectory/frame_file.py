@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 from h5py import h5a
 
 from particlesim.trajectory.chunks import Column, compress, cut, padded
-from particlesim.trajectory.layout import CELLS, EVENT, FRAME, LIBVER, STATUS, TOPOLOGY_ROWS, column_path
+from particlesim.trajectory.hdf5 import open_for_frames
+from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, TOPOLOGY_ROWS, column_path
 from particlesim.trajectory.tables import GrowingTable
 
 # What HDF5 may need beside the data of a frame: headers, the blocks in which it hands out space, status and end.
@@ -89,13 +89,10 @@ class FrameFile:
 
     def __init__(self, path: Path, fields: Sequence[str]) -> None:
         self._path = path
-        self._file = h5py.File(path, "r+", libver=LIBVER)
+        self._file = open_for_frames(path)
         try:
             self._bind(fields)
-            self._file.swmr_mode = True
-            self._steps = h5a.open(
-                self._file["VTKHDF/Steps"].id, b"NSteps"
-            )  # SWMR begins with no attribute open
+            self._steps = h5a.open(self._file["VTKHDF/Steps"].id, b"NSteps")
         except BaseException:
             self._file.close()
             raise

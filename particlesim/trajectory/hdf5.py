@@ -1,8 +1,13 @@
-"""Opening HDF5 files that may be damaged, so that reading them ends.
+"""Opening HDF5 files that may be damaged, or that others write or read, so that using them ends.
 
-A reader beside a writer (SWMR) reads metadata again while its checksum is wrong, in case it came upon a write in
-progress. HDF5 doubles the wait each time, from 1 ns on, and tries a hundred times: in a damaged file that is for ever.
-h5py does not offer the setting that limits this, so it is made through the library that h5py has loaded.
+HDF5's own way of reading beside a writer (SWMR) does not do. It takes all that a process has open of one file for one
+file, and gives wrong errors once one of several readers reads a part of it anew. And it reads metadata again while its
+checksum is wrong, in case it came upon a write in progress, with a wait that doubles each time from 1 ns on, a hundred
+times: in a damaged file that is for ever. What a SWMR writer puts on the disk is in order at every moment, though, so a
+reader needs nothing of that: it opens the file anew to see what is new, and tries again by itself, for a while.
+
+A writer must not wait either; h5py does not offer the setting that limits its attempts, so it is made through the library
+that h5py has loaded.
 
 Source: HDF5 Reference Manual, H5Pset_metadata_read_attempts.
 """
@@ -21,23 +26,23 @@ from h5py import h5f, h5p
 
 from particlesim.trajectory.superblock import unmarked
 
-PATIENCE = 28
-"""Attempts beside a living writer: 2^28 ns = 0.27 s in all, where writing a piece of metadata takes microseconds."""
+
+def open_alone(path: Path) -> h5py.File:
+    """`path` open for reading as it is now, whether its writer has closed it or not, and apart from all others that this
+    process has open. What is damaged raises OSError, RuntimeError, ValueError or KeyError.
+    """
+    return h5py.File(_Unmarked(path), "r")
 
 
-def open_beside_writer(path: Path, attempts: int) -> h5py.File:
-    """`path` open for reading in SWMR mode; what is not intact after so many attempts raises OSError or RuntimeError."""
+def open_for_frames(path: Path) -> h5py.File:
+    """`path` open for writing while others read it (SWMR). What is damaged raises OSError or RuntimeError, at once."""
     access = h5p.create(h5p.FILE_ACCESS)
-    access.set_libver_bounds(h5f.LIBVER_EARLIEST, h5f.LIBVER_LATEST)
-    if _setter()(access.id, attempts) < 0:
+    access.set_libver_bounds(*(h5f.LIBVER_V110,) * 2)
+    if _setter()(access.id, 1) < 0:
         raise RuntimeError("HDF5 refused the number of read attempts")
     name = str(path).encode(sys.getfilesystemencoding(), "surrogateescape")
-    return h5py.File(h5f.open(name, h5f.ACC_RDONLY | h5f.ACC_SWMR_READ, access))
-
-
-def open_unmarked(path: Path) -> h5py.File:
-    """`path` open for reading as if its writer had closed it; it is not changed."""
-    return h5py.File(_Unmarked(path), "r")
+    # Begun afterwards, SWMR would take a hundred attempts whatever was asked for.
+    return h5py.File(h5f.open(name, h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE, access))
 
 
 class _Unmarked(io.RawIOBase):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, overload
+from typing import Any, Self, TypeVar, overload
 
 import h5py
 import numpy as np
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
-from particlesim.trajectory.files import damaged, finished_frames, lies_inside, open_file
+from particlesim.trajectory.files import check_readable, damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.integrity import check_contents
 from particlesim.trajectory.layout import column_path
@@ -24,6 +25,10 @@ from particlesim.trajectory.superblock import read_superblock
 from particlesim.trajectory.topology import Topology, read_topology
 
 Array = npt.NDArray[Any]
+
+_T = TypeVar("_T")
+_PATIENCE = 1.0
+"""Seconds for which a file that is being written is looked at again and again."""
 
 
 def open(path: str | PathLike[str]) -> Trajectory:
@@ -54,10 +59,27 @@ class Trajectory(Sequence[Frame]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = open_file(path)
+        self._patiently(self._take_in, lambda: None)
+
+    def _take_in(self) -> None:
+        """Open the file, and read what it holds now.
+
+        A writer finishes the data of a frame, then its row in /psim/frames, at the end the status, and then gives back its
+        lock. HDF5 remembers how long a dataset was when it first looked, so this looks in the opposite order: what it knows
+        of is there.
+        """
+        check_readable(self.path)
+        written = is_being_written(self.path)
+        self._file = open_file(self.path)
         self._topology: Mapping[str, Topology] | None = None
         try:
-            check_contents(self._file, path)
+            try:
+                self.status = self._file["psim/status"][()].decode()
+                len(self._file["psim/frames"])
+            finally:  # also when that failed: it tells why
+                check_contents(self._file, self.path)
+            if self.status == "running" and not written:
+                self.status = "interrupted"
             self._read_header()
             self._read_frames()
         except UsageError:
@@ -65,7 +87,31 @@ class Trajectory(Sequence[Frame]):
             raise
         except Exception as error:  # what h5py raises on damaged metadata is of many kinds
             self._file.close()
-            raise damaged(path) from error
+            raise damaged(self.path) from error
+
+    def _patiently(self, read: Callable[[], _T], again: Callable[[], None]) -> _T:
+        """What `read` gives. In a file that is being written it may meet a write in progress: then `again`, and anew."""
+        until = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                return read()
+            except Exception:
+                if time.monotonic() > until or not self._is_written():
+                    raise
+            time.sleep(0.01)
+            again()
+
+    def _is_written(self) -> bool:
+        try:
+            return is_being_written(self.path)
+        except OSError:
+            return False
+
+    def _bind_again(self) -> None:
+        """Open the file anew without taking notice of more frames."""
+        self._file.close()
+        self._file = open_file(self.path)
+        self._bind()
 
     def _read_header(self) -> None:
         psim = self._file["psim"]
@@ -73,36 +119,22 @@ class Trajectory(Sequence[Frame]):
         self.fields = tuple(name for name in FIELDS if name == "position" or name in recorded)
         self.groups = tuple(psim["groups"].asstr()[:]) if len(psim["groups"]) else ()
         self.provenance = {name: _plain(dataset) for name, dataset in psim["provenance"].items()}
+        self._bind()
+
+    def _bind(self) -> None:
         self._columns: dict[str, h5py.Dataset] = {name: self._file[column_path(name)] for name in self.fields}
 
     def _read_frames(self) -> None:
-        """Take in what the file holds now.
-
-        A writer finishes the data of a frame, then its row in /psim/frames, at the end the status. So this
-        looks in the opposite order: what it knows of is there.
-        """
-        self.status = self._read_status()
         self._cut_off = self._end_if_cut_off()
-        rows = finished_frames(self._whole(self._fresh("psim/frames")))
-        for dataset in self._columns.values():
-            dataset.refresh()
+        rows = finished_frames(self._whole(self._file["psim/frames"]))
         self._check_places(rows)
         self._rows = rows
         self.times, self.steps, self.counts = (rows[name].copy() for name in ("time", "step", "count"))
         self.ledger = {}
         if "psim/ledger" in self._file:
-            ledger = self._whole(self._fresh("psim/ledger"))[: len(rows)]
+            ledger = self._whole(self._file["psim/ledger"])[: len(rows)]
             self.ledger = {name: ledger[name].copy() for name in ledger.dtype.names}
-        self.summary = json.loads(self._fresh("psim/summary")[:].tobytes() or b"{}")
-
-    def _read_status(self) -> str:
-        status = self._fresh("psim/status")[()].decode()
-        if status == "running" and not is_being_written(self.path):
-            # The writer may have ended between the two looks.
-            status = self._fresh("psim/status")[()].decode()
-            if status == "running":
-                return "interrupted"
-        return str(status)
+        self.summary = json.loads(self._file["psim/summary"][:].tobytes() or b"{}")
 
     def _end_if_cut_off(self) -> int | None:
         """The size of a file that lacks something at its end, as HDF5 would read zeros there; None if it is whole.
@@ -124,26 +156,14 @@ class Trajectory(Sequence[Frame]):
         wrong = (rows["offset"] < 0) | (rows["count"] < 0) | (rows["count"] > length)
         wrong |= (rows["offset"] > length - rows["count"]) | (np.diff(rows["step"], prepend=-1) < 0)
         for kind in ("births", "deaths"):
-            wrong |= (rows[kind] < 0) | (rows[kind] > len(self._fresh(f"psim/events/{kind}")))
+            wrong |= (rows[kind] < 0) | (rows[kind] > len(self._file[f"psim/events/{kind}"]))
         if wrong.any():
             raise damaged(self.path, f"its table of frames makes no sense at frame {int(wrong.argmax())}")
 
-    def _fresh(self, name: str) -> h5py.Dataset:
-        """A dataset as it is in the file now."""
-        dataset = self._file[name]
-        dataset.refresh()
-        return dataset
-
     def refresh(self) -> None:
         """Take notice of the frames that a running simulation has added meanwhile."""
-        self._open_file()
-        self._topology = None
-        try:
-            self._read_frames()
-        except UsageError:
-            raise
-        except Exception as error:
-            raise damaged(self.path) from error
+        self._open_file().close()
+        self._patiently(self._take_in, lambda: None)
 
     @property
     def scenario(self) -> str:
@@ -162,9 +182,9 @@ class Trajectory(Sequence[Frame]):
         Read when first asked for, and again after `refresh`.
         """
         if self._topology is None:
-            file = self._open_file()
+            self._open_file()
             try:
-                self._topology = read_topology(file)
+                self._topology = self._patiently(lambda: read_topology(self._file), self._bind_again)
             except Exception as error:
                 raise damaged(self.path, "its springs and surfaces cannot be read") from error
         return self._topology
@@ -206,16 +226,19 @@ class Trajectory(Sequence[Frame]):
         self._open_file()
         offset, count = int(self._rows["offset"][index]), int(self._rows["count"][index])
         start, stop = (offset, offset + count) if row is None else (offset + row, offset + row + 1)
-        column = self._columns[field]
         what = f"{field!r} of frame {index} cannot be read"
         try:
-            if self._cut_off is not None and not lies_inside(column, start, stop, self._cut_off):
-                raise damaged(self.path, f"it is cut off, {what}")
-            values: Array = column[start:stop]
+            return self._patiently(lambda: self._rows_of(field, start, stop, what), self._bind_again)
         except UsageError:
             raise
         except Exception as error:
             raise damaged(self.path, what) from error
+
+    def _rows_of(self, field: str, start: int, stop: int, what: str) -> Array:
+        column = self._columns[field]
+        if self._cut_off is not None and not lies_inside(column, start, stop, self._cut_off):
+            raise damaged(self.path, f"it is cut off, {what}")
+        values: Array = column[start:stop]
         if len(values) != stop - start:
             raise damaged(self.path, what)
         return values
@@ -264,9 +287,8 @@ class Trajectory(Sequence[Frame]):
         self._open_file()
         known = int(self._rows[f"{kind}s"][-1]) if len(self) else 0
         try:
-            table = self._whole(self._fresh(f"psim/events/{kind}s"))
-            rows = table[:known]
-            causes, names = rows["cause"], json.loads(table.attrs["causes"])
+            rows, names = self._patiently(lambda: self._events(kind, known), self._bind_again)
+            causes = rows["cause"]
         except UsageError:
             raise
         except Exception as error:
@@ -274,6 +296,11 @@ class Trajectory(Sequence[Frame]):
         if len(rows) and int(causes.max()) < len(names):
             causes = np.array(names)[causes]
         return {"id": rows["id"].copy(), "time": rows["time"].copy(), "cause": causes}
+
+    def _events(self, kind: str, known: int) -> tuple[Array, list[str]]:
+        """The first rows of a table of events, and the names of causes."""
+        table = self._whole(self._file[f"psim/events/{kind}s"])
+        return table[:known], json.loads(table.attrs["causes"])
 
     def shape_of(self, field: str, rows: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
         """Shape and type that `rows` particles have in `field`."""

@@ -79,7 +79,6 @@ def read_topology(file: h5py.File) -> Mapping[str, Topology]:
         pairs = entry["pairs"][:].astype(np.int64) if "pairs" in entry else _no_pairs()
         broke = np.full(len(pairs), np.inf)
         if "broke" in entry:
-            entry["broke"].refresh()
             broke = entry["broke"][:]
         found[name] = Topology(
             name,

@@ -163,10 +163,11 @@ WRONG = [
     ('quantity = "energy"\nreference = "a.vtkhdf"', "particle by particle", None),
     ('quantity = "speed"\nstatistic = "max"\nreference = "a.vtkhdf"', "particle by particle", None),
     ('quantity = "force"\nreference = "a.vtkhdf"', "is not recorded", 'fields = ["velocity", "force"]'),
-    ('quantity = "position"\nreference = "../a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "/etc/a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "C:a.vtkhdf"', "in the scenario's folder", None),
-    ('quantity = "position"\nreference = "a.toml"', "in the scenario's folder", None),
+    (
+        'quantity = "position"\nreference = "a.toml"',
+        "a reference is a trajectory",
+        "references/fountain.vtkhdf",
+    ),
     ('quantity = "position"\nequals = 1', "unknown quantity", "position.x"),
 ]
 
@@ -251,12 +252,13 @@ def test_nothing_is_blessed_when_another_check_fails(file, tmp_path) -> None:
 def test_references_that_do_not_fit(file, tmp_path) -> None:
     right = tmp_path / "right.vtkhdf"
     ps.run(ps.load(file), tmp_path / "out.vtkhdf", bless=True)
-    other = ps.run(ps.load(file, ["output.every=20"]))
-    assert "no frame at that time" in other.checks[0].message
+    other = ps.run(ps.load(file, ["output.every=5"]))
+    assert "the reference has no frame at t = 0.05 s" in other.checks[0].message
     more = "particles.wall.layout.position=[[0, 100, 0], [0, 200, 0]]"
     lost = ps.run(ps.load(file, [more, "checks.1.equals=5"]))
     assert not lost.passed
-    assert "does not have this particle" in lost.checks[0].message
+    assert "the reference does not have particle 4 at t = 0 s" in lost.checks[0].message
+    assert "nan" not in lost.checks[0].message
     with h5py.File(right, "r+") as opened:
         opened["VTKHDF/Points"][5, 0] = np.nan
     assert not ps.run(ps.load(file)).passed
@@ -267,6 +269,65 @@ def test_references_that_do_not_fit(file, tmp_path) -> None:
     right.write_text("nothing")
     with pytest.raises(UsageError, match="no HDF5 file"):
         ps.run(ps.load(file))
+
+
+LACKING = [
+    (
+        {"particles.balls.layout": {"type": "points", "position": [[0, 1, 0], [1, 2, 0]]}},
+        "always",
+        "the run does not have particle 3 of the reference at t = 0 s",
+    ),
+    ({"simulation.duration": 0.5}, "always", "the run has no frame, the reference has one at t = 0.75 s"),
+    ({"simulation.duration": 0.5}, "end", "the run has no frame, the reference has one at t = 1 s"),
+    ({"output.every": 50}, "always", "the run has no frame, the reference has one at t = 0.25 s"),
+    ({"output.every": 50}, "end", None),
+    ({"planes": [{"point": [0, -0.5, 0], "contact": "kill"}]}, "always", "does not have particle 0 of the"),
+    ({"planes": [{"point": [0, 5, 0], "contact": "kill", "on": ["balls"]}]}, "end", "particles 0, 1, 2 of"),
+]
+
+
+@pytest.mark.parametrize(("change", "at", "message"), LACKING, ids=str)
+def test_what_the_run_lacks_of_its_reference(file, tmp_path, change, at, message) -> None:
+    ps.run(ps.load(file), tmp_path / "out.vtkhdf", bless=True)
+    check = ps.run(ps.load(file, {**change, "checks.0.at": at}), threads=1).checks[0]
+    assert check.passed is (message is None), check.message
+    assert message is None or message in check.message
+
+
+def test_a_reference_in_a_region_and_of_a_group(file, tmp_path) -> None:
+    """Of a region, particles count that are in it here or there; of a group, only its own."""
+    ps.run(ps.load(file), tmp_path / "out.vtkhdf", bless=True)
+    killed = {"planes": [{"point": [0, -3, 0], "contact": "kill", "on": ["balls"]}]}  # 0 and 1 fall deeper
+
+    def passes(**keys: Any) -> bool:
+        changes = killed | {f"checks.0.{key}": value for key, value in keys.items()}
+        return ps.run(ps.load(file, changes), threads=1).checks[0].passed
+
+    below = {"type": "half_space", "point": [0, -3.1, 0], "normal": [0, -1, 0]}
+    assert passes(region={**below, "normal": [0, 1, 0]})
+    assert not passes(region=below)
+    assert passes(group="wall")
+    assert not passes(group="balls")
+    file.write_text(file.read_text().replace('"wall"', '"block"'))
+    with pytest.raises(UsageError, match="does not hold the group block"):
+        ps.run(ps.load(file, {"checks.0.group": "block"}))
+
+
+@pytest.mark.parametrize("place", ["../right.vtkhdf", "{}/right.vtkhdf", "way/right.vtkhdf"])
+def test_bless_writes_beside_the_scenario_only(file, tmp_path, place) -> None:
+    """Elsewhere a reference may lie, and is read."""
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    (folder / "way").symlink_to(tmp_path)
+    deep = file.rename(folder / file.name)
+    with pytest.raises(UsageError, match="not in the scenario's folder"):
+        ps.run(
+            ps.load(deep, {"checks.0.reference": place.format(tmp_path)}), tmp_path / "out.vtkhdf", bless=True
+        )
+    assert not (tmp_path / "right.vtkhdf").exists()
+    ps.run(ps.load(deep), tmp_path / "out.vtkhdf", bless=True)
+    (folder / "right.vtkhdf").rename(tmp_path / "right.vtkhdf")
+    assert ps.run(ps.load(deep, {"checks.0.reference": place.format(tmp_path)})).passed
 
 
 def test_bless_without_a_reference(tmp_path) -> None:

@@ -50,6 +50,9 @@ def test_a_million_runs_are_asked_for(psim) -> None:
     assert ended.code == 2
     assert "1,001,000 runs" in ended.err
     assert "--yes" in ended.err
+    long = psim("sweep", "tiny.toml", "--vary", "simulation.seed=linspace(1, 1000001, 1000001)")
+    assert long.code == 2
+    assert "1,000,001 runs" in long.err
 
 
 def test_ctrl_c_keeps_what_is_done() -> None:
@@ -112,6 +115,10 @@ def test_mistakes_in_a_sweep_file(psim) -> None:
     for broken, place in (
         (SWEEP.replace("workers = 1", "worker = 1"), "sweep.toml:4:1"),
         (SWEEP.replace("[0.1, 0.2]", "[]"), "sweep.toml:6:"),
+        (SWEEP.replace("workers = 1", 'workers = "1"'), "sweep.toml:4:"),
+        (SWEEP.replace("workers = 1", 'samples = "4"'), "sweep.toml:4:"),
+        (SWEEP.replace("workers = 1", "zip = 1"), "sweep.toml:4:"),
+        (SWEEP.replace('title = "Swept"', '"simulation.dt" = 0.1'), "simulation.dt is both set and varied"),
         (SWEEP.replace("workers = 1", 'method = "sobel"'), "sweep.toml:4:"),
         (SWEEP.replace('"tiny.toml"', '"gone.toml"'), "gone.toml"),
         (SWEEP.replace("linspace(", "linspce("), "linspce"),

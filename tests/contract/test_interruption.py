@@ -1,13 +1,20 @@
 """Signals wait for safe points, but not for ever."""
 
+import gc
 import signal
+import sys
 import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import thread as pools
+from types import FrameType
+from typing import Any
 
 import pytest
 
-from particlesim import interruption
+from particlesim import interruption, team
 from particlesim.interruption import held_signals
+from particlesim.team import Team
 
 
 def test_a_signal_waits_for_the_safe_point():
@@ -71,3 +78,50 @@ def test_other_threads_hold_nothing():
     thread.start()
     thread.join()
     assert seen == [True]
+
+
+STARTING = {team.__file__, threading.__file__, pools.__file__}
+"""Where a team and its threads are started and ended."""
+
+
+def _interrupted_at(place: int, work: Callable[[], None]) -> bool:
+    """Whether a signal came while `work` was at its line number `place` of those files, counted as they are executed."""
+    lines = 0
+
+    def trace(frame: FrameType, event: str, argument: object) -> Callable[..., Any] | None:
+        nonlocal lines
+        if frame.f_code.co_filename not in STARTING:
+            return None
+        if event == "line":
+            lines += 1
+            if lines == place:
+                signal.raise_signal(signal.SIGINT)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def test_a_team_that_is_interrupted_at_any_line_of_its_start_leaves_nothing_behind():
+    """A thread that waits for a sibling that never comes, or that its pool does not know, would keep the process alive."""
+
+    def work() -> None:
+        Team(2).close()
+
+    place = 1
+    while _interrupted_at(place, work):
+        left = [thread for thread in threading.enumerate() if thread.name.startswith("psim")]
+        if left:
+            gc.collect()  # a pool that was lost ends its threads
+        for thread in left:
+            thread.join(5)
+        assert not any(thread.is_alive() for thread in left), place
+        place += 3  # nearly every line, in a third of the time
+    assert place > 50

@@ -11,6 +11,7 @@ import pytest
 import particlesim as ps
 from particlesim.errors import UsageError
 from particlesim.fit import fit, parse_range, read_measurements
+from particlesim.fit.parameters import within_limits
 from particlesim.fit.predict import predict
 
 BALL = """
@@ -131,6 +132,32 @@ def test_several_starts_find_the_best_of_several_minima(tmp_path):
     assert found.parameters[0].value == pytest.approx(40, rel=1e-6)
     assert len(found.starts) == 12
     assert found.starts[0] < 1e-10 < found.starts[-1]
+
+
+def test_bounds_that_the_model_knows_need_not_be_given(ball, tmp_path):
+    """Without drag, and with noise that looks like a push, the search would leave what a coefficient can be."""
+    times = np.linspace(0.05, 0.95, 10)
+    states = predict(ps.load(ball, {"forces.air.coefficient": 0.0}), times, None)
+    states[:, 0] += 0.01 * times**2
+    data = read_measurements(write(tmp_path / "m.csv", times, states))
+    found = fit(ball, data, [parse_range("forces.air.coefficient"), RANGES[1]])
+    assert found.parameters[0].value == pytest.approx(0, abs=1e-6)
+    assert found.parameters[0].at_bound
+    mass = within_limits(parse_range("particles.ball.mass=-1,3"), ps.load(ball))
+    assert 0 < mass.low < 1e-11
+    assert mass.high == 3
+    with pytest.raises(UsageError, match="cannot lie between"):
+        within_limits(parse_range("particles.ball.mass=-2,-1"), ps.load(ball))
+
+
+def test_keys_are_looked_at_before_the_data(ball, tmp_path):
+    data = read_measurements(write(tmp_path / "m.csv", np.array([0.5]), np.zeros((1, 6))))
+    with pytest.raises(UsageError, match="no entry 'aer'"):
+        fit(ball, data, [parse_range("forces.aer.coefficient"), *RANGES])
+    with pytest.raises(UsageError, match="outside of its bounds"):
+        fit(ball, data, [parse_range("forces.air.coefficient=1,2"), *RANGES[1:]])
+    with pytest.raises(UsageError, match="cannot determine 2"):
+        fit(ball, data, RANGES)
 
 
 def test_what_the_data_do_not_determine_is_told(ball, tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
+from particlesim.layouts.hair import Hair
 
 from .test_scenarios import G, run, shipped
 
@@ -69,9 +70,13 @@ def test_the_flag_flies_with_the_wind() -> None:
 
 def test_strands_of_hair_keep_their_length() -> None:
     result = run("hair", duration=1.0)
-    hair = result.final.position[result.final.of("hair")].reshape(1000, 16, 3)
+    layout = result.scenario.particles[0].layout
+    assert isinstance(layout, Hair)
+    hair = result.final.position[result.final.of("hair")].reshape(*layout.shape(), 3)
     length = np.linalg.norm(np.diff(hair, axis=1), axis=2).sum(axis=1)
-    assert length == pytest.approx(np.full(1000, 0.5), rel=0.05)
+    # They are of all lengths between the shortest and the longest.
+    longest, shortest = layout.length, layout.length * (1 - layout.variation)
+    assert np.sort(length) == pytest.approx(np.linspace(shortest, longest, len(length)), rel=0.05)
     tip, root = hair[:, -1].mean(axis=0), hair[:, 0].mean(axis=0)
     assert tip[1] < root[1] - 0.2, "down"
     assert tip[0] > root[0], "and with the wind"

@@ -55,6 +55,22 @@ def test_hair_grows_out_of_its_surface() -> None:
     assert hair.places()["clamped"].tolist()[:4] == [0, 1, 5, 6]
 
 
+def test_hair_of_varied_lengths_is_the_same_from_any_start() -> None:
+    hair = Hair(
+        strands=400,
+        count=5,
+        length=0.2,
+        variation=0.5,
+        roots={"type": "sphere", "center": [0, 0, 0], "radius": 0.5},
+    )
+    streams = Streams(7, "hair")
+    whole = np.sort(lengths(hair, "structural", streams).reshape(400, 4).sum(axis=1))
+    # Evenly spread from half the length to all of it: order statistics of 400 stray by less than 4 × 0.1/√400 / 2.
+    np.testing.assert_allclose(whole, np.linspace(0.1, 0.2, 400), atol=0.01)
+    x = hair.place(streams, 0, 2000).position
+    np.testing.assert_array_equal(hair.place(streams, 33, 91).position, x[:, 33:124])
+
+
 def test_a_clamped_hair_bends_as_a_chain_of_angles() -> None:
     # A level strand of n links of length l under gravity, its first link clamped: by small angles, the angle at node i
     # carries the moment of all weights beyond it, d_i = Σ_j>i m g l (j − i)/k, and node j hangs Σ_i<j (j − i) l d_i below.

@@ -71,6 +71,33 @@ def test_a_line_is_as_thick_as_it_says_and_never_thinner_than_a_sample(plain):
     assert thin[:, 62:98].any(axis=0).all(), "without gaps"
 
 
+def test_lines_have_the_radius_and_the_colour_of_their_name(plain):
+    # Two lines of length 2 (20 samples a metre): at the top a red one with a radius of 3 samples, below a thin green one.
+    position = [[-1, 0.5, 0], [1, 0.5, 0], [-1, -0.5, 0], [1, -0.5, 0]]
+    thick, thin = springs([[0, 1]], [2.0], "rod.structural"), springs([[2, 3]], [2.0], "string")
+    source = scene(position, thick, thin)
+    settings = plain(
+        color_by="none",
+        colors={"rod": (1, 0, 0), "string": (0, 1, 0)},
+        line_radius={"rod": 0.15, "string": 0.05},
+        light=(0, 0, 1),
+    )
+    middle = render_frame(source, 0, settings)[:, 80].astype(int)
+    red, green = middle[:, 0] - middle[:, 1] > 60, middle[:, 1] - middle[:, 0] > 60
+    assert (red.sum(), green.sum()) == (pytest.approx(6, abs=1), pytest.approx(2, abs=1))
+    assert np.flatnonzero(red).max() < 60 < np.flatnonzero(green).min()
+
+
+def test_groups_have_the_colour_of_their_name(plain):
+    group = np.array([0, 1])
+    source = scene([[-0.7, 0, 0], [0.7, 0, 0]], group=group, groups=("a", "b"))
+    settings = plain(color_by="x", colors={"b": (1, 0, 0)}, particle_radius=0.3)
+    row = render_frame(source, 0, settings)[60].astype(int)
+    warm = row[:, 0] - row[:, 2] > 60
+    assert not warm[:80].any()
+    assert warm[90:98].all()
+
+
 def test_what_is_near_hides_what_is_far(plain):
     # A line through a sheet: its front half is seen, its far half is not.
     position = np.concatenate([CORNERS, [[-0.5, 0, 2.0], [0.5, 0, -2.0]]])
@@ -204,7 +231,7 @@ def test_particles_may_die_and_change_rows(plain):
     link = springs([[0, 1], [2, 3]], [2.0, 2.0])
     source = scene(CORNERS, link)
     source.frames.append(Frame(1.0, np.concatenate([[[5.0, 5, 5]], CORNERS[[3, 2, 0]]])))
-    ends, strain = Bodies(source, RenderSettings()).line_ends(source[1])
+    ends, strain, _ = Bodies(source, RenderSettings()).line_ends(source[1])
     assert ends.tolist() == [[2, 1]]
     assert strain == pytest.approx([0.0])
 

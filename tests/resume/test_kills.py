@@ -26,4 +26,5 @@ def test_fifty_kills():
 
 
 def test_kills_of_the_command():
-    assert torment("--kills", "2", "--seed", "5", "--kinds", "memory", "--command").startswith("2 kills")
+    options = ("--kills", "2", "--seed", "5", "--kinds", "memory", "--longer", "5", "--command")
+    assert torment(*options).startswith("2 kills")

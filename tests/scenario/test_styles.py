@@ -41,6 +41,28 @@ def test_styles_of_what_there_is(styles: str) -> None:
     assert all(name in ("sheet", "dust", "tie") for name in scenario.render.styles)
 
 
+def test_looks_by_name_are_of_what_there_is() -> None:
+    looks = 'colors = { dust = [1, 0, 0], tie = [0, 1, 0] }\nline_radius = { tie = "2 mm", sheet = 0.001 }\n'
+    render = ps.loads(SCENE + looks).render
+    assert render.colors == {"dust": (1, 0, 0), "tie": (0, 1, 0)}
+    assert render.line_radius == {"tie": 0.002, "sheet": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("look", "says"),
+    [
+        ("colors = { shet = [1, 0, 0] }", "no group, springs or rods are called 'shet'"),
+        ("colors = { sheet = [2, 0, 0] }", "must be at most 1"),
+        ("line_radius = { tye = 0.1 }", "no group, springs or rods are called 'tye'"),
+        ("line_radius = { dust = 0.1 }", "no springs or rods join the particles of 'dust'"),
+    ],
+)
+def test_looks_of_what_there_is_not(look: str, says: str) -> None:
+    with pytest.raises(ps.ScenarioError) as caught:
+        ps.loads(SCENE + look + "\n")
+    assert says in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("styles", "says"),
     [

@@ -7,6 +7,7 @@ import importlib
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 import types
@@ -16,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, UsageError
 from particlesim.sweep import Design, InProcess, Sweep, SweepProgress, parse_axis
 from particlesim.sweep.cluster import DaskExecutor, _next_size, do_chunk, scheduler, slurm
 
@@ -127,6 +128,38 @@ def test_another_version_is_refused(cluster) -> None:
         with pytest.raises(UsageError, match=r"has psim .*, and this is 99\.0") as caught:
             DaskExecutor(client, version="99.0")
     assert caught.value.exit_code == 2
+
+
+CLUSTER = """
+import sys, time
+from distributed import LocalCluster
+local = {"processes": False, "protocol": "tcp", "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+print(LocalCluster(n_workers=1, threads_per_worker=1, **local).scheduler_address, flush=True)
+time.sleep(120)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
+def test_a_scheduler_that_dies(tmp_path) -> None:
+    """What has ended is in the table, and the same command goes on."""
+    pytest.importorskip("distributed")
+    file = tmp_path / "balls.toml"
+    file.write_text(SCENARIO)
+    sweep = Sweep(file, Design((parse_axis("simulation.seed=linspace(1, 2000, 2000)"),)))
+    with subprocess.Popen([sys.executable, "-c", CLUSTER], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+
+        def kill(now: SweepProgress) -> None:
+            if now.ended >= 5:
+                process.kill()
+
+        with pytest.raises(InputOutputError, match="the scheduler is lost") as caught:  # noqa: SIM117
+            with scheduler(address, timeout=3) as executor:
+                sweep.run(tmp_path / "out", executor=executor, progress=kill)
+    assert caught.value.exit_code == 4
+    assert "the same command goes on" in str(caught.value.hint)
+    assert 5 <= len(rows(tmp_path / "out/results.csv")) < 2000
 
 
 def test_slurm_through_its_jobqueue(monkeypatch, tmp_path) -> None:

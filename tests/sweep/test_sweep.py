@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import multiprocessing
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -188,11 +189,96 @@ def test_a_folder_of_something_else(file, tmp_path) -> None:
         sweep(file, "simulation.seed=1").run(out / "chapter1.tex")
 
 
+NAMING = (
+    SCENARIO.replace(
+        'layout = { type = "random", count = 20, shape = { type = "ball", radius = 1.0 } }',
+        'layout = { type = "file", path = "sub/points.csv" }',
+    )
+    + """
+[[checks]]
+name = "same"
+quantity = "position"
+reference = "right.vtkhdf"
+tolerance = 1e-9
+[[particles]]
+name = "shell"
+layout = { type = "mesh", path = "sub/shell.obj" }
+"""
+)
+POINTS = "x,y,z\n0,1,0\n1,2,0\n"
+
+
+@pytest.fixture
+def naming(tmp_path) -> Path:
+    """A scenario that names a table of particles, a mesh and a reference."""
+    home = tmp_path / "home"
+    (home / "sub").mkdir(parents=True)
+    (home / "sub/points.csv").write_text(POINTS)
+    (home / "sub/shell.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path = home / "naming.toml"
+    path.write_text(NAMING)
+    ps.run(ps.load(path), tmp_path / "blessed.vtkhdf", bless=True)
+    return path
+
+
+def test_scenarios_of_runs_name_their_files_from_where_they_lie(naming, tmp_path) -> None:
+    vary = sweep(naming, "simulation.precision=double,single")
+    result = vary.run(tmp_path / "elsewhere/out", workers=1)
+    assert result.counts == {"done": 1, "check_failed": 1}
+    for row in rows(result):
+        folder = tmp_path / f"elsewhere/out/{int(row['run']):04}"
+        loaded = ps.load(folder / "scenario.toml")
+        assert loaded.particles[0].layout.path == "../../../home/sub/points.csv"
+        again = ps.run(loaded)
+        assert json.loads((folder / "result.json").read_text())["state"] == again.state
+        assert again.passed is (row["status"] == "done")
+
+
+@pytest.mark.parametrize("name", ["sub/points.csv", "sub/shell.obj", "right.vtkhdf"])
+def test_runs_with_files_that_changed_since_are_refused(naming, tmp_path, name) -> None:
+    vary = sweep(naming, "simulation.seed=1,2")
+    vary.run(tmp_path / "out", workers=1)
+    file = naming.parent / name
+    before = file.read_bytes()
+    file.write_bytes(before + b"\n")
+    with pytest.raises(UsageError, match="has changed since run 1 was done") as caught:
+        vary.run(tmp_path / "out", workers=1)
+    assert str(file) in caught.value.message
+    file.write_bytes(before)
+    assert vary.run(tmp_path / "out", workers=1).earlier == 2
+
+
+def test_runs_that_lacked_a_file_are_done_once_it_is_there(naming, tmp_path) -> None:
+    vary = sweep(
+        naming, "particles.0.layout.path='sub/points.csv','sub/others.csv'", "checks.same.tolerance=1"
+    )
+    assert vary.run(tmp_path / "out", workers=1).counts == {"done": 1, "bad_scenario": 1}
+    (naming.parent / "sub/others.csv").write_text(POINTS)
+    again = vary.run(tmp_path / "out", workers=1)
+    assert (again.earlier, again.counts) == (1, {"done": 2})
+
+
 def test_fail_fast(file, tmp_path) -> None:
     vary = sweep(file, "checks.slow.max=10,1,10,10")
     result = vary.run(tmp_path / "out", executor=InProcess(), fail_fast=True)
     assert [row["status"] for row in rows(result)] == ["done", "check_failed"]
     assert result.exit_code == 1
+    again = vary.run(tmp_path / "out", executor=InProcess(), fail_fast=True)
+    assert (again.ended, again.exit_code) == (2, 1)
+    assert vary.run(tmp_path / "out", executor=InProcess()).ended == 4
+
+
+def test_a_machine_that_is_too_small_is_no_fault_of_the_scenario(file, tmp_path, monkeypatch) -> None:
+    vary = sweep(file, "simulation.seed=1,2", record=True)
+    with monkeypatch.context() as small:
+        small.setattr(shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 10, 0))
+        full = vary.run(tmp_path / "out", executor=InProcess())
+    assert (full.counts, full.exit_code) == ({"failed": 2}, 4)
+    assert "on disk" in full.failures[0].cause
+    with monkeypatch.context() as small:
+        small.setattr("particlesim.bounds.available_memory", lambda: 1000)
+        assert vary.run(tmp_path / "out", executor=InProcess()).counts == {"failed": 2}
+    assert vary.run(tmp_path / "out", executor=InProcess()).counts == {"done": 2}
 
 
 def test_record_quantities_progress(file, tmp_path) -> None:
@@ -210,6 +296,19 @@ def test_record_quantities_progress(file, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("vary", "options", "error", "message"),
     [
+        (
+            "forces.air.coefficient=1,2",
+            {"overrides": ["forces.1.coefficient=3"]},
+            UsageError,
+            "both set and varied",
+        ),
+        ("forces.air={}", {"overrides": ["forces.air.coefficient=3"]}, ScenarioError, "type"),
+        (
+            "simulation={duration=1,dt=0.1}",
+            {"overrides": ["simulation.dt=0.2"]},
+            UsageError,
+            "is in simulation",
+        ),
         ("forces.aer.coefficient=1,2", {}, ScenarioError, 'did you mean "air"'),
         ("simulation.dtt=1,2", {}, ScenarioError, "dt"),
         ("simulation.seed=1,2", {"overrides": ["simulation.dt=-1"]}, ScenarioError, "greater than 0"),
@@ -258,6 +357,24 @@ def test_parquet_where_pyarrow_is(file, tmp_path) -> None:
     for ours, text in zip(table, rows(result), strict=True):
         assert repr(ours["kinetic"]) == text["kinetic"]
         assert ours["status"] == text["status"]
+
+
+def test_types_of_parquet_do_not_depend_on_how_runs_end(file, tmp_path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+
+    def types(name: str, *vary: str) -> dict[str, str]:
+        path = sweep(file, *vary).run(tmp_path / name, workers=1).parquet
+        assert path is not None
+        return {field.name: str(field.type) for field in parquet.read_schema(path)}
+
+    well = types("well", "checks.slow.max=10", "simulation.seed=1")
+    badly = types("badly", "checks.slow.max=10,-1.5,nan", "simulation.seed=1,-1")
+    assert well == {**badly, "checks.slow.max": "int64"}
+    assert badly["checks.slow.max"] == badly["kinetic"] == badly["check slow"] == "double"
+    assert badly["cause"] == badly["status"] == "string"
+    assert badly["run"] == badly["count"] == badly["simulation.seed"] == "int64"
+    words = types("words", "simulation.integrator=heun,rk4", "output.work=true,false")
+    assert (words["simulation.integrator"], words["output.work"]) == ("string", "bool")
 
 
 def test_without_pyarrow_there_is_no_parquet(file, tmp_path, monkeypatch) -> None:

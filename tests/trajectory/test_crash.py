@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections import namedtuple
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -290,3 +291,31 @@ def test_the_checksum_is_the_published_one():
     """Value from the source of lookup3.c: hashlittle("Four score and seven years ago", 30, 0)."""
     assert superblock.lookup3(b"Four score and seven years ago") == 0x17770551
     assert superblock.lookup3(b"") == 0xDEADBEEF
+
+
+def test_two_readers_of_one_file(tmp_path, synthetic):
+    """Many frames, as HDF5's index of them must have blocks; alternately, and from threads."""
+    path = synthetic.record(tmp_path / "a.vtkhdf", [5] * 60)
+    with reader.open(path) as one, reader.open(path) as other:
+        for k in range(60):
+            assert np.array_equal(one[k].velocity, other[k].velocity)
+
+    def read(_):
+        with reader.open(path) as trajectory:
+            synthetic.check(trajectory, [5] * 60)
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(read, range(6)))
+
+
+def test_two_readers_beside_a_writer(tmp_path, synthetic, start_writer):
+    path = tmp_path / "a.vtkhdf"
+    process = start_writer(path, pause=0.002, frames=80)
+    process.stdout.readline()
+    with reader.open(path) as one, reader.open(path) as other:
+        while "running" in (one.status, other.status):
+            for trajectory in (one, other):
+                synthetic.check(trajectory, counts_of_victim(len(trajectory), 100))
+                trajectory.refresh()
+        assert len(one) == len(other) == 80
+    assert process.wait(timeout=20) == 0
