@@ -23,6 +23,8 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_projection(scenario),
         *_twice(scenario),
         *_never(scenario),
+        *_loose(scenario),
+        *_joined_twice(scenario),
     )
 
 
@@ -92,4 +94,42 @@ def _never(scenario: Scenario) -> list[str]:
         for emitter in scenario.emitters
         for burst in emitter.bursts()
         if burst.at >= scenario.grid.duration
+    ]
+
+
+def _loose(scenario: Scenario) -> list[str]:
+    """Bodies that nothing holds together."""
+    joined = {name for bonds in scenario.bonds for name in bonds.groups}
+    joined |= {hinges.group for hinges in scenario.hinges}
+    return [
+        f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
+        for group in scenario.particles
+        if group.layout.is_body and group.name not in joined and group.pinned is not True
+    ]
+
+
+def _joined_twice(scenario: Scenario) -> list[str]:
+    """Pairs in two lists of springs of the same kind, as after copying a block."""
+    seen: dict[tuple[bool, bool, frozenset[tuple[str, int]]], str] = {}
+    found: dict[tuple[str, str], list[str]] = {}
+    for springs, label in zip(
+        scenario.springs, scenario.force_labels()[len(scenario.forces) :], strict=False
+    ):
+        if not springs.stiffness and springs.frequency is None:
+            continue  # dampers beside springs
+        first, second = springs.groups()
+        for i, j in springs.pairs or ():
+            key = (
+                springs.tension_only,
+                springs.compression_only,
+                frozenset(((first, i), (second, j))),
+            )
+            if (other := seen.setdefault(key, label)) != label:
+                pair = f"{i} and {j}" if first == second else f"{i} of {first!r} and {j} of {second!r}"
+                found.setdefault((other, label), []).append(pair)
+    return [
+        f"{one} and {other} both join particles {pairs[0]}"
+        + (f", and {len(pairs) - 1:,} more pairs" if len(pairs) > 1 else "")
+        + ": their stiffness adds up"
+        for (one, other), pairs in found.items()
     ]

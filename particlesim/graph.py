@@ -133,7 +133,9 @@ def build_graph(scenario: Scenario) -> Graph:
         what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
         act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
     islands = _islands(scenario)
-    recorder = Node("recorder", "trajectory", f"{scenario.grid.frames} frames")
+    recorder = Node(
+        "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"
+    )
     integrators = {
         method: Node("integrator", method.label, method.summary) for method in {i.method for i in islands}
     }

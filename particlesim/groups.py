@@ -146,8 +146,8 @@ class Particles(Group):
     layout: AnyLayout
     """Where they are and how fast."""
     pinned: bool | Selection = False
-    """Particles that no force moves: true for all, a list of indices in the group, the names of parts of the layout, or a
-    box, ball or shell: those inside it at the start."""
+    """Particles that no force moves: true for all; a list of indices in the group or of names of parts of the layout
+    ("left", "row 3", "column -1"); or a box, ball or shell: those inside it at the start."""
     springs: MeshSprings | None = None
     """Springs of a layout that is a body (cloth, rope, jelly, net, hair, bridge, mesh)."""
 

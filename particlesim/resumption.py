@@ -17,12 +17,15 @@ from particlesim.errors import UsageError
 from particlesim.scenario.changes import changes
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path, read_checkpoint
+from particlesim.trajectory.files import DamagedError, damaged
 from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.reader import Trajectory
 from particlesim.version import __version__
 
 MOST_SHOWN = 8
 """Changes of a scenario that an error lists."""
+VERIFY = 0.4
+"""Seconds in which frames that are kept are read again, the newest first, before a run goes on."""
 ANEW = "--force (overwrite=True) starts the run anew."
 
 
@@ -58,6 +61,13 @@ def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | N
     """
     if kind_of(path) is None:
         return None
+    try:
+        return _find(scenario, path)
+    except DamagedError as error:
+        raise UsageError(error.message, ANEW) from error
+
+
+def _find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | None:
     with Trajectory(path) as trajectory:
         _check_same(scenario, trajectory)
         if trajectory.status == "running":
@@ -75,6 +85,7 @@ def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | N
         run, frames = trajectory.provenance.get("run"), int(facts["frames"])
         if facts.get("run") != run or len(trajectory) < frames:
             raise UsageError(f"{checkpoint_path(path)} belongs to another run than {path}", ANEW)
+        trajectory.verify(frames, VERIFY)
         return Resumption(
             facts,
             Snapshot(arrays, facts["numbers"]),
@@ -92,7 +103,7 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
             f"{path} was begun by psim {version}, and this is {__version__}; the two may not compute the same bits",
             ANEW,
         )
-    found = changes(tomllib.loads(trajectory.scenario), scenario)
+    found = changes(_table(trajectory), scenario)
     if found:
         shown = [f"{address}: {before} → {after}" for address, before, after in found[:MOST_SHOWN]]
         if len(found) > MOST_SHOWN:
@@ -106,6 +117,14 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
             f"the files that the particles of {path} come from have changed since the run began",
             f"Put them back as they were, or choose another --output. {ANEW}",
         )
+
+
+def _table(trajectory: Trajectory) -> dict[str, Any]:
+    """The scenario of a trajectory. Raises UsageError when its text, which carries no checksum, is no TOML any more."""
+    try:
+        return tomllib.loads(trajectory.scenario)
+    except ValueError as error:
+        raise damaged(trajectory.path, "its scenario cannot be read") from error
 
 
 def _latest(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], tuple[str, ...]] | None:

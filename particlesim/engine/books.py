@@ -66,11 +66,17 @@ class Books:
         each_power(records, columns, times, out)
         return out
 
-    def book_powers(self, member: int, powers: Sequence[Floats], weights: Sequence[float], h: Floats) -> None:
-        """Book the work of forces in steps of lengths h [s], shape [n], from powers at moments and their weights."""
-        work = (h * weighted(weights, powers))[:, h > 0].sum(axis=1)
-        for label, joule in zip(self._spent[member][0], work, strict=True):
+    def book_powers(
+        self, member: int, powers: Sequence[Floats], weights: Sequence[float], h: Floats
+    ) -> Floats:
+        """Book the work of forces in steps of lengths h [s], shape [n], from powers at moments and their weights.
+
+        Returns what they did on every particle together [J], shape [n].
+        """
+        work = np.where(h > 0, h * weighted(weights, powers), 0.0)
+        for label, joule in zip(self._spent[member][0], work.sum(axis=1), strict=True):
             self.add(label, float(joule))
+        return np.asarray(work.sum(axis=0))
 
 
 def total_energy(row: Mapping[str, float]) -> float:

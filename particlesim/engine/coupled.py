@@ -265,9 +265,10 @@ def _rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any)
             if first < last:
                 m = c.m[first:last]
                 for k, v in enumerate((c.vx, c.vy, c.vz)):
-                    slope[k, first:last] = v[first:last]
+                    own, glide = v[first:last], slope[k, first:last]
                     f, out = total[k, first:last], slope[3 + k, first:last]
                     for i in range(m.size):
+                        glide[i] = own[i]
                         out[i] = f[i] / m[i]
             rates(parts[1:], c, total, slope, t, lo, hi)
 
@@ -556,14 +557,16 @@ def _settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Impl:
 def save(q: Any, before: Any) -> None:
     """Copy position and velocity of a block to before [6, block]."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-        before[k, :] = column
+        for i in range(column.size):
+            before[k, i] = column[i]
 
 
 @inlined
 def restore(q: Any, before: Any) -> None:
     """Undo `save`."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-        column[:] = before[k, :]
+        for i in range(column.size):
+            column[i] = before[k, i]
 
 
 @inlined

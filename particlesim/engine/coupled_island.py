@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ from particlesim.engine.islands import (
     group_uses_radius,
     shortest_step,
 )
-from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General
+from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General, Symmetric
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.rod_system import rod_system
 from particlesim.engine.runs import chunk_size, in_slots, owned
@@ -49,6 +49,7 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
+from particlesim.laws import evaluate, force_dv, force_dx
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -74,7 +75,8 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged: tuple[Any, ...]
         if isinstance(self._method, ImplicitMethod):
-            self._staged, self._step = staged_implicit(self._method, dtype), step_island_implicit
+            solver = General() if _lopsided(island, self.states) else Symmetric()
+            self._staged, self._step = staged_implicit(self._method, dtype, solver), step_island_implicit
         else:
             self._staged, self._step = staged(self._method, apart=bool(island.rods)), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
@@ -158,7 +160,7 @@ class CoupledIsland:
         states = [next(state for state in self.states if state.name == name) for name in bonds.groups]
         pairs = bonds.find(*(state.position.T.astype(float) for state in states))
         for end, state in enumerate(states):
-            if pairs[:, end].max() >= state.count:
+            if pairs[:, end].max(initial=-1) >= state.count:
                 raise UsageError(
                     f"{bonds.name}: {state.name!r} has {state.count} particles, "
                     f"there is no particle {int(pairs[:, end].max())}"
@@ -210,7 +212,16 @@ class CoupledIsland:
             )
         rows = rows[np.argsort(rows.min(axis=1), kind="stable")] + offset[hinges.group]
         dtype = self._all.dtype
-        rest = angles_at(self._all.x.astype(float), rows)
+        x = self._all.x.astype(float)
+        for end in (0, 2) if hinges.size == 3 else ():
+            same = (x[:, rows[:, end]] == x[:, rows[:, 1]]).all(axis=0)
+            if same.any():
+                a, b, c = (int(row) - offset[hinges.group] for row in rows[same.argmax()])
+                raise UsageError(
+                    f"{hinges.name}: the angle of particles {a}, {b} and {c} has no size, as {(a, c)[end // 2]} and {b} are "
+                    "at the same place"
+                )
+        rest = angles_at(x, rows)
         if hinges.rest is not None:
             rest = np.full(len(rows), hinges.rest)
         kind = AngleColumns if hinges.size == 3 else DihedralColumns
@@ -312,7 +323,6 @@ class CoupledIsland:
         worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
-        self._keep(first)
         done = [0] * len(shares)
         booked, pace = self._booking is not None, None
         if self._method.adaptive:
@@ -385,26 +395,30 @@ class CoupledIsland:
         """The state at the beginning of a step whose work is booked; None where none is."""
         if self.books is None:
             return None
-        columns = _with(self.island_columns(), self.bonds, [column.copy() for column in self._kept])[0]
+        columns, bonds = self._copied(self.bonds)
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
         free, effort = None, 0.0
         if "contact" in self.books.names:
             ((mine, _, _),) = self._for(1)
-            free, bonds = _with(self.island_columns(), mine, [column.copy() for column in self._kept])
+            free, mine = self._copied(mine)
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
-            self._step_copy(parts, bonds, free, step, 1)
+            self._step_copy(parts, mine, free, step, 1)
             effort = 0.0 if self.rods is None else self.rods.effort
-        return Opened(columns, begin, h, free, effort=effort)
+        return Opened(columns, begin, h, free, bonds=bonds, effort=effort)
+
+    def _copied(self, bonds: tuple[Bonds, ...]) -> tuple[Columns, tuple[Bonds, ...]]:
+        """Columns and bonds as they are, to be changed or kept."""
+        columns = self.island_columns()
+        return _with(columns, bonds, [column.copy() for column in _changing(columns, self.bonds)])
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""
         if self._booking is None or opened is None:
             return
         columns = self.island_columns()
-        bonds = _with(columns, self.bonds, self._kept)[1]
         effort = opened.effort if opened.free is not None or self.rods is None else self.rods.effort
-        self._booking.close(opened, columns, bonds, self._cut, last * self.dt, effort)
-        self._booking.book_breaking(bonds, self.bonds, columns)
+        self._booking.close(opened, columns, opened.bonds, self._cut, last * self.dt, effort)
+        self._booking.book_breaking(opened.bonds, self.bonds, columns)
 
     def _leg(self, pace: Pace) -> tuple[Opened, tuple[Bonds, ...], float]:
         """The own step at the end of which an island pauses, the bonds before it, and when it ends [s]."""
@@ -452,7 +466,7 @@ class CoupledIsland:
         """Potential energy of all hinges in a state [J]."""
         return sum(float(sum_hinges(hinges, columns)) for hinges in self.hinges)
 
-    def _keep(self, first: int) -> None:
+    def keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
         self.kept_from = first
         now = _changing(self.island_columns(), self.bonds)
@@ -498,6 +512,20 @@ class CoupledIsland:
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)
+
+
+def _lopsided(island: Island, states: Sequence[GroupState]) -> bool:
+    """Whether some force on the first particles has a Jacobian that is not symmetric: the equations will not be."""
+    for forces, state in zip(island.forces, states, strict=True):
+        for force, derivative in product(forces, (force_dx, force_dv)):
+            try:
+                with np.errstate(all="ignore"):
+                    matrix = np.reshape(evaluate(derivative, force.record(), state.particle(0, 0.0)), (3, 3))
+            except (ArithmeticError, ValueError):  # a singular place
+                continue
+            if np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max():
+                return True
+    return False
 
 
 def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.astray import astray, led_are_finite
 from particlesim.engine.books import total_energy
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
@@ -135,6 +136,8 @@ class Simulation:
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self._islands[number]
+        if isinstance(island, CoupledIsland):
+            island.keep(first)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
@@ -295,6 +298,8 @@ class Simulation:
 
         Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
         """
+        if not all(map(led_are_finite, self.states)) and (lost := astray(self, self.step)) is not None:
+            raise lost
         self._guard.look(self, self._energies if self._energies_of == self.step else None)
 
     def overflow(self, quantity: str) -> DivergenceError:

@@ -74,6 +74,12 @@ def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
 def needs(scenario: Scenario) -> Iterator[Invalid]:
     """Every force finds on its groups what its law reads."""
     for k, force in enumerate(scenario.forces):
+        if force.on_surfaces and not any(acts_on(force, group) for group in scenario.groups):
+            yield Invalid(
+                f"{force.label} acts on surfaces, and no group has one",
+                ("forces", k),
+                hint="cloth, jelly and mesh have a surface; drag and linear_drag act on single particles",
+            )
         for path, group in group_tables(scenario):
             if force.on is not None and group.name in force.on and (why := unfelt(force, group)):
                 about = "layout" if force.on_surfaces and "surface" in why else "dynamics"
