@@ -10,6 +10,7 @@ from particlesim.integrators import Composition
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
 
+METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 LIVELY = 0.9
 """Restitution above which projection out of a plane may add more energy than the bounce takes."""
 
@@ -22,6 +23,8 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_projection(scenario),
         *_twice(scenario),
         *_never(scenario),
+        *_loose(scenario),
+        *_joined_twice(scenario),
     )
 
 
@@ -51,9 +54,11 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
     if not depends:
         return ()
+    rods = any(group.name in each.groups for each in scenario.rod_sets)
+    better = "take a smaller dt, as no other method holds rods" if rods else METHODS_THAT_KEEP
     return (
         f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
-        "velocity; rk4, heun and stormer_verlet keep their order",
+        f"velocity; {better}",
     )
 
 
@@ -89,4 +94,42 @@ def _never(scenario: Scenario) -> list[str]:
         for emitter in scenario.emitters
         for burst in emitter.bursts()
         if burst.at >= scenario.grid.duration
+    ]
+
+
+def _loose(scenario: Scenario) -> list[str]:
+    """Bodies that nothing holds together."""
+    joined = {name for bonds in scenario.bonds for name in bonds.groups}
+    joined |= {hinges.group for hinges in scenario.hinges}
+    return [
+        f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
+        for group in scenario.particles
+        if group.layout.is_body and group.name not in joined and group.pinned is not True
+    ]
+
+
+def _joined_twice(scenario: Scenario) -> list[str]:
+    """Pairs in two lists of springs of the same kind, as after copying a block."""
+    seen: dict[tuple[bool, bool, frozenset[tuple[str, int]]], str] = {}
+    found: dict[tuple[str, str], list[str]] = {}
+    for springs, label in zip(
+        scenario.springs, scenario.force_labels()[len(scenario.forces) :], strict=False
+    ):
+        if not springs.stiffness and springs.frequency is None:
+            continue  # dampers beside springs
+        first, second = springs.groups()
+        for i, j in springs.pairs or ():
+            key = (
+                springs.tension_only,
+                springs.compression_only,
+                frozenset(((first, i), (second, j))),
+            )
+            if (other := seen.setdefault(key, label)) != label:
+                pair = f"{i} and {j}" if first == second else f"{i} of {first!r} and {j} of {second!r}"
+                found.setdefault((other, label), []).append(pair)
+    return [
+        f"{one} and {other} both join particles {pairs[0]}"
+        + (f", and {len(pairs) - 1:,} more pairs" if len(pairs) > 1 else "")
+        + ": their stiffness adds up"
+        for (one, other), pairs in found.items()
     ]

@@ -14,6 +14,7 @@ import numpy as np
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper
 from particlesim.digest import state_digest
+from particlesim.engine.compiling import compiling_seconds
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import Interrupted
@@ -58,6 +59,7 @@ class Course:
         self.watch, self.log = Watch(simulation.scenario), Log()
         self._signals, self._progress, self._max_wall = signals, progress, max_wall
         self._began = time.perf_counter()
+        self._compiled = compiling_seconds()
         self._before = 0.0
         self.state: str | None = None
         """The digest of the final particles, once it is known."""
@@ -66,6 +68,11 @@ class Course:
     def seconds(self) -> float:
         """Wall-clock time that the run has taken, with that before it was resumed."""
         return self._before + time.perf_counter() - self._began
+
+    @property
+    def compiling(self) -> float:
+        """How much of it went into compiling, since it was resumed."""
+        return compiling_seconds() - self._compiled
 
     def resume(self, found: Resumption) -> None:
         """Take over what the run had before; its simulation has been restored, and its checks too."""
@@ -124,6 +131,7 @@ class Course:
                     self.simulation.particle_steps,
                     self.seconds,
                     len(self.log.times),
+                    self.compiling,
                 )
             )
 

@@ -19,7 +19,8 @@ from particlesim.trajectory.reader import Trajectory
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is: steps done and in all, simulated time [s], particles alive, particle-steps done, wall time [s]."""
+    """How far a run is: steps done and in all, simulated time [s], particles alive, particle-steps done, wall time [s], and
+    how much of it went into compiling kernels [s]."""
 
     step: int
     steps: int
@@ -28,6 +29,7 @@ class Progress:
     particle_steps: int
     elapsed: float
     frames: int
+    compiling: float = 0.0
 
 
 @dataclass(repr=False, eq=False)
@@ -49,10 +51,12 @@ class Result:
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
     known_state: str | None = None
+    compiling: float = 0.0
+    """How much of `seconds` went into compiling kernels, which are kept for the next run."""
 
     def __repr__(self) -> str:
         where = "" if self.path is None else f" in {str(self.path)!r}"
-        return f"<Result: {len(self.times)} frames{where}, to t = {self.times[-1]:g} s>"
+        return f"<Result: {len(self.times)} frame{'s' * (len(self.times) != 1)}{where}, to t = {self.times[-1]:g} s>"
 
     @property
     def state(self) -> str:

@@ -80,13 +80,10 @@ def run(
         raise TypeError(f"run takes a Scenario or the path of one, not {type(scenario).__name__}")
     path = None if output is None else Path(output)
     _check_arguments(path, overwrite, threads, bless, resume, checkpoint_every, checkpoint_wall, max_wall)
+    resume = resume and path is not None and path.exists()
     found: Resumption | None = None
     if path is not None:
-        check_trajectory_name(path)
-        resume = resume and path.exists()
-        check_target(path, overwrite=overwrite or resume)
-        check_name_length(previous_path(path), path.parent)
-        refuse_file_in_use(path)
+        _check_output(path, overwrite=overwrite or resume)
         if resume:
             state = find(scenario, path)
             if state == "complete":
@@ -101,10 +98,7 @@ def run(
     check_ledger(simulation)
     if path is not None:
         check_stored(simulation)
-    doubts = (*suspects(simulation).warnings, *misplaced(simulation))
-    if warn is not None:
-        for text in doubts:
-            warn(text)
+    doubts = _doubts(simulation, warn)
     with held_signals() as signals:
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
@@ -151,6 +145,26 @@ def _check_arguments(
         )
     if bless:
         raise UsageError("a reference cannot come from a resumed run", "Leave out --resume or --bless.")
+
+
+def _check_output(path: Path, *, overwrite: bool) -> None:
+    """Refuse a trajectory that could not be written, or not with its checkpoints beside it, or that another run writes.
+
+    Raises UsageError, or InputOutputError for a place where nothing may be written.
+    """
+    check_trajectory_name(path)
+    check_target(path, overwrite=overwrite)
+    check_name_length(previous_path(path), path.parent)
+    refuse_file_in_use(path)
+
+
+def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
+    """What is doubtful before the first step, which `warn` is told."""
+    found = (*suspects(simulation).warnings, *misplaced(simulation))
+    if warn is not None:
+        for text in found:
+            warn(text)
+    return found
 
 
 def _to_the_end(course: Course) -> None:
@@ -256,4 +270,5 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         broken=simulation.broken(),
         checks=course.checks.results(),
         known_state=course.state,
+        compiling=course.compiling,
     )

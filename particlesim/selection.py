@@ -6,11 +6,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, StringConstraints
 
 from particlesim.crossfield import Invalid
 from particlesim.layouts import Layout
-from particlesim.model import Name
 from particlesim.names import did_you_mean
 from particlesim.shapes import Ball, Box, Shape, Shell
 
@@ -19,13 +18,9 @@ Path = tuple[str | int, ...]
 
 Index = Annotated[int, Field(ge=0, strict=True)]
 Region = Annotated[Box | Ball | Shell, Field(discriminator="type")]
-Selection = (
-    Name
-    | Annotated[tuple[Index, ...], Field(min_length=1)]
-    | Annotated[tuple[Name, ...], Field(min_length=1)]
-    | Region
-)
-"""A name such as "left", several, a list of indices, or a box, ball or shell: those that are in it at the start."""
+Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+Selection = Part | tuple[Index | Part, ...] | Region
+"""A name such as "left" or "row 3", a list of names and indices, or a box, ball or shell: those in it at the start."""
 
 
 def selected(selection: Selection, layout: Layout, position: NDArray[np.floating]) -> Ints:
@@ -35,10 +30,9 @@ def selected(selection: Selection, layout: Layout, position: NDArray[np.floating
     """
     if isinstance(selection, Shape):
         return np.flatnonzero(selection.contains(np.asarray(position, float)))
-    if isinstance(selection, str):
-        return np.unique(layout.places()[selection])
-    chosen = [layout.places()[item] if isinstance(item, str) else np.array([item]) for item in selection]
-    return np.unique(np.concatenate(chosen)).astype(np.int64)
+    items: tuple[int | str, ...] = (selection,) if isinstance(selection, str) else selection
+    chosen = [layout.part(item) if isinstance(item, str) else np.array([item]) for item in items]
+    return np.unique(np.concatenate([part for part in chosen if part is not None])).astype(np.int64)
 
 
 def mistakes(selection: Selection, layout: Layout, at: Path, place: Path) -> list[Invalid]:
@@ -48,11 +42,17 @@ def mistakes(selection: Selection, layout: Layout, at: Path, place: Path) -> lis
     number = layout.number()
     found = []
     items: tuple[int | str, ...] = (selection,) if isinstance(selection, str) else selection
+    if not items:
+        found.append(
+            Invalid(
+                "an empty list names no particle", at, hint="leave the key out, or list some, as in [0, 5]"
+            )
+        )
     for j, item in enumerate(items):
         here = at if isinstance(selection, str) else (*at, j)
         if isinstance(item, str):
-            known = list(layout.places())
-            if item not in known:
+            known = layout.part_names()
+            if layout.part(item) is None:
                 found.append(
                     Invalid(
                         f"a layout of type {layout.type!r} has no part called {item!r}",

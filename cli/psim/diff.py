@@ -12,7 +12,7 @@ import typer
 from psim.annotations import annotate
 from psim.complete import trajectory_files
 from psim.options import Tolerance
-from psim.talk import facts, paint, print_json
+from psim.talk import counted, facts, paint, print_json
 
 if TYPE_CHECKING:
     from particlesim.analysis.difference import Change, Comparison, Difference
@@ -58,7 +58,7 @@ def _as_data(compared: Comparison) -> dict[str, Any]:
 
 def _show(compared: Comparison, a: str, b: str) -> None:
     out = sys.stdout
-    what = f"{compared.frames:,} frames of {', '.join(compared.fields)}"
+    what = f"{counted(compared.frames, 'frame')} of {', '.join(compared.fields)}"
     if compared.same:
         word = "identical" if not compared.tolerance else f"the same within {compared.tolerance:g}"
         print(f"{paint(word, 'bold', out)}: {a} and {b}")

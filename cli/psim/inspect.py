@@ -57,7 +57,7 @@ def _show(found: dict[str, Any]) -> None:
     rows = [
         ("file", f"{found['path']}, {size(found['size'])}, {found['precision']} precision"),
         ("status", found["status"]),
-        ("frames", f"{found['frames']:,}" + _range(found["time"], "first", "last", " s")),
+        ("frames", f"{found['frames']:,}" + _span_of_time(found["time"])),
         ("steps", _ends(found["steps"])),
         ("particles", _ends(particles) + _range(particles, "min", "max", "")),
     ]
@@ -121,6 +121,13 @@ def _table(name: str, what: str, rows: list[tuple[str, str, str]]) -> None:
 
 def _ends(values: dict[str, Any]) -> str:
     return "" if values["first"] is None else f"{values['first']:,} → {values['last']:,}"
+
+
+def _span_of_time(time: dict[str, Any]) -> str:
+    """', 0 to 2 s', or ', at 0 s'."""
+    if time["first"] is not None and time["first"] == time["last"]:
+        return f", at {time['first']:,.6g} s"
+    return _range(time, "first", "last", " s")
 
 
 def _range(values: dict[str, Any], low: str, high: str, unit: str) -> str:

@@ -25,18 +25,28 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
     if quiet:
         yield None
     elif not animated():
-        yield _plain_run(name)
+        with _told_when_long(name):
+            yield _plain_run(name)
     else:
-        with _bar(name) as bar:
-            task = bar.add_task(plain(name), total=None, note="preparing")
+        from particlesim.engine.compiling import told_of_compiling
 
-            speed = _Speed()
+        with _bar(name, remaining=False) as bar:
+            task = bar.add_task(plain(name), total=None, note="preparing")
+            speed, last = _Speed(), "preparing"
 
             def show(p: Progress) -> None:
-                note = f"{counted(p.particles, 'particle')}  t = {p.time:.4g} s  {speed.of(p)}"
-                bar.update(task, total=p.steps, completed=p.step, note=note)
+                nonlocal last
+                fast = speed.of(p)
+                last = f"{counted(p.particles, 'particle')}  t = {p.time:.4g} s  {fast}"
+                if fast:
+                    last += f"  {duration(speed.left(p))} left"
+                bar.update(task, total=p.steps, completed=p.step, note=last)
 
-            yield show
+            def compiling(busy: bool) -> None:
+                bar.update(task, note="compiling kernels, to be kept" if busy else last)
+
+            with told_of_compiling(compiling):
+                yield show
 
 
 @contextmanager
@@ -133,8 +143,37 @@ class _Due:
         return True
 
 
+@contextmanager
+def _told_when_long(name: str) -> Iterator[None]:
+    """A line when kernels have been compiled for a while."""
+    import threading
+
+    from particlesim.engine.compiling import told_of_compiling
+
+    waiting: list[threading.Timer] = []
+    told: list[None] = []
+
+    def tell() -> None:
+        told.append(None)
+        say(f"{plain(name)}: compiling kernels, which are kept for the next run")
+
+    def compiling(busy: bool) -> None:
+        while waiting:
+            waiting.pop().cancel()
+        if busy and not told:
+            waiting.append(threading.Timer(FIRST_LINE, tell))
+            waiting[0].daemon = True
+            waiting[0].start()
+
+    try:
+        with told_of_compiling(compiling):
+            yield
+    finally:
+        compiling(False)
+
+
 class _Speed:
-    """How fast a run is since its first interval: the one in which kernels are compiled does not count."""
+    """How fast a run is since its first interval, in which much is set up; the time of compiling does not count."""
 
     def __init__(self) -> None:
         self._first: Progress | None = None
@@ -143,14 +182,19 @@ class _Speed:
         if self._first is None:
             self._first = p if p.step else None
             return ""
-        seconds = p.elapsed - self._first.elapsed
+        seconds = self._stepping(p)
         return rate((p.particle_steps - self._first.particle_steps) / seconds) if seconds > 0 else ""
 
     def left(self, p: Progress) -> float:
         """Seconds to the end, once `of` has had something to tell."""
         assert self._first is not None
         done = p.step - self._first.step
-        return (p.elapsed - self._first.elapsed) * (p.steps - p.step) / done if done else 0.0
+        return self._stepping(p) * (p.steps - p.step) / done if done else 0.0
+
+    def _stepping(self, p: Progress) -> float:
+        """Seconds since the first interval, without those of compiling."""
+        assert self._first is not None
+        return (p.elapsed - p.compiling) - (self._first.elapsed - self._first.compiling)
 
 
 def _plain_run(name: str) -> Callable[[Progress], None]:
@@ -168,8 +212,8 @@ def _plain_run(name: str) -> Callable[[Progress], None]:
     return line
 
 
-def _bar(name: str, *, auto_refresh: bool = True) -> Any:
-    """A bar that takes itself away when the work is done: a summary follows."""
+def _bar(name: str, *, auto_refresh: bool = True, remaining: bool = True) -> Any:
+    """A bar that takes itself away when the work is done: a summary follows. With `remaining` it tells the time left."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -186,7 +230,7 @@ def _bar(name: str, *, auto_refresh: bool = True) -> Any:
         BarColumn(bar_width=None),
         TaskProgressColumn(),
         TextColumn("{task.fields[note]}", markup=False),
-        TimeRemainingColumn(compact=True),
+        *([TimeRemainingColumn(compact=True)] if remaining else []),
         console=Console(stderr=True, highlight=False),
         transient=True,
         refresh_per_second=REDRAWN,

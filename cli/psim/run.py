@@ -98,6 +98,25 @@ def run(
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force or resume, threads, quiet)
+    _tell(result, scenario, film, warnings, said, quiet=quiet, as_json=as_json)
+    if bless and result.passed and not quiet:
+        _show_blessed(loaded)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _tell(
+    result: Result,
+    scenario: Path,
+    film: Path | None,
+    warnings: list[str],
+    said: list[str],
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """How a run ended, for people or as JSON, without the warnings that were `said` before; failures as annotations, too."""
+    from psim.annotations import annotate_checks
     from psim.summary import show_failures, show_summary, summary
     from psim.talk import print_json, print_path
 
@@ -106,18 +125,13 @@ def run(
         print_json(told)
     elif not quiet:
         show_summary({**told, "warnings": [text for text in warnings if text not in said]})
-        print_path(path)
-        if film is not None:
-            print_path(film)
-    if bless and result.passed and not quiet:
-        _show_blessed(loaded)
+        for path in (result.path, film):
+            if path is not None:
+                print_path(path)
     if not result.passed:
-        from psim.annotations import annotate_checks
-
         annotate_checks(result, scenario)
         if not as_json:
             show_failures(result)
-        raise typer.Exit(1)
 
 
 def _show_blessed(loaded: Scenario) -> None:

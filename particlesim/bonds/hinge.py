@@ -39,12 +39,12 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from particlesim.bonds.base import Floats, Ints
+from particlesim.bonds.pairs import Index
 from particlesim.crossfield import invalid
 from particlesim.laws import helper, hinge_energy, hinge_moment, hinge_stiffness, law
 from particlesim.model import Model, Name
 from particlesim.units import Degrees, Joules
 
-Index = Annotated[int, Field(ge=0, strict=True)]
 Form = Literal["harmonic", "cosine"]
 AngleGradient = tuple[float, float, float, float, float, float, float]
 AngleForms = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -350,7 +350,10 @@ class Dihedrals(Hinges):
 
 
 def angles_at(x: Floats, rows: Ints) -> Floats:
-    """Angles [rad] or folds of particles at x [3, n], by rows [hinges, 3] or [hinges, 4]; shape [hinges]."""
+    """Angles [rad] or folds of particles at x [3, n], by rows [hinges, 3] or [hinges, 4]; shape [hinges].
+
+    As in `dihedral_gradient`, the fold of a degenerate triangle is 0.
+    """
     points = [x[:, row].T for row in rows.T]
     if rows.shape[1] == 3:
         a, b = points[0] - points[1], points[2] - points[1]
@@ -359,4 +362,5 @@ def angles_at(x: Floats, rows: Ints) -> Floats:
     a, b = np.cross(f, g), np.cross(h, g)
     length = np.linalg.norm(g, axis=1)
     sine = (np.cross(b, a) * g).sum(axis=1) / np.where(length > 0, length, 1)
-    return np.asarray(np.arctan2(-sine, -(a * b).sum(axis=1)))
+    sound = a.any(axis=1) & b.any(axis=1)
+    return np.where(sound, np.arctan2(-sine, -(a * b).sum(axis=1)), 0.0)

@@ -9,25 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.bonding import Bonds
-from particlesim.engine.books import SIMPSON, Books, accelerations, damping, halfway, moved, weighted
+from particlesim.engine.books import (
+    SIMPSON,
+    Books,
+    accelerations,
+    damping,
+    halfway,
+    halfway_between,
+    moved,
+    weighted,
+)
 from particlesim.engine.columns import Clock, Columns, Thermal
-from particlesim.engine.driving import Driven
+from particlesim.engine.driving import Driven, drive_to
 from particlesim.engine.measure import bond_energy
 from particlesim.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta
 
 Floats = NDArray[np.float64]
 
+LENIENT = np.errstate(over="ignore", invalid="ignore")
+"""What runs away is found by those who look at the ledger."""
+
 
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
-    without contact (None: nothing can be touched). `path`: states on the way, if the method told them."""
+    without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `bonds` as they were
+    before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
 
     columns: Columns
     begin: Floats
     h: Floats
     free: Columns | None
     path: tuple[Moment, ...] = ()
+    bonds: tuple[Bonds, ...] = ()
+    effort: float = 0.0
 
 
 class Moment(NamedTuple):
@@ -75,6 +90,7 @@ class ParticleBooks:
             at = np.concatenate([np.zeros(low), times])
             self.books.add("births", float(self.books.energies(0, columns, at)[low:].sum()))
 
+    @LENIENT
     def book_step(self, step: Opened, columns: Columns) -> None:
         """Book the work of forces and contact in a step that has been taken to the state `columns`."""
         books, finish = self.books, step.begin + step.h
@@ -89,6 +105,7 @@ class ParticleBooks:
             change = books.energies(0, columns, finish) - books.energies(0, path, finish)
             books.add("contact", float(change.sum()))
 
+    @LENIENT
     def book_legs(self, legs: Legs, columns: Columns, method: EmbeddedRungeKutta) -> None:
         """Book the work of forces and contact in own steps of particles of a group with these columns."""
         books, here = self.books, picked(columns, legs.rows)
@@ -111,17 +128,38 @@ class ParticleBooks:
             )
             books.add("contact", float((after - before).sum()))
 
+    @LENIENT
     def close(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> None:
         """Book what motions and deaths did in a step that has been taken to the time `end` [s], the dead still there."""
         if not (self._mortal or driven):
             return
         books, finish = self.books, step.begin + step.h
         now = books.energies(0, columns, finish)
+        spent = (
+            self._book_led(step, columns, driven, end) if driven and books.spends(0) else np.zeros_like(now)
+        )
         for each in driven:
             before = books.energies(0, step.columns, step.begin)
-            books.add("motion", float((now - before)[each.rows].sum()))
+            books.add("motion", float((now - before - spent)[each.rows].sum()))
         if self._mortal and columns.clock is not None:
             books.add("deaths", -float(now[columns.clock.stop <= end].sum()))
+
+    def _book_led(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> Floats:
+        """Book what forces do on led particles, which move though no force moves them; returns it [J], shape [n]."""
+        rows = np.concatenate([each.rows for each in driven])
+        h = np.zeros(len(columns.m))
+        h[rows] = end - step.begin[rows]
+        middle = led(driven, columns, end - h[rows[0]] / 2)
+        states = ((step.columns, step.begin), (middle, step.begin + h / 2), (columns, step.begin + h))
+        return self.books.book_powers(0, [self.books.powers(0, c, t) for c, t in states], SIMPSON, h)
+
+
+def led(driven: tuple[Driven, ...], columns: Columns, time: float) -> Columns:
+    """The columns with led particles where they are at a time [s]."""
+    x = np.stack([columns.x, columns.y, columns.z])
+    v = np.stack([columns.vx, columns.vy, columns.vz])
+    drive_to(driven, x, v, time)
+    return columns._replace(x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
 
 
 def picked(c: Columns, rows: NDArray[np.intp]) -> Columns:
@@ -174,12 +212,14 @@ class SpringBooks:
         self.books = books
         self._bounds, self._forces, self._hinged = bounds, forces, hinged
         self._surfaces = any(structure.surfaces)
+        self._rods = bool(structure.rods)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
         self._names = [bonds.name for bonds in structure.bonds]
         self._damped = [bonds.law.damped for bonds in structure.bonds]
         self._contact = "contact" in books.names
 
+    @LENIENT
     def close(
         self,
         step: Opened,
@@ -187,9 +227,10 @@ class SpringBooks:
         bonds: tuple[Bonds, ...],
         parts: Callable[[Columns], list[Columns]],
         end: float,
+        effort: float = 0.0,
     ) -> None:
         """Book a step that has been taken to the state `columns` at the time `end` [s]; `bonds` are as before it, and
-        `parts` cuts columns into those of the groups."""
+        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
         books, path = self.books, columns if step.free is None else step.free
         start = float(step.begin.min(initial=end))
         if (
@@ -212,6 +253,8 @@ class SpringBooks:
                     books.book_powers(k, powers, weights, h)
             self._book_damping(moments, bonds, end - start)
             self._book_motion(moments, forces, (step.columns, path), end - start)
+            if self._driven.size and self._rods:
+                books.add("motion", -effort)
             if self._surfaces:
                 bare = [self._forces(c, bonds, t, corners=False) for c, t, _ in moments]
                 pulls = [f - g for f, g in zip(forces, bare, strict=True)]
@@ -221,6 +264,7 @@ class SpringBooks:
                 "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
             )
 
+    @LENIENT
     def book_breaking(self, before: tuple[Bonds, ...], after: tuple[Bonds, ...], columns: Columns) -> None:
         """Book the potential that was lost with springs that broke at the end of a step."""
         for name, old, new in zip(self._names, before, after, strict=True):
@@ -234,7 +278,10 @@ class SpringBooks:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
         f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
-        middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
+        if self._rods:  # whose forces are not among these
+            middle = halfway_between(step.columns, path, step.h)
+        else:
+            middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
         states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
         return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
 

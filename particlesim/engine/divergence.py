@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds.spring import Pair
 from particlesim.emitters import Emitter
+from particlesim.engine.astray import astray
+from particlesim.engine.blame import strongest
 from particlesim.engine.books import is_energy
 from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
@@ -28,8 +29,7 @@ from particlesim.errors import DivergenceError, PostMortem
 from particlesim.forces import Force
 from particlesim.graph import Island
 from particlesim.integrators.regions import largest_step
-from particlesim.laws import Particle, bond_force, evaluate, force, has_law, potential
-from particlesim.scenario.reach import acts_on
+from particlesim.laws import Particle, has_law, potential
 
 if TYPE_CHECKING:
     from particlesim.engine.simulation import Simulation
@@ -39,6 +39,8 @@ TOO_FAST = 100.0
 TOO_MUCH = 1000.0
 """Times the energy that is accounted for, beyond which energy comes from nothing. Symplectic methods near their limit let
 the energy of a stable mode swing by a factor of 1/(1 − (hω/2)²): a hundred, at 99.5 % of it."""
+RUINED = 1000.0
+"""Times that a step would have to be shorter beyond which the interval began in ruins, where no step is worth a hint."""
 NOISE = 1e-9
 """Part of the energies at the start that rounding may feign."""
 LIGHT = 299_792_458.0
@@ -60,6 +62,12 @@ WHY = {
     ),
 }
 """What is told of a particle whose own steps could not go on, and what to do about it."""
+
+UNHELD = (
+    "try a smaller dt; where rods leave no way to move, as a straight chain between two pins or a braced square that is "
+    "bent out of its plane, no step is small enough: leave a rod out, or use springs"
+)
+"""What to do about rods that could not be held."""
 
 
 class Sign(NamedTuple):
@@ -164,6 +172,10 @@ def _fastest(v: NDArray[Any]) -> float:
 def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) -> DivergenceError:
     """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
     island = simulation.islands[number]
+    if (lost := astray(simulation, fault.step + 1)) is not None:
+        return lost
+    if isinstance(island, CoupledIsland):
+        first = island.kept_from  # further back than the piece that failed, where every step is booked
     row = fault.row + sum(state.count for state in island.states[: fault.member])
     dt = simulation.scenario.grid.dt
     time = fault.step * dt
@@ -180,11 +192,20 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         if missed.linear:
             spent += f" with {missed.linear} iterations of the linear solver"
         text = (
-            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} a residual of "
-            f"{missed.residual:.3g} of the first was left, most of it at particle {{who}}, which was"
+            f"{missed.method} found no solution of the step from t = {time:.9g} s: after {spent} the "
+            f"imbalance of forces was {missed.residual:.3g} times the first one, most of it at particle {{who}}, which was"
         )
         hint = "try a smaller dt, a larger tolerance, or more iterations"
         return _report(simulation, number, sign, "not solved", time, text, hint)
+    if (rod := fault.unheld) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        ends = " and ".join(f"{k} of {name!r}" for k, name in zip(rod.particles, rod.groups, strict=True))
+        text = (
+            f"rods {rod.name!r} could not be held in the step from t = {time:.9g} s: the one between particles {ends} "
+            f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
+        )
+        return _report(simulation, number, sign, "not held", time, text, UNHELD)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(simulation, number, row, first, fault.step)
     if early is None:
@@ -210,28 +231,37 @@ def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, 
 
 def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
     """The post-mortem of a simulation with finite numbers whose ledger has a quantity that is not."""
+    if (lost := astray(simulation, simulation.step)) is not None:
+        return lost
     fastest = [
         (_speeds(columns).max(initial=0.0), number)
         for number, island in enumerate(simulation.islands)
         for columns in island.columns()
     ]
     number = max(fastest)[1]
-    text = f"the ledger's {quantity} is no longer finite at t = {simulation.time:.9g} s; particle {{who}} was"
+    over = f"the ledger's {quantity} is no longer finite at t = {simulation.time:.9g} s"
+    sign = _looked_back(simulation, number)
+    if sign is None:
+        sign, text = _fastest_now(simulation, number), f"{over}; particle {{who}} was"
+    else:
+        text = f"{over}: particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; it was"
     hint = f"try a smaller step than dt = {simulation.scenario.grid.dt:.6g} s, or smaller forces"
-    return _report(
-        simulation, number, _fastest_now(simulation, number), "not finite", simulation.time, text, hint
-    )
+    return _report(simulation, number, sign, "not finite", simulation.time, text, hint)
+
+
+def _looked_back(simulation: Simulation, number: int) -> Sign | None:
+    """The first sign in the interval up to the present step; None where there is none, or no way to look."""
+    island = simulation.islands[number]
+    adaptive = simulation.graph.islands[number].method.adaptive
+    if not isinstance(island, CoupledIsland) or adaptive or island.kept_from >= simulation.step:
+        return None
+    return _first_sign(simulation, number, 0, island.kept_from, simulation.step)
 
 
 def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> DivergenceError:
     """The post-mortem of an island whose energy or speed has grown beyond reason by the present step."""
     island = simulation.islands[number]
-    sign = None
-    adaptive = simulation.graph.islands[number].method.adaptive
-    if isinstance(island, CoupledIsland) and not adaptive and island.kept_from < simulation.step:
-        sign = _first_sign(simulation, number, 0, island.kept_from, simulation.step)
-    if sign is None:
-        sign = _fastest_now(simulation, number)
+    sign = _looked_back(simulation, number) or _fastest_now(simulation, number)
     names = " and ".join(repr(state.name) for state in island.states)
     if cause == "energy":
         why = f"the energy of {names} had grown {size:.3g}-fold with nothing to feed it"
@@ -305,12 +335,12 @@ def _report(
     hint: str | None = None,
 ) -> DivergenceError:
     """Message, hint and data of a post-mortem. `text` says what happened to {who}, up to where it was."""
-    island, structure = simulation.islands[number], simulation.graph.islands[number]
+    island = simulation.islands[number]
     member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
     state, p = island.states[member], sign.particle
     row = sign.row - sum(other.count for other in island.states[:member])
     dt = simulation.scenario.grid.dt
-    name, size = _strongest(simulation, structure, member, sign)
+    name, size = strongest(simulation, number, member, p, sign.place, sign.bonds, sign.columns)
     stable = _stable_step(simulation, number, member, p)
     found = PostMortem(
         cause,
@@ -333,8 +363,8 @@ def _report(
         limit = f"{stable:.3g} s" if stable > 0 else "none"
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
-    if stable is not None and 0 < stable < dt:
-        hint += f": {advice(stable)}"
+    if stable is not None and dt / RUINED < stable < dt:
+        hint += f": {advice(stable, rods=bool(simulation.graph.islands[number].rods))}"
     return DivergenceError(message, hint, found)
 
 
@@ -347,48 +377,8 @@ def _stable_step(simulation: Simulation, number: int, member: int, p: Particle) 
         island.go_back()
     try:
         model = IslandModel(simulation.scenario, structure, island, p.t)
-        system = model.linearise().together if structure.coupled else model.single(member, p)
-        return largest_step(structure.method, system)
+        with np.errstate(all="ignore"):
+            system = model.linearise().together if structure.coupled else model.single(member, p)
+            return largest_step(structure.method, system)
     except (ArithmeticError, np.linalg.LinAlgError, ValueError):
         return None  # numbers too wild to tell
-
-
-def _strongest(
-    simulation: Simulation, structure: Island, member: int, sign: Sign
-) -> tuple[str | None, float]:
-    """The label of the strongest force on the particle of the sign, and its size [N]; springs of a set are added up."""
-    sizes: dict[str, float] = {}
-    group = structure.groups[member]
-    for label, law in zip(simulation.scenario.force_labels(), simulation.scenario.forces, strict=False):
-        if acts_on(law, group) and not law.on_surfaces:
-            try:
-                with np.errstate(all="ignore"):
-                    sizes[label] = _length(evaluate(force, law.record(), sign.particle))
-            except (ArithmeticError, ValueError):  # what compiled code answers with an infinity or a NaN
-                sizes[label] = math.nan
-    for bonds, made in zip(structure.bonds, sign.bonds, strict=False):
-        sizes[bonds.name] = _length(_pull(made, sign.columns, sign.place))
-    wild = next((label for label, size in sizes.items() if not math.isfinite(size)), None)
-    if wild is not None:
-        return wild, sizes[wild]
-    best = max(sizes, key=lambda label: sizes[label], default=None)
-    return best, math.nan if best is None else sizes[best]
-
-
-def _pull(bond: Any, c: Columns, row: int) -> NDArray[np.float64]:
-    """Force of all bonds of a set on a particle [N]."""
-    total = np.zeros(3)
-    with np.errstate(all="ignore"):
-        for k in np.flatnonzero((bond.i == row) | (bond.j == row)):
-            i, j = bond.i[k], bond.j[k]
-            apart = (float(column[i]) - float(column[j]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz))
-            constants = (
-                float(column if np.ndim(column) == 0 else column[k]) for column in (bond.k, bond.c, bond.rest)
-            )
-            pull = np.array(bond_force(bond.law, Pair(*map(np.float64, (*apart, *constants)))))
-            total += pull if i == row else -pull
-    return total
-
-
-def _length(vector: Any) -> float:
-    return math.hypot(*map(float, vector))

@@ -18,6 +18,7 @@ from particlesim.layouts import CHUNK
 from particlesim.motions import Motion
 from particlesim.scenario.scenario import Scenario
 from particlesim.selection import selected
+from particlesim.shapes import Shape
 
 
 def populate(scenario: Scenario, island: Island, group: Group, first_id: int) -> GroupState:
@@ -61,6 +62,11 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
                 f"numbers of {group.name!r} are beyond {np.finfo(dtype).max:.2g}, which single precision does not hold",
                 'precision = "double" under [simulation] does',
             ) from None
+        if not state.mass[part].all():
+            raise UsageError(
+                f"masses of {group.name!r} are below {np.finfo(dtype).tiny:.2g} kg, the least that numbers hold",
+                'precision = "double" under [simulation] reaches further than "single"',
+            )
         state.id[part] = np.arange(first_id + first, first_id + first + number)
         if group.temperature is not None:
             state.heat[part] = group.sample("temperature", streams, first, number)
@@ -85,6 +91,11 @@ def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None
         return
     x = state.x[:, : state.count].astype(float)
     pinned = _existing(state, group.pins(x), "pinned")
+    if isinstance(group.pinned, Shape) and not selected(group.pinned, group.layout, x).size:
+        raise UsageError(
+            f"pinned holds no particle of {group.name!r}: none is in its region",
+            "regions are compared with the places at the start",
+        )
     led = [
         pinned if m.particles is None else _existing(state, selected(m.particles, group.layout, x), m.label)
         for m in motions

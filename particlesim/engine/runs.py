@@ -54,6 +54,9 @@ class Slots(NamedTuple):
 
 def in_slots(i: Ints, j: Ints, chunk: int) -> Slots:
     """Springs with ends i and j as runs, cut at multiples of `chunk` and sorted by their first ends."""
+    if i.size == 0:
+        none = np.empty(0, np.int64)
+        return Slots(none, none, none, none, none, np.empty((0, 6), np.int64))
     order = np.lexsort((i, j - i))
     i, j = i[order], j[order]
     missing = np.diff(i) - 1

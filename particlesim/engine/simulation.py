@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.astray import astray, led_are_finite
 from particlesim.engine.books import total_energy
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
@@ -135,6 +136,8 @@ class Simulation:
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self._islands[number]
+        if isinstance(island, CoupledIsland):
+            island.keep(first)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
@@ -153,6 +156,7 @@ class Simulation:
             if at == self.step:
                 kick = self.scenario.impulses[k]
                 self._guard.forget()
+                before = self._kinetic()
                 for group, state in zip(self.scenario.groups, self.states, strict=True):
                     chosen = (
                         state.name in kick.on
@@ -160,10 +164,17 @@ class Simulation:
                         else group.dynamics.type == "second_order"
                     )
                     if chosen:
-                        before = state.kinetic() if self.scenario.output.work else 0.0
                         state.kick(kick.impulse)
-                        if self.scenario.output.work:
-                            self.impulse_work[0] += state.kinetic() - before
+                for island in self._islands:
+                    if isinstance(island, CoupledIsland):
+                        island.fit()
+                self.impulse_work[0] += self._kinetic() - before
+
+    def _kinetic(self) -> float:
+        """Kinetic energy of everything with inertia [J], where work is booked; else 0."""
+        if not self.scenario.output.work:
+            return 0.0
+        return sum(state.kinetic() for state in self.states)
 
     def take_events(self) -> Events:
         """Births and deaths since the last call."""
@@ -287,6 +298,8 @@ class Simulation:
 
         Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
         """
+        if not all(map(led_are_finite, self.states)) and (lost := astray(self, self.step)) is not None:
+            raise lost
         self._guard.look(self, self._energies if self._energies_of == self.step else None)
 
     def overflow(self, quantity: str) -> DivergenceError:

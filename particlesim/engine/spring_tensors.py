@@ -22,6 +22,8 @@ Ints = NDArray[np.int64]
 
 LANCZOS = 48
 """Steps of the iteration for extreme modes."""
+SPREAD = 24
+"""Modes that are taken from all over the spectrum."""
 BY_COMPONENT = 300_000
 """Springs up to which the bound looks at directions; more are added up without, which never gives a smaller bound."""
 
@@ -165,17 +167,20 @@ def bound(sets: Sequence[Coupling], w: Floats, *, damping: bool) -> float:
 
 
 def extreme_modes(sets: Sequence[Coupling], w: Floats) -> Floats:
-    """Stiffness k [1/s²] and damping d [1/s] of the stiffest mode, the most damped one, and one between; [modes, 2]."""
+    """Stiffness k [1/s²] and damping d [1/s] of the stiffest mode, the most damped one, and one between, and of some that
+    are spread over the spectrum of the stiffness; shape [modes, 2]."""
     from scipy.sparse import diags_array
 
     root = diags_array(np.sqrt(np.repeat(w, 3)))
     parts = [s.matrices(len(w)) for s in sets]
     stiffness, damping = (sum(root @ part[k] @ root for part in parts) for k in (0, 1))
-    modes = [_largest(stiffness)]
+    *others, stiffest = _ritz(stiffness)
+    modes = [stiffest]
     if damping.count_nonzero():
-        modes.append(_largest(damping))
-        frequency = float(np.sqrt(max(modes[0] @ (stiffness @ modes[0]), 0.0)))
-        modes.append(_largest(stiffness + frequency * damping))
+        modes.append(_ritz(damping)[-1])
+        frequency = float(np.sqrt(max(stiffest @ (stiffness @ stiffest), 0.0)))
+        modes.append(_ritz(stiffness + frequency * damping)[-1])
+    modes += [others[k] for k in np.unique(np.linspace(0, len(others) - 1, SPREAD).astype(int)) if others]
     return np.array([[y @ (stiffness @ y), y @ (damping @ y)] for y in modes])
 
 
@@ -189,11 +194,13 @@ def _damping(s: Tensors) -> Floats:
     return s.damping[:, None, None] * np.einsum("an,bn->nab", s.e, s.e)
 
 
-def _largest(matrix: Any) -> Floats:
-    """The unit vector of the largest eigenvalue of a symmetric matrix, by Lanczos iteration from a fixed start.
+def _ritz(matrix: Any) -> Floats:
+    """Unit vectors near eigenvectors of a symmetric matrix, up to that of the largest eigenvalue, by Lanczos iteration from
+    a fixed start; shape [at most LANCZOS, n].
 
-    All vectors are kept orthogonal. The top of a network's spectrum is crowded, so that the vector is a mixture of modes
-    near the top; its Rayleigh quotient misses the eigenvalue by about one part in (number of steps)².
+    All vectors are kept orthogonal. The top of a network's spectrum is crowded, so that the last vector is a mixture of
+    modes near the top; its Rayleigh quotient misses the eigenvalue by about one part in (number of steps)². Those of the
+    others are spread over the spectrum.
     """
     y = np.random.default_rng(0).standard_normal(matrix.shape[0])
     basis = [y / np.linalg.norm(y)]
@@ -211,5 +218,5 @@ def _largest(matrix: Any) -> Floats:
         basis.append(y / beside[-1])
     number = len(diagonal)
     small = np.diag(diagonal) + np.diag(beside[: number - 1], 1) + np.diag(beside[: number - 1], -1)
-    y = np.array(basis[:number]).T @ np.linalg.eigh(small)[1][:, -1]
-    return np.asarray(y / np.linalg.norm(y))
+    found = np.linalg.eigh(small)[1].T @ np.array(basis[:number])
+    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])

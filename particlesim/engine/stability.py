@@ -7,7 +7,8 @@ What decides are the modes of the linearised island (`engine.linear`) and the st
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.linear import IslandModel, pairs
+from particlesim.errors import UsageError
 from particlesim.integrators import METHODS, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
@@ -42,7 +44,8 @@ class IslandStability:
 
     Adaptive methods have no limit: they choose steps that are short enough.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
-    stable one; `eigenvalues` are those of all forces together [1/s]; `how` is that of `Linearised`.
+    stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
+    of `Linearised`.
     """
 
     groups: tuple[str, ...]
@@ -52,6 +55,9 @@ class IslandStability:
     growth: float
     how: str
     eigenvalues: NDArray[np.complex128] = field(repr=False)
+    spectra: dict[str, NDArray[np.complex128]] = field(repr=False, default_factory=dict)
+    rods: bool = False
+    """Whether there are rods, which methods without a limit cannot hold."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
@@ -61,12 +67,12 @@ class IslandStability:
         if self.step == 0:
             return (
                 f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
-                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
+                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name, rods=self.rods)}"
             )
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {advice(self.step)}"
+            f"{self._strictest()}: {advice(self.step, rods=self.rods)}"
         )
 
     def _strictest(self) -> str:
@@ -114,7 +120,10 @@ class Stability:
 
 
 def stability(simulation: Simulation) -> Stability:
-    """The largest stable steps of a simulation at its present state."""
+    """The largest stable steps of a simulation at its present state.
+
+    Raises UsageError where forces change so fast that no number can hold it.
+    """
     return Stability(
         simulation.scenario.grid.dt, tuple(_of(simulation, k) for k in range(len(simulation.islands)))
     )
@@ -126,7 +135,10 @@ def suspects(simulation: Simulation) -> Stability:
     Large islands of springs are looked at closely only when bounds on their modes leave a doubt.
     """
     dt = simulation.scenario.grid.dt
-    doubtful = (k for k in range(len(simulation.islands)) if not _surely_stable(simulation, k))
+    doubtful = []
+    for k in range(len(simulation.islands)):
+        with _within_numbers(simulation, k):
+            doubtful += [] if _surely_stable(simulation, k) else [k]
     found = (_of(simulation, k) for k in doubtful)
     return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
 
@@ -136,10 +148,10 @@ def island_stability(simulation: Simulation, number: int) -> IslandStability:
     return _of(simulation, number)
 
 
-def advice(step: float) -> str:
-    """What to try when steps are longer than the largest stable one [s]."""
+def advice(step: float, *, rods: bool) -> str:
+    """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
-    names = unlimited()
+    names = () if rods else unlimited()
     return f"{text}, or an integrator without a limit ({', '.join(names)})" if names else text
 
 
@@ -163,16 +175,39 @@ def unlimited() -> tuple[str, ...]:
     )
 
 
+@contextmanager
+def _within_numbers(simulation: Simulation, number: int) -> Iterator[None]:
+    """Turns what no number can hold into a UsageError."""
+    try:
+        with np.errstate(over="raise"):
+            yield
+    except (FloatingPointError, np.linalg.LinAlgError):
+        structure = simulation.graph.islands[number]
+        names = " and ".join(repr(group.name) for group in structure.groups)
+        masses = [state.mass[: state.count] for state in simulation.islands[number].states if state.count]
+        least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
+        raise UsageError(
+            f"the rates at which forces move {names}{least} are not finite, or beyond what numbers hold",
+            "a stiffness, a coefficient or a mass is out of all proportion, or a force has no value where a particle starts",
+        ) from None
+
+
 def _of(simulation: Simulation, number: int) -> IslandStability:
+    with _within_numbers(simulation, number):
+        return _judged(simulation, number)
+
+
+def _judged(simulation: Simulation, number: int) -> IslandStability:
     model = _model(simulation, number)
     structure, grid = model.structure, simulation.scenario.grid
     method = structure.method
     found = model.linearise()
     names = tuple(group.name for group in structure.groups)
     values = eigenvalues(found.together).ravel()
+    spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
     if method.adaptive:
         free = dict.fromkeys(found.forces, math.inf)
-        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values)
+        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values, spectra)
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
@@ -185,6 +220,8 @@ def _of(simulation: Simulation, number: int) -> IslandStability:
         total,
         found.how,
         values,
+        spectra,
+        bool(structure.rods),
     )
 
 
@@ -213,9 +250,10 @@ def _model(simulation: Simulation, number: int) -> IslandModel:
     )
 
 
-def _others(method: str) -> str:
-    """Methods that do not let oscillations grow."""
-    names: Sequence[str] = [name for name in ("symplectic_euler", "velocity_verlet", "rk4") if name != method]
+def _others(method: str, *, rods: bool) -> str:
+    """Methods that do not let oscillations grow, and hold rods if there are some."""
+    known = ("symplectic_euler", "velocity_verlet", *(() if rods else ("rk4",)))
+    names: Sequence[str] = [name for name in known if name != method]
     return f"try integrator = {' or '.join(repr(name) for name in names)}"
 
 

@@ -15,6 +15,7 @@ from pydantic import StringConstraints, model_validator
 from particlesim.crossfield import invalid
 from particlesim.forces.base import Force
 from particlesim.forces.expression import ExpressionError, parse, reads
+from particlesim.forces.jumps import creased, jumping
 from particlesim.forces.operations import (
     FUNCTIONS,
     VARIABLES,
@@ -115,6 +116,14 @@ class Field(Force):
         return (
             "its formula has a condition, abs, sign, min or max" if any(map(_kinked, self.nodes())) else None
         )
+
+    def jump(self) -> tuple[tuple[str | int, ...], str] | None:
+        """The key of an expression by which the force jumps somewhere, and what in it does; None if none is seen to."""
+        if self.force is None:
+            found = creased(self.nodes()[0])
+            return None if found is None else (("potential",), found)
+        jumps = jumping(self.nodes())
+        return None if jumps is None else (("force", jumps[0]), jumps[1])
 
     def reads_velocity(self) -> bool:
         """Whether a component depends on the velocity."""

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import StringConstraints
 
 from particlesim.errors import UsageError
 from particlesim.model import Model
 from particlesim.streams import Streams
 
 Floats = NDArray[np.float64]
+
+Line = Annotated[str, StringConstraints(pattern=r"^(row|column) -?[0-9]{1,9}$")]
+"""A row or a column of a layout that is a grid; negative numbers count from the end."""
 
 CHUNK = 1 << 16
 """Particles sampled at once, so that millions need no memory beside their own."""
@@ -47,6 +51,9 @@ class Layout(Model):
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring, angles and dihedrals among them."""
 
+    can_be_rigid: ClassVar[bool] = False
+    """Whether its neighbours may be joined by rods and it can still bend."""
+
     type: str
 
     def open(self, folder: Path | None) -> Layout:
@@ -77,6 +84,14 @@ class Layout(Model):
     def places(self) -> dict[str, NDArray[np.int64]]:
         """Parts that have a name, such as "left": indices of their particles."""
         return {}
+
+    def part(self, name: str) -> NDArray[np.int64] | None:
+        """Indices of the particles of a part that has a name; None where it has no such part."""
+        return self.places().get(name)
+
+    def part_names(self) -> tuple[str, ...]:
+        """Its parts, for messages."""
+        return tuple(self.places())
 
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""

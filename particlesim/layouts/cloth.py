@@ -10,7 +10,7 @@ from annotated_types import Gt
 from pydantic import Field, model_validator
 
 from particlesim.crossfield import invalid
-from particlesim.layouts.base import Floats, Placed
+from particlesim.layouts.base import Floats, Line, Placed
 from particlesim.layouts.mesh import BEND, DIHEDRAL, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
 from particlesim.streams import Streams
 from particlesim.units import Metres, MetresPerSecond, Number, Vector
@@ -19,6 +19,10 @@ from particlesim.vectors import dot, unit
 Place = Literal[
     "corners", "left", "right", "top", "bottom", "top_left", "top_right", "bottom_left", "bottom_right"
 ]
+Pinned = Place | Line | Annotated[tuple[Place | Line, ...], Field(min_length=1)]
+
+
+AXES = ("row", "column")
 
 
 class Sheet(Mesh):
@@ -43,6 +47,43 @@ class Sheet(Mesh):
         if abs(dot(unit(self.right), unit(self.up))) > 1e-9:
             raise invalid("up is not at a right angle to right", at=("up",), also=[(("right",), "right")])
         return self
+
+    @model_validator(mode="after")
+    def _has_lines(self) -> Self:
+        pinned = getattr(self, "pinned", None)
+        for k, name in enumerate((pinned,) if isinstance(pinned, str) else pinned or ()):
+            if self.part(name) is None:
+                raise invalid(
+                    f"there is no {name}",
+                    at=("pinned",) if isinstance(pinned, str) else ("pinned", k),
+                    allowed=self.lines(),
+                )
+        return self
+
+    def grid(self) -> Ints:
+        """Index of the particle at every place of its grid [rows, columns], −1 where there is none."""
+        raise NotImplementedError
+
+    def places(self) -> dict[str, Ints]:
+        return self.borders(self.grid())
+
+    def part(self, name: str) -> Ints | None:
+        axis, _, number = name.partition(" ")
+        if axis not in AXES or not number:
+            return super().part(name)
+        grid = self.grid() if axis == "row" else self.grid().T
+        k = int(number)
+        if not -len(grid) <= k < len(grid):
+            return None
+        return np.asarray(grid[k][grid[k] >= 0])
+
+    def part_names(self) -> tuple[str, ...]:
+        return *super().part_names(), self.lines()
+
+    def lines(self) -> str:
+        """Its rows and columns, in words."""
+        rows, columns = self.grid().shape
+        return f"row 0 (the bottom) to row {rows - 1} or -1 (the top), column 0 (left) to column {columns - 1} or -1 (right)"
 
     def placed(self, across: Floats, along: Floats) -> Placed:
         """Particles at parts of the width and of the height, 0 to 1, shape [n]."""
@@ -79,8 +120,9 @@ class Cloth(Sheet):
     type: Literal["cloth"] = "cloth"
     resolution: tuple[Resolution, Resolution]
     """Particles along the width and along the height."""
-    pinned: Place | Annotated[tuple[Place, ...], Field(min_length=1)] | None = None
-    """Which edges or corners nothing moves: one name, or several."""
+    pinned: Pinned | None = None
+    """What nothing moves: edges or corners by name, rows from the bottom and columns from the left by number ("row 3", from
+    the other end "column -1"); one or several."""
 
     def shape(self) -> tuple[int, ...]:
         return self.resolution[1], self.resolution[0]
@@ -91,10 +133,7 @@ class Cloth(Sheet):
         return self.placed(index % nx / (nx - 1), index // nx / (ny - 1))
 
     def triangles(self) -> Ints:
-        return grid_triangles(self._index())
+        return grid_triangles(self.grid())
 
-    def places(self) -> dict[str, Ints]:
-        return self.borders(self._index())
-
-    def _index(self) -> Ints:
+    def grid(self) -> Ints:
         return np.arange(math.prod(self.shape()), dtype=np.int64).reshape(self.shape())

@@ -34,9 +34,10 @@ class Mesh(Layout):
         return int(np.prod(self.shape()))
 
     def pins(self) -> Ints:
-        places, pinned = self.places(), getattr(self, "pinned", None)
+        pinned = getattr(self, "pinned", None)
         names = (pinned,) if isinstance(pinned, str) else pinned or ()
-        return np.unique(np.concatenate([np.empty(0, np.int64), *(places[name] for name in names)]))
+        parts = [part for name in names if (part := self.part(name)) is not None]
+        return np.unique(np.concatenate([np.empty(0, np.int64), *parts]))
 
     def hinges(self, kind: str) -> Ints:
         return folds(self.triangles())

@@ -67,12 +67,15 @@ def _read(path: Path, modified: int, size: int) -> Surface:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error}") from None
     if len(triangles) == 0:
-        raise UsageError(f"{path} has no triangles")
+        raise UsageError(f"{path} has no triangles", "a face names three vertices or more")
     if not np.isfinite(vertices).all():
         raise UsageError(f"{path}: a vertex is not finite")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise UsageError(f"{path}: a face names a vertex that does not exist; there are {len(vertices)}")
-    return vertices, triangles[_sound(triangles)]
+    sound = triangles[_sound(triangles)]
+    if len(sound) == 0:
+        raise UsageError(f"{path} has no triangle with three different corners", "such faces have no area")
+    return vertices, sound
 
 
 def _sound(triangles: Ints) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from annotated_types import Gt
 from pydantic import Field
 
 from particlesim.layouts.base import Placed
-from particlesim.layouts.cloth import Place, Sheet
+from particlesim.layouts.cloth import Pinned, Sheet
 from particlesim.layouts.mesh import BEND, STRUCTURAL, Ints
 from particlesim.streams import Streams
 from particlesim.units import Metres
@@ -26,6 +26,7 @@ class Net(Sheet):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND)
+    can_be_rigid: ClassVar[bool] = True
 
     type: Literal["net"] = "net"
     size: tuple[Length, Length]
@@ -34,29 +35,27 @@ class Net(Sheet):
     """Openings along the width and along the height."""
     segments: Annotated[int, Field(ge=1, le=100, strict=True)] = 1
     """Links of the string between two knots; more of them let it hang between."""
-    pinned: Place | Annotated[tuple[Place, ...], Field(min_length=1)] | None = None
-    """Which edges or corners nothing moves: one name, or several."""
+    pinned: Pinned | None = None
+    """What nothing moves: edges or corners by name, rows from the bottom and columns from the left by number ("row 3", from
+    the other end "column -1"; links between knots count); one or several."""
 
-    def _grid(self) -> Ints:
+    def grid(self) -> Ints:
         """Index of the particle at every place of the fine grid [rows, columns], −1 inside the openings."""
         rows, columns = (n * self.segments + 1 for n in self.meshes[::-1])
         on = (np.arange(rows) % self.segments == 0)[:, None] | (np.arange(columns) % self.segments == 0)
         return np.where(on, np.cumsum(on).reshape(on.shape) - 1, -1)
 
     def number(self) -> int:
-        return int(self._grid().max()) + 1
+        return int(self.grid().max()) + 1
 
     def place(self, streams: Streams, first: int, count: int) -> Placed:
-        grid = self._grid()
+        grid = self.grid()
         row, column = (part[first : first + count] for part in np.nonzero(grid >= 0))
         return self.placed(column / (grid.shape[1] - 1), row / (grid.shape[0] - 1))
 
     def edges(self, kind: str) -> Ints:
-        grid, s = self._grid(), 1 if kind == STRUCTURAL else 2
+        grid, s = self.grid(), 1 if kind == STRUCTURAL else 2
         # Along strings only: two steps from knot to knot must not cross an opening.
         across, along = grid[:: self.segments], grid[:, :: self.segments].T
         pairs = [np.stack([line[:, :-s].ravel(), line[:, s:].ravel()], axis=1) for line in (across, along)]
         return np.concatenate(pairs)
-
-    def places(self) -> dict[str, Ints]:
-        return self.borders(self._grid())

@@ -57,10 +57,10 @@ def references(scenario: Scenario) -> Iterator[Invalid]:
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
     for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
         places += [((section, k, "on"), hinges.on) for k, hinges in enumerate(entries)]
-    for k, springs in enumerate(scenario.springs):
-        if springs.on is not None:
-            places.append((("springs", k, "on"), springs.on))
-        places += [(("springs", k, "between", j), name) for j, name in enumerate(springs.between or ())]
+    for here, joint in joints.listed(scenario):
+        if joint.on is not None:
+            places.append(((*here, "on"), joint.on))
+        places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
     for path, name in places:
         if name not in known:
@@ -74,6 +74,12 @@ def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
 def needs(scenario: Scenario) -> Iterator[Invalid]:
     """Every force finds on its groups what its law reads."""
     for k, force in enumerate(scenario.forces):
+        if force.on_surfaces and not any(acts_on(force, group) for group in scenario.groups):
+            yield Invalid(
+                f"{force.label} acts on surfaces, and no group has one",
+                ("forces", k),
+                hint="cloth, jelly and mesh have a surface; drag and linear_drag act on single particles",
+            )
         for path, group in group_tables(scenario):
             if force.on is not None and group.name in force.on and (why := unfelt(force, group)):
                 about = "layout" if force.on_surfaces and "surface" in why else "dynamics"
@@ -169,6 +175,7 @@ CHECKS = (
     joints.pairs,
     joints.pulled,
     joints.joined,
+    joints.held,
     pictures.colors,
     too_fine,
     pictures.styles,

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from particlesim.crossfield import Invalid, Path
+from particlesim.forces.field import Field
 from particlesim.integrators import ImplicitMethod, method_for
 from particlesim.laws import force_dv, force_dx, has_law, triangle_force_dv
 from particlesim.scenario.reach import acts_on, group_tables
@@ -13,7 +14,10 @@ from particlesim.scenario.reach import acts_on, group_tables
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
 
-HINT = "an explicit method steps it, rk4 or symplectic_euler for instance; or name its groups with on = [...]"
+HINT = (
+    "an explicit method steps it, rk4 or symplectic_euler for instance; or name its groups with on = [...]; a jump can be "
+    "made a steep slope, as in tanh(vx/0.01) for sign(vx)"
+)
 
 
 def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
@@ -46,3 +50,6 @@ def _without_derivatives(scenario: Scenario) -> Iterator[tuple[Path, str, str, l
         needed = (triangle_force_dv,) if force.on_surfaces else (force_dx, force_dv)
         if not all(has_law(derivative, force.record()) for derivative in needed):
             yield ("forces", k), label, "has no law for them", groups
+        elif isinstance(force, Field) and force.kink() is not None and (jump := force.jump()) is not None:
+            key, cause = jump
+            yield ("forces", k, *key), label, f"has none where it jumps ({cause})", groups

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Springs
+from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
@@ -18,12 +18,16 @@ from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
 from particlesim.layouts import Layout
 from particlesim.layouts.base import LayoutError
+from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
+from particlesim.layouts.surface import SurfaceFile
 from particlesim.model import Line, Model, Prose
 from particlesim.motions import Motion
 from particlesim.scenario.agreement import untimely
 from particlesim.scenario.crosschecks import contradictions
 from particlesim.scenario.diagnose import scenario_error
+from particlesim.scenario.reach import acts_on
 from particlesim.scenario.rendering import RenderSettings
+from particlesim.scenario.rods import rod_sets
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -51,6 +55,8 @@ class Scenario(Model):
     """What acts on particles."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
+    rods: tuple[Rods, ...] = ()
+    """Pairs of particles whose distance does not change."""
     angles: tuple[Angles, ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
     dihedrals: tuple[Dihedrals, ...] = ()
@@ -130,7 +136,10 @@ class Scenario(Model):
         Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
         """
         try:
-            return group.layout.open(self._folder)
+            layout = group.layout.open(self._folder)
+            if isinstance(layout, SurfaceFile) and self._needs_sides(group):
+                require_manifold(layout.triangles(), group.name)
+            return layout
         except UsageError as error:
             if self._source is None:
                 raise
@@ -138,6 +147,12 @@ class Scenario(Model):
             k = next(k for k, other in enumerate(self.particles) if other is group)
             mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
             raise scenario_error(self._source, [mistake]) from None
+
+    def _needs_sides(self, group: Particles) -> bool:
+        """Whether the triangles of a group must have a front: they are folded, or feel the wind."""
+        kinds = {**group.springs.stiffness(), **group.springs.hinges()} if group.springs is not None else {}
+        windy = any(force.on_surfaces and acts_on(force, group) for force in self.forces)
+        return windy or bool({BEND, DIHEDRAL} & set(kinds))
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""
@@ -164,6 +179,11 @@ class Scenario(Model):
         labels = self.force_labels()[len(self.forces) :]
         listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
         return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def rod_sets(self) -> tuple[RodSet, ...]:
+        """All sets of rods, each with a name of its own."""
+        return rod_sets(self, self.force_labels())
 
     @property
     def hinges(self) -> tuple[HingeSet, ...]:

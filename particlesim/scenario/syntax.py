@@ -14,11 +14,12 @@ _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 # 64 names joined by dots: tomllib's time grows with the square of the parts of a key.
 _ENDLESS_KEY = re.compile(r"(?<![\w.-])(?:[\w-]++\.){64}")
 
-_KEY = r"^\s*(?P<key>[\w.\"'-]+)\s*"
+_KEY = r"^\s*(?P<key>[\w.\"'-]++)\s*+"
 _VALUE = r"(?:=|[\[,{])\s*"
 _STATEMENT = re.compile(r"\s*(?:\[\[?[\w.\"'-]+\]\]?\s*(?:#|$)|[\w.-]+\s*=)")
 _LONGEST_LINE = 2000  # the patterns below are for lines that people write
 _END = r"\s*(?:[,\]}#]|$)"
+_NUMBER = r"[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 
 # Typical mistakes: a pattern for the offending line, and the advice; the group `at` is what is pointed at.
 _MISTAKES: tuple[tuple[re.Pattern[str], str], ...] = tuple(
@@ -47,7 +48,11 @@ _MISTAKES: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (rf"{_VALUE}(?P<at>[+-]?0\d[\d.]*)", "a number has no leading zeros"),
         (rf"=\s*(?P<at>[+-]?\d+,\d+){_END}", "write the decimal point as '.': {dotted}"),
         (
-            rf"{_VALUE}(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
+            rf"{_VALUE}(?P<at>[A-Za-z_][\w.]*\([^()]*\)?)",
+            "TOML has numbers and texts, no calls: write what {at} gives",
+        ),
+        (
+            rf"{_VALUE}(?!{_NUMBER}{_END})(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
             'a number with a unit is text: "{at}"',
         ),
         (rf"{_VALUE}(?P<at>[A-Za-z_][\w .-]*?){_END}", 'text stands in quotes: "{at}"'),
@@ -84,6 +89,9 @@ def explain(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
         advice = "write the text in 'single quotes', or each backslash twice"
         first = max(text.rfind("\\", 0, at + 1), 0)
         return Mistake("a backslash starts an escape", Range(first, first + 2), hint=advice)
+    if text[at : at + 1] == "}" and (before := text[:at].rstrip()).endswith(","):
+        comma = Range(len(before) - 1, len(before))
+        return Mistake("a table in braces has no comma after its last key", comma, hint="leave the comma out")
     opening = positions.scan(text).open_bracket
     if opening is not None and "\n" in text[opening:at] and _STATEMENT.match(_line(text, at)[1]):
         return _unclosed_bracket(text, opening, at)

@@ -103,6 +103,6 @@ def ledger_unit(column: str) -> str:
         return "kg m/s"
     if head == "angular_momentum":
         return "kg m²/s"
-    if head in {"kinetic", "potential", "energy", "total", "work", "dissipated", "thermal"}:
+    if head in {"kinetic", "potential", "energy", "total", "work", "balance", "dissipated", "thermal"}:
         return "J"
     return ""

@@ -209,7 +209,7 @@ class Trajectory(Sequence[Frame]):
         return (self._frame(i) for i in range(len(self)))
 
     def __repr__(self) -> str:
-        return f"<Trajectory {self.path}: {len(self)} frames, {self.status}>"
+        return f"<Trajectory {self.path}: {len(self)} frame{'s' * (len(self) != 1)}, {self.status}>"
 
     def _frame(self, index: int) -> Frame:
         row = self._rows[index]

@@ -271,6 +271,21 @@ def test_terminal_shows_progress_and_colors():
     assert "\x1b[1mTiny" in text  # the summary's heading, bold
 
 
+def test_compiling_is_no_part_of_the_speed():
+    # 40 s of 50 s go into compiling: the other ten make 100 steps of 7 particles, and 100 more are to come.
+    from particlesim.results import Progress
+    from psim.progress import _Speed
+    from psim.summary import _took
+
+    speed = _Speed()
+    assert speed.of(Progress(10, 210, 0.1, 7, 70, 3.0, 2, 2.0)) == ""
+    now = Progress(110, 210, 1.1, 7, 770, 53.0, 12, 42.0)
+    assert speed.of(now) == "70 particle-steps/s"
+    assert speed.left(now) == pytest.approx(10.0)
+    told = {"seconds": 53.0, "compiling": 42.0, "particle_steps_per_second": 70.0}
+    assert _took(told) == "53.0 s, 42.0 s of them for compiling kernels, which are kept, 70 particle-steps/s"
+
+
 def test_what_cannot_fit_by_its_bounds_is_run_if_told_so(psim, monkeypatch):
     monkeypatch.setattr(bounds, "FILE_BYTES", 1e18)
     refused = psim("run", "tiny.toml")

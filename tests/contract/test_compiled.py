@@ -17,6 +17,7 @@ from numba.extending import overload
 
 from particlesim.engine.cache import FAST
 from particlesim.engine.compile import is_record
+from particlesim.engine.compiling import compiling_seconds, told_of_compiling
 from particlesim.forces.expression import parse
 from particlesim.forces.field import PotentialRecord
 from particlesim.forces.fluid_laws import StandardAtmosphere
@@ -144,3 +145,14 @@ def test_a_record_is_no_plain_tuple() -> None:
     record = numba.typeof(FORCE_CASES["gravity"].record())
     assert is_record(record)
     assert not is_record(numba.typeof((1.0, 2.0)))
+
+
+def test_the_time_of_compiling_is_known() -> None:
+    heard: list[bool] = []
+    before = compiling_seconds()
+    with told_of_compiling(heard.append):
+        assert numba.njit(lambda x: x + 1)(1) == 2
+    assert heard == [True, False]
+    took = compiling_seconds() - before
+    assert took > 0
+    assert compiling_seconds() == before + took

@@ -22,6 +22,7 @@ from particlesim.forces.expression import (
     parse,
     reads,
 )
+from particlesim.forces.jumps import creased, jumping
 from particlesim.forces.operations import (
     FUNCTIONS,
     VARIABLES,
@@ -422,3 +423,39 @@ def test_a_field_knows_what_it_reads() -> None:
     assert not plain.needs_radius()
     assert not plain.needs_temperature()
     assert not plain.reads_velocity()
+
+
+@pytest.mark.parametrize(
+    ("force", "cause"),
+    [
+        ("-5*sign(vx) + 1", "sign"),
+        ("-5 if x > 0 else 5", "a condition"),
+        ("1e-3*y if x > 20 else 0", "a condition"),
+        ("sign(x - 0.3)*z", "sign"),
+        ("sign(sin(x))", "sign"),
+        ("-0.1*sign(vx)*vx**2", None),
+        ("-100*(y - 1) if y < 1 else 0", None),
+        ("-5*abs(vx) + max(x, y) - min(x, 2)", None),
+        ("sign(t - 1)", None),
+        ("5 if t < 1 else x", None),
+        ("-0.1*hypot(vx, vy)*vx", None),
+    ],
+)
+def test_forces_that_jump_are_told_from_those_that_have_a_kink(force: str, cause: str | None) -> None:
+    # v |v| and a wall's spring are continuous, whatever they are written with; a change in time alone is no jump in space.
+    assert jumping([parse("0", {}), parse(force, {})]) == (None if cause is None else (1, cause))
+
+
+@pytest.mark.parametrize(
+    ("potential", "cause"),
+    [
+        ("10*abs(x)", "abs"),
+        ("max(x, 0)", "max"),
+        ("0.5*x**2 + abs(y - 2)", "abs"),
+        ("abs(x)**3", None),
+        ("max(x, 0)**2", None),
+        ("x*abs(x) + sin(y)", None),
+    ],
+)
+def test_potentials_with_a_crease_give_forces_that_jump(potential: str, cause: str | None) -> None:
+    assert creased(parse(potential, {})) == cause

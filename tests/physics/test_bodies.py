@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from simulate import EPS, G, points, simulate
+from simulate import EPS, G, points, simulate, table
 
 import particlesim as ps
 from particlesim.layouts import Cloth, Jelly, Rope
@@ -208,3 +208,59 @@ def test_a_rope_is_a_row() -> None:
     assert rope.edges("structural").tolist() == [[0, 1], [1, 2], [2, 3], [3, 4]]
     assert rope.edges("bend").tolist() == [[0, 2], [1, 3], [2, 4]]
     assert rope.pins().tolist() == [0, 4]
+
+
+def test_the_smallest_bodies_lack_some_springs() -> None:
+    # Two particles have nobody beyond the next one: no bend springs and no angles, and the others work.
+    rope = {"type": "rope", "start": [0, 0, 0], "end": [1, 0, 0], "count": 2}
+    result = simulate(
+        0.1,
+        0.05,
+        particles=[body(rope, springs={"structural": 10.0, "bend": 1.0, "angle": 1.0})],
+        output={"ledger": True},
+    )
+    assert result.ledger["potential.body.bend"][-1] == result.ledger["potential.body.angle"][-1] == 0.0
+
+
+@pytest.mark.parametrize("inside", [True, False])
+@pytest.mark.parametrize(
+    ("pinned", "where"),
+    [
+        ("row 1", [4, 5, 6, 7]),
+        ("row -1", [8, 9, 10, 11]),
+        (["column -1", "bottom_left"], [0, 3, 7, 11]),
+    ],
+)
+def test_pins_by_row_and_column(pinned: Any, where: list[int], inside: bool) -> None:
+    cloth = {"type": "cloth", "size": [1, 1], "resolution": [4, 3]}
+    group = {"layout": {**cloth, "pinned": pinned}} if inside else {"layout": cloth, "pinned": pinned}
+    (made,) = ps.from_table(table(0.1, 0.1, particles=[group])).particles
+    assert made.pins(np.zeros((3, 12))).tolist() == where
+
+
+def test_rows_of_a_net_are_those_of_its_links() -> None:
+    # Two meshes of two links each: 5, 3, 5, 3 and 5 particles from the bottom.
+    net = {"type": "net", "size": [1, 1], "meshes": [2, 2], "segments": 2, "pinned": ["row 1", "column 0"]}
+    (made,) = ps.from_table(table(0.1, 0.1, particles=[{"layout": net}])).particles
+    assert made.pins(np.zeros((3, 21))).tolist() == [0, 5, 6, 7, 8, 13, 16]
+
+
+@pytest.mark.parametrize(
+    ("group", "message"),
+    [
+        ({"pinned": "row 3"}, "row 0 .the bottom. to row 2 or -1"),
+        ({"pinned": "rwo 1"}, "no part called 'rwo 1'"),
+        ({"pinned": []}, "an empty list names no particle"),
+        (
+            {"pinned": {"type": "ball", "center": [9, 9, 9], "radius": 1}},
+            "pinned holds no particle of 'body'",
+        ),
+    ],
+)
+def test_pins_that_hold_nothing(group: dict[str, Any], message: str) -> None:
+    cloth = {"type": "cloth", "size": [1, 1], "resolution": [4, 3]}
+    with pytest.raises(ps.UsageError, match=message):
+        simulate(0.1, 0.1, particles=[body(cloth, **group)])
+    if isinstance(group["pinned"], str):
+        with pytest.raises(ps.UsageError, match=r"there is no row 3|unknown value"):
+            simulate(0.1, 0.1, particles=[body({**cloth, **group})])

@@ -13,7 +13,12 @@ import pytest
 from simulate import points, table
 
 import particlesim as ps
+from particlesim.bonds.hinge import Harmonic, angles_at, harmonic_energy, wrapped
+from particlesim.engine.blame import _of_corners
+from particlesim.engine.columns import Columns
+from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
 from particlesim.engine.simulation import Simulation
+from particlesim.forces.sheet_drag import SheetDrag
 
 
 def post_mortem(scenario: dict[str, Any]) -> tuple[ps.DivergenceError, Any]:
@@ -44,13 +49,13 @@ def chain(dt: float, steps: int, **more: Any) -> dict[str, Any]:
 HARD = math.sqrt(2e4)  # ω of the hard spring alone, with masses of 1 kg
 
 
-@pytest.mark.parametrize("ledger", [True, False])
-def test_the_first_sign_is_at_the_spring_that_is_too_stiff(ledger: bool) -> None:
+@pytest.mark.parametrize(("ledger", "work"), [(True, False), (True, True), (False, False)])
+def test_the_first_sign_is_at_the_spring_that_is_too_stiff(ledger: bool, work: bool) -> None:
     # At hω = 2.05 the hard spring's stretch grows by 1.56 in a step. With the ledger, energies show it at the first frame;
     # without, in one interval, numbers overflow. Either way the first to run away is an end of that spring.
     dt = 2.05 / HARD
     steps = 100 if ledger else 3000
-    error, found = post_mortem(chain(dt, 10 * steps, output={"ledger": ledger, "every": steps}))
+    error, found = post_mortem(chain(dt, 10 * steps, output={"ledger": ledger, "work": work, "every": steps}))
     assert found.cause == ("energy" if ledger else "not finite")
     assert found.particle in (6, 7)
     assert found.group == "row"
@@ -148,3 +153,44 @@ def test_nothing_keeps_a_simulation_that_has_ended(name: str) -> None:
         assert known() is None
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize("ledger", [True, False])
+def test_a_path_that_ends_is_named(ledger: bool) -> None:
+    # √(0.05 − t) has no slope at 0.05 s, and no value later.
+    scenario = table(
+        0.1,
+        0.01,
+        particles=[points((0, 0, 0), (1, 0, 0), name="pins", pinned=True)],
+        motions=[{"name": "lift", "on": "pins", "particles": [1], "path": ["sqrt(0.05 - t)", "y", "z"]}],
+        output={"ledger": ledger, "every": 3},
+    )
+    error, found = post_mortem(scenario)
+    assert "the path that lift gives particle 1 of 'pins' is not finite at t = 0.05 s" in str(error)
+    assert (found.cause, found.particle, found.time, found.frame) == ("path", 1, pytest.approx(0.05), 1)
+    assert error.exit_code == 3
+
+
+def test_hinges_and_surfaces_can_be_the_strongest() -> None:
+    # A hinge's forces are −∇U, by central differences here; a plate across the wind feels ½ ρ c A u², its corners a third.
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1, 1, (4, 3))
+    for kind, number in ((AngleColumns, 3), (DihedralColumns, 4)):
+        rows = np.arange(number)[:, None]
+        hinge = kind(Harmonic(2.0), rows, np.array([0.3]))
+        here = Columns(*x[:number].T, *np.zeros((3, number)), np.ones(number), None, None, None, ())
+        forces = np.array([_of_corners(hinge, here, k, 0.0) for k in range(number)])
+
+        def energy(y: Any, rows: Any = rows) -> float:
+            return harmonic_energy(Harmonic(2.0), wrapped(angles_at(y.T, rows.T)[0] - 0.3))
+
+        for k, axis in np.ndindex(number, 3):
+            step = np.zeros((number, 3))
+            step[k, axis] = 1e-6
+            slope = (energy(x[:number] + step) - energy(x[:number] - step)) / 2e-6
+            assert forces[k, axis] == pytest.approx(-slope, abs=1e-7 * np.abs(forces).max())
+    law = SheetDrag(density=1.2, normal_coefficient=1.5).surface_record(False)
+    plate = TriangleColumns(law, np.arange(3)[:, None], np.empty(0))
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0.0]])
+    moving = Columns(*flat.T, *np.outer([0, 0, 5.0], np.ones(3)), np.ones(3), None, None, None, ())
+    assert _of_corners(plate, moving, 1, 0.0) == pytest.approx([0, 0, -0.5 * 1.2 * 1.5 * 25 / 3])

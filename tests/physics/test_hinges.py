@@ -11,6 +11,7 @@ import pytest
 from simulate import EPS, G, points, simulate
 
 import particlesim as ps
+from particlesim.bonds.hinge import angles_at
 
 K, M, L = 3.0, 0.4, 0.5
 
@@ -182,8 +183,28 @@ DUST = {"name": "dust", "rate": 10, "shape": {"type": "point", "position": [0, 0
         ({"dihedrals": [{"on": "arm", "quadruples": [[0, 1, 2, 9]], "stiffness": 1.0}]}, "no particle 9"),
         ({"forces": [{"type": "sheet_drag", "fluid": "air", "on": ["arm"]}]}, "acts on surfaces"),
         ({"forces": [{"type": "sheet_drag"}]}, "fluid's density"),
+        ({"forces": [{"type": "sheet_drag", "fluid": "air"}]}, "no group has one"),
     ],
 )
 def test_hinges_that_cannot_be(parts: dict[str, Any], message: str) -> None:
     with pytest.raises(ps.UsageError, match=message):
         simulate(0.1, 0.05, particles=[ARM], **parts)
+
+
+def test_an_angle_needs_two_arms() -> None:
+    # Particles 1 and 2 are at one place: there is no direction from one to the other.
+    with pytest.raises(
+        ps.UsageError, match="particles 0, 1 and 2 has no size, as 2 and 1 are at the same place"
+    ):
+        simulate(
+            0.1,
+            0.05,
+            particles=[points((-1, 0, 0), (0, 0, 0), (0, 0, 0), name="arm")],
+            angles=[{"on": "arm", "triples": [[0, 1, 2]], "stiffness": K}],
+        )
+
+
+def test_a_fold_without_triangles_rests_as_it_is() -> None:
+    # Four particles in a row have no normals: the fold counts as 0, at rest and at the start.
+    row = np.arange(12.0).reshape(3, 4) * [[1.0], [0], [0]]
+    assert angles_at(row, np.array([[0, 1, 2, 3]])).tolist() == [0.0]

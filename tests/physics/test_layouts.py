@@ -248,6 +248,7 @@ def test_edges_of_three_triangles_are_refused_only_where_triangles_count(tmp_pat
         ("a.obj", b"v 0 0\n", "line 1 is no vertex"),
         ("a.obj", b"v 0 0 0\nf 1 1\n", "line 2 is no vertex and no face"),
         ("a.obj", b"v 0 0 0\n", "no triangles"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 3\n", "no triangle with three different corners"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "names a vertex that does not exist"),
         ("a.obj", b"v 0 0 0\nv 1 0 nan\nv 1 1 1\nf 1 2 3\n", "not finite"),
         ("a.ply", b"plx", "no PLY header"),

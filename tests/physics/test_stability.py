@@ -334,3 +334,14 @@ def test_hinges_all_at_once_are_those_one_by_one() -> None:
         expected = np.array(forms).transpose(1, 0, 2, 3)
         made = corner_tensors(each, columns, 0.0).forms
         np.testing.assert_allclose(made, expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("stiffness", "mass"), [(1e308, 1.0), (100.0, 1e-300)])
+def test_rates_beyond_numbers_are_refused(stiffness: float, mass: float) -> None:
+    cloth = {"layout": {"type": "cloth", "size": [1, 1], "resolution": [3, 3]}, "name": "flag", "mass": mass}
+    scenario = ps.from_table(table(1.0, 0.1, particles=[{**cloth, "springs": {"structural": stiffness}}]))
+    for act in (ps.stability, ps.run):
+        with pytest.raises(
+            ps.UsageError, match=r"the rates at which forces move 'flag'.* beyond what numbers"
+        ):
+            act(scenario)

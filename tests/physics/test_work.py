@@ -123,7 +123,7 @@ def test_springs_that_break_take_their_energy_with_them() -> None:
 
 
 def test_a_pin_that_is_led_works() -> None:
-    # The hook swings as 0.1 sin 5t and pulls a mass by a spring.
+    # The hook swings as 0.1 sin 5t through air and pulls a mass by a spring.
     def run(dt: float) -> ps.Result:
         return booked(
             1.5,
@@ -132,10 +132,26 @@ def test_a_pin_that_is_led_works() -> None:
             particles=[points((0, 0, 0), (1, 0, 0), name="pair", mass=0.5, pinned=[0])],
             springs=[{"on": "pair", "pairs": [[0, 1]], "stiffness": 20.0, "damping": 0.2}],
             motions=[{"on": "pair", "particles": [0], "path": ["0.1*sin(5*t)", "0", "0"]}],
+            forces=[{"type": "linear_drag", "coefficient": 0.3}],
         )
 
     assert observed(run, 0.05) > 3.6  # as long as the fifth order of RK4's own energy error prevails, more
     assert abs(run(0.005).ledger["work.motion"][-1]) > 0.01
+
+
+def test_what_leads_a_particle_holds_against_drag() -> None:
+    # At 2 m/s through air with k = 0.3 kg/s the drag takes k v² t, which the motion gives.
+    result = booked(
+        1.0,
+        0.1,
+        "symplectic_euler",
+        particles=[points((0, 0, 0), (0, 1, 0), mass=0.5, pinned=[0])],
+        motions=[{"on": "particles", "path": ["2*t", "0", "0"]}],
+        forces=[{"type": "linear_drag", "coefficient": 0.3}],
+    )
+    assert result.ledger["work.linear_drag"][-1] == pytest.approx(-0.3 * 4, rel=1e-12)
+    assert result.ledger["work.motion"][-1] == pytest.approx(0.3 * 4, rel=1e-12)
+    assert abs(result.ledger["balance"][-1]) < 100 * EPS
 
 
 def test_births_deaths_and_kicks() -> None:

@@ -67,3 +67,22 @@ def test_a_start_inside_a_plane(height: float, told: bool) -> None:
     assert any("start inside plane floor" in line for line in warnings) is told
     scene["particles"][0]["pinned"] = True
     assert not ps.run(ps.from_table(scene)).warnings
+
+
+def test_bodies_without_springs_and_springs_stated_twice() -> None:
+    cloth = {"type": "cloth", "size": [1, 1], "resolution": [3, 3]}
+    parts = {
+        "simulation": {"duration": 1.0, "dt": 0.01},
+        "particles": [{"name": "rag", "layout": cloth}, {"name": "wall", "layout": cloth, "pinned": True}],
+    }
+    assert len(found := advice(ps.from_table(parts))) == 1
+    assert "nothing joins the particles of 'rag'" in found[0]
+    one = {"name": "one", "on": "rag", "pairs": [[0, 1], [1, 2], [2, 5]], "stiffness": 1.0}
+    others = [
+        {**one, "name": "string", "tension_only": True},
+        {**one, "name": "damper", "stiffness": 0.0, "damping": 1.0},
+        {**one, "name": "two", "pairs": [[2, 1], [1, 0], [3, 4]]},
+    ]
+    assert advice(ps.from_table({**parts, "springs": [one, *others]})) == (
+        "one and two both join particles 2 and 1, and 1 more pairs: their stiffness adds up",
+    )

@@ -116,6 +116,20 @@ def test_unreadable_file(tmp_path: Path) -> None:
         ("a = [1,\n2\n\n[[f]]\nb = 3", "this '[' is not closed", 1, 5, None),
         ("a = [1,,2]", "expected a value, ',' or ']' here", 1, 8, None),
         ("a = " + "9" * 5000, "this integer has too many digits", 1, 5, "1e300"),
+        (
+            "[[p]]\nlayout = {type=1,position=[[0,np.float64(4.35),0]]}",
+            "not valid TOML",
+            2,
+            31,
+            "no calls: write what np.float64(4.35) gives",
+        ),
+        (
+            "a = {b=8, c=1e-5, }",
+            "a table in braces has no comma after its last key",
+            1,
+            17,
+            "leave the comma out",
+        ),
         ("\0", "not valid TOML: invalid statement", 1, 1, None),
     ],
 )
