@@ -27,10 +27,11 @@ from particlesim.recording import frame_of
 from particlesim.references import bless as give_blessing
 from particlesim.references import check_references
 from particlesim.results import Progress, Result, recorded_result
-from particlesim.resumption import Resumption, find
+from particlesim.resumption import ANEW, Resumption, find
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import previous_path
+from particlesim.trajectory.files import DamagedError
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
 from particlesim.trajectory.writer import TrajectoryWriter, refuse_file_in_use
@@ -223,9 +224,12 @@ def _writer(
         simulation.topology(),
     )
     if found is not None:
-        return TrajectoryWriter.continuing(
-            path, found.frames, fields=fields, ledger=ledger, precision=precision, topology=topology
-        )
+        try:
+            return TrajectoryWriter.continuing(
+                path, found.frames, fields=fields, ledger=ledger, precision=precision, topology=topology
+            )
+        except DamagedError as error:  # where the look at it had no reason to look
+            raise UsageError(error.message, ANEW) from error
     return TrajectoryWriter(
         path,
         fields=fields,

@@ -59,6 +59,7 @@ class Trajectory(Sequence[Frame]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._live = False  # whether it was being written when it was opened
         self._patiently(self._take_in, lambda: None)
 
     def _take_in(self) -> None:
@@ -69,7 +70,7 @@ class Trajectory(Sequence[Frame]):
         of is there.
         """
         check_readable(self.path)
-        written = is_being_written(self.path)
+        self._live = is_being_written(self.path)
         self._file = open_file(self.path)
         self._topology: Mapping[str, Topology] | None = None
         try:
@@ -80,7 +81,7 @@ class Trajectory(Sequence[Frame]):
                 check_contents(self._file, self.path)
             if self.status not in STATES:
                 raise damaged(self.path, "it does not tell how the run ended")
-            if self.status == "running" and not written:
+            if self.status == "running" and not self._live:
                 self.status = "interrupted"
             self._read_header()
             self._read_frames()
@@ -98,7 +99,7 @@ class Trajectory(Sequence[Frame]):
             try:
                 return read()
             except Exception:
-                if time.monotonic() > until or not self._is_written():
+                if time.monotonic() > until or not (self._live or self._is_written()):
                     raise
             time.sleep(0.01)
             again()
@@ -112,6 +113,7 @@ class Trajectory(Sequence[Frame]):
     def _bind_again(self) -> None:
         """Open the file anew without taking notice of more frames."""
         self._file.close()
+        self._live = self._is_written()
         self._file = open_file(self.path)
         self._bind()
 

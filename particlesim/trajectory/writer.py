@@ -21,6 +21,7 @@ from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.checkpoint_file import discard_checkpoints
 from particlesim.trajectory.continuation import cut_to
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
+from particlesim.trajectory.files import damaged
 from particlesim.trajectory.frame_file import (
     BreakData,
     EventData,
@@ -108,8 +109,13 @@ class TrajectoryWriter:
             writer._file = FrameFile(path, tuple(writer._fields))
         except OSError as error:
             writer._lock.release()
+            if error.errno is None:  # not the system's, but HDF5's
+                raise damaged(path) from error
             kind = InputOutputError if error.errno in FORBIDDEN else UsageError
             raise kind(f"{path} cannot be written further: {error.strerror}") from error
+        except (RuntimeError, KeyError, ValueError) as error:
+            writer._lock.release()
+            raise damaged(path) from error
         except BaseException:
             writer._lock.release()
             raise
