@@ -109,6 +109,8 @@ def parts() -> Iterator[str]:
     yield from variants(FLOWS)
     yield "## `[[springs]]`"
     yield from section(Scenario, "springs")
+    yield "## `[[rods]]`"
+    yield from section(Scenario, "rods")
     yield "## `[[angles]]`"
     yield from section(Scenario, "angles")
     yield "## `[[dihedrals]]`"

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bonds import Angles, Dihedrals, MeshSprings, Springs
+from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.distributions import Distribution
@@ -43,6 +43,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Force, "[forces](#forces)"),
     (MeshSprings, "[springs of bodies](#springs-of-bodies)"),
     (Springs, "[springs](#springs)"),
+    (Rods, "[rods](#rods)"),
     (Angles, "[angles](#angles)"),
     (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),

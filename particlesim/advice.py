@@ -10,6 +10,7 @@ from particlesim.integrators import Composition
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
 
+METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 LIVELY = 0.9
 """Restitution above which projection out of a plane may add more energy than the bounce takes."""
 
@@ -53,9 +54,11 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
     if not depends:
         return ()
+    rods = any(group.name in each.groups for each in scenario.rod_sets)
+    better = "take a smaller dt, as no other method holds rods" if rods else METHODS_THAT_KEEP
     return (
         f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
-        "velocity; rk4, heun and stormer_verlet keep their order",
+        f"velocity; {better}",
     )
 
 

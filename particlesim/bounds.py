@@ -23,6 +23,7 @@ from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
 
 Floats = NDArray[np.float64]
 
+ANYWAY = "if you know better, --yes (must_fit=False) runs it anyway"
 BASE_MEMORY = 192 << 20
 """Python, its libraries and compiled kernels from the cache [bytes]; measured. Compiling takes some 80 MB more."""
 FILE_BYTES = 60_000
@@ -39,6 +40,8 @@ GZIP = {"float": 0.93, "integer": 0.2}
 """Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
 SPRING_BYTES = 32
 """Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
+ROD_BYTES = 500
+"""Memory of a rod in a chain: its place in the order of elimination, rows of the matrix, scratch."""
 SPRING_STORED = 10
 """A spring in a trajectory [bytes]: both ends and rest length, compressed, and its share of a surface."""
 CLOCK_BYTES = 26
@@ -110,19 +113,21 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     assert isinstance(group, Particles)
     if group.pinned:
         size += CLOCK_BYTES
-    if any(group.name in bonds.groups for bonds in scenario.bonds):
+    joined = [*(bonds.groups for bonds in scenario.bonds), *(rods.groups for rods in scenario.rod_sets)]
+    if any(group.name in names for names in joined):
         stages = method.evaluations if isinstance(method, RungeKutta) else 0
         size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes
     return size
 
 
 def _spring_bytes(scenario: Scenario) -> float:
-    """Memory of all springs whose number is known before positions are."""
+    """Memory of all springs and rods whose number is known before positions are."""
     number = 8 if scenario.simulation.precision == "double" else 4
     own = [2 * number * (b.law.by_mass or b.law.breaks) + b.law.breaks for b in scenario.bonds]
-    return float(
-        sum((b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True))
+    springs = sum(
+        (b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True)
     )
+    return float(springs + ROD_BYTES * sum(rods.count or 0 for rods in scenario.rod_sets))
 
 
 def _stored(scenario: Scenario) -> dict[str, int]:
@@ -146,6 +151,7 @@ def _file_size(scenario: Scenario, alive: Floats, events: int) -> float:
     tables = padded(frames, TABLE_ROWS) * (ROW_BYTES + ledger)
     topology = 2 * 8 * padded(2 * most, TOPOLOGY_ROWS) * TOPOLOGY_RATIO
     springs = sum((b.count or 0) * (SPRING_STORED + 8 * b.law.breaks) for b in scenario.bonds)
+    springs += SPRING_STORED * sum(rods.count or 0 for rods in scenario.rod_sets)
     return float(FILE_BYTES + frames * (data + index) + tables + topology + springs + events * EVENT_BYTES)
 
 
@@ -207,7 +213,7 @@ def check_fits(required: Needs, output: Path | None) -> None:
             f"the run needs about {size(required.memory)} of memory for {required.particles:,} particles"
             + (f" at once and {required.births:,} births" if required.births else "")
             + f", and {size(memory)} are free",
-            hint,
+            f"{hint}; {ANYWAY}",
         )
     if output is not None:
         folder = output.resolve().parent
@@ -219,7 +225,7 @@ def check_fits(required: Needs, output: Path | None) -> None:
             raise ResourceError(
                 f"the trajectory needs {bound} {size(required.disk)} on disk for {required.frames:,} frames, "
                 f"and {size(free)} are free in {folder}",
-                "fewer frames (output.fps), fewer fields (output.fields) or compression need less",
+                f"fewer frames (output.fps), fewer fields (output.fields) or compression need less; {ANYWAY}",
             )
 
 

@@ -62,7 +62,7 @@ class PsimError(Exception):
 
 
 class UsageError(PsimError):
-    """A wrong argument, a missing or unusable file, an output that exists. Nothing was written."""
+    """A wrong argument, a missing or unusable input, an output that exists. Nothing was written."""
 
     exit_code = 2
 
@@ -92,9 +92,9 @@ class PostMortem:
 
     `particle` is an id; `time` [s], `position` [m] and `velocity` [m/s] are those of the first sign; `force` is the label of
     the force that was strongest on it, and `newtons` its size; `stable_dt` is the largest stable step there [s], infinite
-    without a limit, None where it is not known. `cause` is "not finite", "not solved", "path" (a motion without a value),
-    "energy" or "speed", and `noticed` the time at which that was seen [s]. `frame` and `frame_time` [s] are the last good
-    frame, None before there is one.
+    without a limit, None where it is not known. `cause` is "not finite", "not solved", "not held" (rods), "path" (a motion
+    without a value), "energy" or "speed", and `noticed` the time at which that was seen [s]. `frame` and `frame_time` [s]
+    are the last good frame, None before there is one.
     """
 
     cause: str
@@ -130,7 +130,7 @@ class DivergenceError(PsimError):
 
 
 class InputOutputError(PsimError):
-    """Reading or writing failed while the run was going on: disk full, file vanished, device error."""
+    """Reading or writing failed: disk full, file vanished, device error, a place where nothing may be written."""
 
     exit_code = 4
 

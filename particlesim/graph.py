@@ -1,14 +1,14 @@
 """The simulation graph: what there is in a scenario, what acts on what, and which groups must step together.
 
-Groups joined by springs form an *island*: their particles have to be at the same time. All other groups are islands of
-their own whose particles are independent of each other.
+Groups joined by springs or rods form an *island*: their particles have to be at the same time. All other groups are islands
+of their own whose particles are independent of each other.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particlesim.bonds import BondSet, HingeSet
+from particlesim.bonds import BondSet, HingeSet, RodSet
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter
 from particlesim.forces import Force, SheetDrag
@@ -45,8 +45,8 @@ class Edge:
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. Independent particles have no bonds, hinges and
-    surfaces."""
+    """Groups that step together, with all that acts on them. Independent particles have no bonds, rods, hinges
+    and surfaces."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
@@ -57,11 +57,12 @@ class Island:
     hinges: tuple[HingeSet, ...] = ()
     surfaces: tuple[tuple[SheetDrag, ...], ...] = ()
     """Forces on the surface of every group."""
+    rods: tuple[RodSet, ...] = ()
 
     @property
     def coupled(self) -> bool:
         """Whether its particles act on each other."""
-        return bool(self.bonds or self.hinges or any(self.surfaces))
+        return bool(self.bonds or self.rods or self.hinges or any(self.surfaces))
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,8 @@ def build_graph(scenario: Scenario) -> Graph:
         )
     for bonds in scenario.bonds:
         act(Node("springs", bonds.name, bonds.describe()), "joins", list(dict.fromkeys(bonds.groups)))
+    for rods in scenario.rod_sets:
+        act(Node("rods", rods.name, rods.describe()), "joins", list(dict.fromkeys(rods.groups)))
     for hinges in scenario.hinges:
         act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
     for k, plane in enumerate(scenario.planes):
@@ -160,7 +163,7 @@ def _targets(entry: Plane | Impulse, scenario: Scenario) -> list[str]:
 
 
 def _islands(scenario: Scenario) -> tuple[Island, ...]:
-    """Groups by the springs that join them (union-find), in the order of the scenario."""
+    """Groups by the springs and rods that join them (union-find), in the order of the scenario."""
     parent = {group.name: group.name for group in scenario.groups}
 
     def root(name: str) -> str:
@@ -168,8 +171,8 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
             name = parent[name]
         return name
 
-    for bonds in scenario.bonds:
-        first, second = bonds.groups
+    rods = scenario.rod_sets
+    for first, second in [*(bonds.groups for bonds in scenario.bonds), *(each.groups for each in rods)]:
         parent[root(second)] = root(first)
     members: dict[str, list[Group]] = {}
     for group in scenario.groups:
@@ -196,6 +199,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                     tuple(f for f in scenario.forces if isinstance(f, SheetDrag) and acts_on(f, g))
                     for g in groups
                 ),
+                tuple(each for each in rods if root(each.groups[0]) == name),
             )
         )
     return tuple(islands)

@@ -12,13 +12,15 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from particlesim.bonds import BondSet, HingeSet, MeshSprings
+from particlesim.bonds import BondSet, HingeSet, MeshSprings, RodSet
 from particlesim.bonds.hinge import hinge_record
+from particlesim.crossfield import Path as Place
 from particlesim.crossfield import invalid
 from particlesim.distributions import Distribution, Sampled, draw, smallest
 from particlesim.flows import AnyFlow
 from particlesim.integrators import AnyIntegrator
 from particlesim.layouts import AnyLayout
+from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model import Model, Name
 from particlesim.selection import Selection, selected
 from particlesim.streams import Streams
@@ -172,6 +174,14 @@ class Particles(Group):
                     also=here,
                     allowed=", ".join(kinds),
                 )
+        if springs is not None and springs.rigid and not self.layout.can_be_rigid:
+            raise invalid(
+                f"a {self.layout.type} of rods could hardly move",
+                at=("springs", "rigid"),
+                also=here,
+                allowed="rigid = true in a rope, a net or hair",
+                hint="structural = 1e4 (N/m) makes it stiff",
+            )
         if self.layout.is_body and isinstance(self.mass, Distribution):
             raise invalid(
                 f"the mass of a {self.layout.type} is that of the whole body: one number",
@@ -215,6 +225,14 @@ class Particles(Group):
             BondSet(f"{self.name}.{kind}", both, law, None, partial(self._edges, kind, folder))
             for kind, law in laws.items()
         )
+
+    def rods(self, at: Place, folder: Path | None = None) -> tuple[RodSet, ...]:
+        """The rods between neighbours in its layout, if they are rigid; `at` is the place of its springs in the scenario."""
+        if self.springs is None or not self.springs.rigid:
+            return ()
+        find = partial(self._edges, STRUCTURAL, folder, None, None)
+        name = f"{self.name}.{STRUCTURAL}"
+        return (RodSet(name, (self.name, self.name), None, None, find, at, listed=False),)
 
     def hinges(self, folder: Path | None = None) -> tuple[HingeSet, ...]:
         """The angles and dihedrals that its layout brings, likewise."""

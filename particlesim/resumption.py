@@ -13,16 +13,19 @@ from numpy.typing import NDArray
 from particlesim.digest import physics_digest
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import MisfitError, Snapshot, restore
-from particlesim.errors import UsageError
+from particlesim.errors import DivergenceError, UsageError
 from particlesim.scenario.changes import changes
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path, read_checkpoint
+from particlesim.trajectory.files import DamagedError, damaged
 from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.reader import Trajectory
 from particlesim.version import __version__
 
 MOST_SHOWN = 8
 """Changes of a scenario that an error lists."""
+VERIFY = 0.4
+"""Seconds in which frames that are kept are read again, the newest first, before a run goes on."""
 ANEW = "--force (overwrite=True) starts the run anew."
 
 
@@ -53,11 +56,18 @@ class Resumption:
 def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | None:
     """Where the run that was to write `path` goes on, "complete" if it has ended, None if it has to begin anew.
 
-    Raises UsageError when the trajectory is of another scenario or version, is being written, diverged, or is damaged, and
-    when its checkpoints are damaged or of another run.
+    Raises UsageError when the trajectory is of another scenario or version, is being written, or is damaged, and when its
+    checkpoints are damaged or of another run; DivergenceError when it diverged.
     """
     if kind_of(path) is None:
         return None
+    try:
+        return _find(scenario, path)
+    except DamagedError as error:
+        raise UsageError(error.message, ANEW) from error
+
+
+def _find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | None:
     with Trajectory(path) as trajectory:
         _check_same(scenario, trajectory)
         if trajectory.status == "running":
@@ -65,7 +75,7 @@ def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | N
                 f"{path} is being written by a running simulation", "Wait for it, or stop it, then resume."
             )
         if trajectory.status == "diverged":
-            raise UsageError(f"the run of {path} diverged, and would do so again", ANEW)
+            raise DivergenceError(f"the run of {path} diverged, and would do so again", ANEW)
         if trajectory.status == "complete":
             return "complete"
         found = _latest(path)
@@ -75,6 +85,7 @@ def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | N
         run, frames = trajectory.provenance.get("run"), int(facts["frames"])
         if facts.get("run") != run or len(trajectory) < frames:
             raise UsageError(f"{checkpoint_path(path)} belongs to another run than {path}", ANEW)
+        trajectory.verify(frames, VERIFY)
         return Resumption(
             facts,
             Snapshot(arrays, facts["numbers"]),
@@ -92,7 +103,7 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
             f"{path} was begun by psim {version}, and this is {__version__}; the two may not compute the same bits",
             ANEW,
         )
-    found = changes(tomllib.loads(trajectory.scenario), scenario)
+    found = changes(_table(trajectory), scenario)
     if found:
         shown = [f"{address}: {before} → {after}" for address, before, after in found[:MOST_SHOWN]]
         if len(found) > MOST_SHOWN:
@@ -106,6 +117,14 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
             f"the files that the particles of {path} come from have changed since the run began",
             f"Put them back as they were, or choose another --output. {ANEW}",
         )
+
+
+def _table(trajectory: Trajectory) -> dict[str, Any]:
+    """The scenario of a trajectory. Raises UsageError when its text, which carries no checksum, is no TOML any more."""
+    try:
+        return tomllib.loads(trajectory.scenario)
+    except ValueError as error:
+        raise damaged(trajectory.path, "its scenario cannot be read") from error
 
 
 def _latest(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], tuple[str, ...]] | None:

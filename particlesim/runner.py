@@ -33,7 +33,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import previous_path
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
-from particlesim.trajectory.writer import TrajectoryWriter
+from particlesim.trajectory.writer import TrajectoryWriter, refuse_file_in_use
 from particlesim.validity import check_ledger, check_stored, misplaced
 
 __all__ = ["Progress", "Result", "run"]
@@ -52,6 +52,7 @@ def run(
     checkpoint_every: float | None = None,
     checkpoint_wall: float | None = None,
     max_wall: float | None = None,
+    must_fit: bool = True,
 ) -> Result:
     """Run a scenario, or the scenario of a file, from its start to its end.
 
@@ -66,9 +67,11 @@ def run(
     signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
     bits of one that was not; where nothing has begun it begins, and where all is done it does nothing.
 
-    Raises UsageError before anything is computed when the output exists (unless `overwrite`), the run cannot fit, or cannot
-    be resumed; DivergenceError when a number stops being finite, Interrupted on Ctrl-C and after `max_wall`,
-    InputOutputError when writing fails. Frames recorded until then are kept.
+    Raises UsageError before anything is computed when the output exists (unless `overwrite`) or is being written, the run
+    cannot fit by an upper bound of what it needs (unless `must_fit` is False), or cannot be resumed; DivergenceError when a
+    number stops being finite, or did so in the run to be resumed; Interrupted on Ctrl-C and after `max_wall`;
+    InputOutputError when writing fails, and before anything is computed where nothing may be written. Frames recorded until
+    then are kept.
     """
     if isinstance(scenario, str | PathLike):
         scenario = load(scenario)
@@ -76,12 +79,10 @@ def run(
         raise TypeError(f"run takes a Scenario or the path of one, not {type(scenario).__name__}")
     path = None if output is None else Path(output)
     _check_arguments(path, overwrite, threads, bless, resume, checkpoint_every, checkpoint_wall, max_wall)
+    resume = resume and path is not None and path.exists()
     found: Resumption | None = None
     if path is not None:
-        check_trajectory_name(path)
-        resume = resume and path.exists()
-        check_target(path, overwrite=overwrite or resume)
-        check_name_length(previous_path(path), path.parent)
+        _check_output(path, overwrite=overwrite or resume)
         if resume:
             state = find(scenario, path)
             if state == "complete":
@@ -89,16 +90,14 @@ def run(
             found = state
     check_references(scenario, path, bless=bless)
     required = needs(scenario)
-    check_fits(required, path)
+    if must_fit:
+        check_fits(required, path)
     checks = Checks(scenario, bless=bless)
     simulation = Simulation(scenario, threads=threads)
     check_ledger(simulation)
     if path is not None:
         check_stored(simulation)
-    doubts = (*suspects(simulation).warnings, *misplaced(simulation))
-    if warn is not None:
-        for text in doubts:
-            warn(text)
+    doubts = _doubts(simulation, warn)
     with held_signals() as signals:
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
@@ -145,6 +144,26 @@ def _check_arguments(
         )
     if bless:
         raise UsageError("a reference cannot come from a resumed run", "Leave out --resume or --bless.")
+
+
+def _check_output(path: Path, *, overwrite: bool) -> None:
+    """Refuse a trajectory that could not be written, or not with its checkpoints beside it, or that another run writes.
+
+    Raises UsageError, or InputOutputError for a place where nothing may be written.
+    """
+    check_trajectory_name(path)
+    check_target(path, overwrite=overwrite)
+    check_name_length(previous_path(path), path.parent)
+    refuse_file_in_use(path)
+
+
+def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
+    """What is doubtful before the first step, which `warn` is told."""
+    found = (*suspects(simulation).warnings, *misplaced(simulation))
+    if warn is not None:
+        for text in found:
+            warn(text)
+    return found
 
 
 def _to_the_end(course: Course) -> None:

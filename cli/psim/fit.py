@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,7 +23,7 @@ def fit(
         Path | None,
         typer.Argument(
             metavar="[DATA.csv]",
-            help="Measurements: columns time, id, x, y, z, vx, vy, vz, sigma_x ...; units in brackets, as x [[mm]].",
+            help=r"Measurements: columns time, id, x, y, z, vx, vy, vz, sigma_x ...; units in brackets, as x \[mm].",
         ),
     ] = None,
     vary: Annotated[
@@ -38,7 +39,7 @@ def fit(
         str | None, typer.Option("--aim", metavar="GROUP", help="Aim the one particle of this group.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", metavar="X,Y,Z", help="The point [[m]] that --aim has to hit.")
+        str | None, typer.Option("--target", metavar="X,Y,Z", help=r"The point \[m] that --aim has to hit.")
     ] = None,
     overrides: Overrides = None,
     starts: Annotated[
@@ -62,64 +63,85 @@ def fit(
     With DATA.csv and --vary, least squares: the values with standard errors and correlations. With --aim and --target,
     the directions of launch that hit, at the speed that the particle has.
     """
-    from particlesim.errors import UsageError
     from particlesim.trajectory.target import check_target
 
     for path in (output, plot):
         if path is not None:
             check_target(path, overwrite=force)
-    if aim is not None or target is not None:
-        if data is not None or vary or plot is not None:
-            raise UsageError(
-                "aiming takes no data, --vary or --plot", "psim fit SCENARIO --aim GROUP --target X,Y,Z"
-            )
-        if aim is None or target is None:
-            raise UsageError(
-                "--aim and --target belong together", "psim fit SCENARIO --aim GROUP --target X,Y,Z"
-            )
-        _aim(scenario, aim, _point(target), overrides, output, force, as_json, quiet)
+    point = _aimed_at(aim, target, data is not None or bool(vary) or plot is not None)
+    if aim is not None and point is not None:
+        _aim(scenario, aim, point, overrides, output, force, as_json, quiet)
         return
+    found = _least_squares(
+        scenario,
+        data,
+        vary or (),
+        plot,
+        force,
+        quiet or as_json,
+        overrides=overrides or (),
+        starts=starts,
+        seed=seed,
+    )
+    if output is not None:
+        _write(output, found.scenario, force)
+    if as_json:
+        print_json(_fit_data(found, output))
+        return
+    if not quiet:
+        _show_fit(found)
+    _warn_of(found, scenario)
+    for path in (output, plot):
+        if path is not None and not quiet:
+            print_path(path)
+
+
+def _aimed_at(aim: str | None, target: str | None, fitted: bool) -> tuple[float, ...] | None:
+    """The point to aim at, None when that is not asked for. Raises UsageError for what does not go together."""
+    from particlesim.errors import UsageError
+
+    if aim is None and target is None:
+        return None
+    usage = "psim fit SCENARIO --aim GROUP --target X,Y,Z"
+    if fitted:
+        raise UsageError("aiming takes no data, --vary or --plot", usage)
+    if aim is None or target is None:
+        raise UsageError("--aim and --target belong together", usage)
+    return _point(target)
+
+
+def _least_squares(
+    scenario: Path,
+    data: Path | None,
+    vary: Sequence[str],
+    plot: Path | None,
+    force: bool,
+    quiet: bool,
+    **options: Any,
+) -> Fit:
+    """Fit with progress, and draw the residuals where they are asked for; `options` are those of `particlesim.fit`."""
+    from particlesim.analysis.figure import check_image, new_figure
+    from particlesim.errors import UsageError
+    from particlesim.fit import fit as least_squares
+    from particlesim.fit import parse_range, read_measurements
+    from particlesim.fit.plot import plot_residuals
+    from psim.progress import fit_progress
+
     if data is None:
         raise UsageError(
             "there is nothing to fit to",
             "psim fit SCENARIO DATA.csv --vary KEY, or --aim GROUP --target X,Y,Z",
         )
-    from particlesim.fit import fit as least_squares
-    from particlesim.fit import parse_range, read_measurements
-    from psim.progress import fit_progress
-
-    ranges = [parse_range(argument) for argument in vary or ()]
+    ranges = [parse_range(argument) for argument in vary]
     measurements = read_measurements(data)
     if plot is not None:
-        from particlesim.analysis.figure import check_image, new_figure
-
         check_image(plot, overwrite=force)
         new_figure()
-    with fit_progress(scenario.stem, quiet=quiet or as_json) as progress:
-        found = least_squares(
-            scenario,
-            measurements,
-            ranges,
-            overrides=overrides or (),
-            starts=starts,
-            seed=seed,
-            progress=progress,
-        )
-    if output is not None:
-        _write(output, found.scenario, force)
+    with fit_progress(scenario.stem, quiet=quiet) as progress:
+        found = least_squares(scenario, measurements, ranges, progress=progress, **options)
     if plot is not None:
-        from particlesim.fit.plot import plot_residuals
-
         plot_residuals(found, measurements, plot, overwrite=force)
-    if as_json:
-        print_json(_fit_data(found, output))
-    elif not quiet:
-        _show_fit(found)
-    if not as_json:
-        _warn_of(found, scenario)
-        for path in (output, plot):
-            if path is not None and not quiet:
-                print_path(path)
+    return found
 
 
 def _point(text: str) -> tuple[float, ...]:

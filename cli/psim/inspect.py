@@ -48,6 +48,7 @@ def inspect(
 
 def _show(found: dict[str, Any]) -> None:
     from particlesim.bounds import size
+    from psim.summary import check_text
     from psim.talk import facts, number, paint
 
     origin, particles = found["provenance"], found["particles"]
@@ -62,6 +63,8 @@ def _show(found: dict[str, Any]) -> None:
     ]
     if (events := found["events"])["births"] or events["deaths"]:
         rows.append(("events", f"{events['births']:,} births, {events['deaths']:,} deaths"))
+    if checks := found["summary"].get("checks"):
+        rows.append(("checks", "\n".join(check_text(check) for check in checks)))
     groups = (f"{name} ({count:,})" if count is not None else name for name, count in found["groups"].items())
     rows.append(("groups", ", ".join(groups)))
     facts(rows, sys.stdout)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -12,6 +15,7 @@ from psim.talk import plain
 if TYPE_CHECKING:
     from particlesim.checking import CheckResult
     from particlesim.errors import PsimError
+    from particlesim.runner import Result
 
 
 def check_report(path: Path) -> None:
@@ -19,6 +23,36 @@ def check_report(path: Path) -> None:
     from particlesim.trajectory.target import check_target
 
     check_target(path, overwrite=True)
+
+
+@dataclass
+class Report:
+    """What a report will tell: the result of a run, once there is one."""
+
+    result: Result | None = None
+
+
+@contextmanager
+def reported(path: Path | None, suite: str) -> Iterator[Report]:
+    """Write the report `path`, if any, of what the block does, whether it ends well or not.
+
+    Raises UsageError or InputOutputError before the block for a report that could not be written after it.
+    """
+    from particlesim.errors import PsimError
+
+    report = Report()
+    if path is None:
+        yield report
+        return
+    check_report(path)
+    began = time.perf_counter()
+    try:
+        yield report
+    except PsimError as error:
+        write_report(path, suite, time.perf_counter() - began, (), error)
+        raise
+    if report.result is not None:
+        write_report(path, suite, report.result.seconds, report.result.checks)
 
 
 def write_report(

@@ -21,17 +21,18 @@ def default_output(scenario: Path) -> Path:
     return Path("outputs") / f"{scenario.stem}.vtkhdf"
 
 
-def plan(scenario: Scenario, output: Path | None) -> dict[str, Any]:
+def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> dict[str, Any]:
     """Particles, steps, frames, memory and disk of a run, as plain data.
 
-    Raises UsageError when the run cannot fit, or a file that the scenario names cannot be read.
+    Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
     from particlesim.advice import advice
     from particlesim.bounds import check_fits, needs
     from particlesim.integrators import method_for
 
     required = needs(scenario)
-    check_fits(required, output)
+    if must_fit:
+        check_fits(required, output)
     found, doubts = _first_look(scenario) if required.particles <= MOST_PARTICLES else (None, ())
     grid = scenario.grid
     return {

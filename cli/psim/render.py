@@ -30,9 +30,11 @@ def render(
     color_by: Annotated[
         str | None, typer.Option(metavar="FIELD", help="Field that colours particles, or none.")
     ] = None,
-    camera_eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera is [m].")] = None,
+    camera_eye: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help=r"Where the camera is \[m].")
+    ] = None,
     camera_target: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="What the camera looks at [m].")
+        str | None, typer.Option(metavar="X,Y,Z", help=r"What the camera looks at \[m].")
     ] = None,
     frames: Frames = None,
     overrides: Overrides = None,

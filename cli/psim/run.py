@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psim.junit import reported
 from psim.options import (
     CheckpointEvery,
     CheckpointWall,
@@ -62,6 +61,9 @@ def run(
     checkpoint_every: CheckpointEvery = None,
     checkpoint_wall: CheckpointWall = None,
     max_wall: MaxWall = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Begin even if memory or disk may not be enough, by upper bounds.")
+    ] = False,
     dry_run: Annotated[
         bool,
         typer.Option("--dry-run", help="Print what would run and about how long it would take, and stop."),
@@ -73,30 +75,48 @@ def run(
     stdout. Ctrl-C keeps every frame that was finished, and --resume goes on from there. Exit code 1 when a check of the
     scenario fails.
     """
-    import particlesim as ps
-
-    loaded = ps.load(scenario, overrides or ())
-    path = _output(scenario, output)
     options = {
         "overwrite": force,
         "threads": threads,
         "bless": bless,
         "resume": resume,
+        "must_fit": not yes,
         "checkpoint_every": parse_seconds("--checkpoint-every", checkpoint_every),
         "checkpoint_wall": parse_seconds("--checkpoint-wall", checkpoint_wall),
         "max_wall": parse_seconds("--max-wall", max_wall),
     }
     if dry_run:
-        _dry_run(loaded, scenario, path, threads, as_json)
+        _dry_run(scenario, overrides, output, threads, as_json, must_fit=not yes)
         return
-    film = path.with_suffix(".mp4") if video else None
-    _check_targets(loaded, path, film, force, resume)
     quiet = quiet or as_json
     said: list[str] = []
-    result = _reported(junit, scenario, lambda: _simulate(loaded, scenario, path, quiet, options, said))
+    with reported(junit, scenario.stem) as report:
+        loaded, path = _prepare(scenario, overrides, output)
+        film = path.with_suffix(".mp4") if video else None
+        _check_targets(loaded, path, film, force, resume)
+        result = report.result = _simulate(loaded, scenario, path, quiet, options, said)
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force or resume, threads, quiet)
+    _tell(result, scenario, film, warnings, said, quiet=quiet, as_json=as_json)
+    if bless and result.passed and not quiet:
+        _show_blessed(loaded)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _tell(
+    result: Result,
+    scenario: Path,
+    film: Path | None,
+    warnings: list[str],
+    said: list[str],
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """How a run ended, for people or as JSON, without the warnings that were `said` before; failures as annotations, too."""
+    from psim.annotations import annotate_checks
     from psim.summary import show_failures, show_summary, summary
     from psim.talk import print_json, print_path
 
@@ -105,18 +125,13 @@ def run(
         print_json(told)
     elif not quiet:
         show_summary({**told, "warnings": [text for text in warnings if text not in said]})
-        print_path(path)
-        if film is not None:
-            print_path(film)
-    if bless and result.passed and not quiet:
-        _show_blessed(loaded)
+        for path in (result.path, film):
+            if path is not None:
+                print_path(path)
     if not result.passed:
-        from psim.annotations import annotate_checks
-
         annotate_checks(result, scenario)
         if not as_json:
             show_failures(result)
-        raise typer.Exit(1)
 
 
 def _show_blessed(loaded: Scenario) -> None:
@@ -125,24 +140,6 @@ def _show_blessed(loaded: Scenario) -> None:
 
     for reference in reference_paths(loaded):
         say(f"written: {reference}, the reference of later runs")
-
-
-def _reported(junit: Path | None, scenario: Path, simulate: Callable[[], Result]) -> Result:
-    """The result of a run, which goes to a JUnit report as well, whether it ends well or not."""
-    if junit is None:
-        return simulate()
-    import particlesim as ps
-    from psim.junit import check_report, write_report
-
-    check_report(junit)
-    began = time.perf_counter()
-    try:
-        result = simulate()
-    except ps.PsimError as error:
-        write_report(junit, scenario.stem, time.perf_counter() - began, (), error)
-        raise
-    write_report(junit, scenario.stem, result.seconds, result.checks)
-    return result
 
 
 def _output(scenario: Path, output: Path | None) -> Path:
@@ -158,12 +155,28 @@ def _output(scenario: Path, output: Path | None) -> Path:
     return path
 
 
-def _dry_run(loaded: Scenario, scenario: Path, path: Path, threads: int | None, as_json: bool) -> None:
+def _prepare(scenario: Path, overrides: list[str] | None, output: Path | None) -> tuple[Scenario, Path]:
+    """The scenario, and where its trajectory goes. Raises UsageError."""
+    import particlesim as ps
+
+    return ps.load(scenario, overrides or ()), _output(scenario, output)
+
+
+def _dry_run(
+    scenario: Path,
+    overrides: list[str] | None,
+    output: Path | None,
+    threads: int | None,
+    as_json: bool,
+    *,
+    must_fit: bool,
+) -> None:
     from particlesim.calibration import estimated_seconds
     from psim.plan import plan, show_plan
     from psim.talk import print_json
 
-    planned = plan(loaded, path)
+    loaded, path = _prepare(scenario, overrides, output)
+    planned = plan(loaded, path, must_fit=must_fit)
     planned["seconds"] = estimated_seconds(loaded, threads=threads)
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})

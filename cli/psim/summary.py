@@ -109,7 +109,7 @@ def show_summary(told: dict[str, Any]) -> None:
         ("work", _work_text(told["work"])),
         ("momentum", _momentum_text(told["momentum"])),
         ("springs", _broken(told["broken_springs"])),
-        ("checks", "\n".join(_check_text(check) for check in told["checks"])),
+        ("checks", "\n".join(check_text(check) for check in told["checks"])),
         ("digest", f"physics {told['physics'][:DIGITS]}, final state {told['state'][:DIGITS]}"),
         ("recorded", f"{counted(told['frames'], 'frame')}, {size(told['bytes'])}"),
     ]
@@ -136,7 +136,7 @@ def show_failures(result: Result) -> None:
             say(f"{paint('check failed', 'red')}: {check.message}")
 
 
-def _check_text(check: dict[str, Any]) -> str:
+def check_text(check: dict[str, Any]) -> str:
     """'passed  energy.drift ≤ 0.001: 2.3e-05'."""
     value = "not finite" if check["value"] is None else f"{check['value']:.6g}"
     return f"{'passed' if check['passed'] else 'FAILED'}  {check['name']} {check['bound']}: {value}"

@@ -6,21 +6,37 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from psim.annotations import annotate
-from psim.complete import override_keys, scenario_files
 from psim.options import Overrides, Quiet
 from psim.progress import sweep_progress
+from psim.sweep_options import (
+    MANY,
+    AsJson,
+    ClusterName,
+    FailFast,
+    Folder,
+    Force,
+    Method,
+    Plot,
+    Quantities,
+    Record,
+    Samples,
+    ScenarioOrSweep,
+    Scheduler,
+    Seed,
+    Vary,
+    Workers,
+    Yes,
+    Zip,
+)
 from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
 if TYPE_CHECKING:
     from particlesim.sweep import Executor, SweepResult
-
-MANY = 10**6
-"""Runs beyond which a sweep is taken for a slip of the hand."""
 
 PLOT = "plot.png"
 
@@ -34,92 +50,25 @@ _WORDS = {
 
 
 def sweep(
-    scenario: Annotated[
-        Path,
-        typer.Argument(
-            help="The scenario, or a sweep.toml that names it, what is varied, and how.",
-            autocompletion=scenario_files,
-        ),
-    ],
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="KEY=VALUES",
-            help="Values of a key: 1,2,5 or linspace(first, last, count), logspace(exponent, exponent, count), "
-            "uniform(low, high), loguniform(low, high). Repeatable.",
-            autocompletion=override_keys,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder; outputs/SCENARIO-sweep by default."),
-    ] = None,
+    scenario: ScenarioOrSweep,
+    vary: Vary = None,
+    output: Folder = None,
     overrides: Overrides = None,
-    zipped: Annotated[
-        bool, typer.Option("--zip", help="Take lists side by side, not every combination.")
-    ] = False,
-    samples: Annotated[
-        int | None,
-        typer.Option("--samples", metavar="N", help="How many values uniform and loguniform draw."),
-    ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            "--method", metavar="NAME", help="How they are drawn: sobol (the default), lhs or random."
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Seed of what is drawn; 0 by default.")
-    ] = None,
-    quantities: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--quantity",
-            metavar="NAME",
-            help="A column of the table, such as energy; all by default. Repeatable.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", "-j", metavar="N", min=1, help="Worker processes; one per core by default."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="Runs go to the workers of this Dask scheduler: tcp://node7:8786.",
-        ),
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            "--cluster", metavar="NAME", help="Runs go to jobs of a batch system, --workers of them: slurm."
-        ),
-    ] = None,
-    fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="Begin no run after one that did not end well.")
-    ] = False,
-    record: Annotated[bool, typer.Option("--record", help="Keep the trajectory of every run.")] = False,
-    plot: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            "--plot",
-            metavar="x=COLUMN y=COLUMN",
-            help="Draw a column of the table over another, into plot.png of the folder. Needs matplotlib.",
-        ),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Remove what an earlier sweep left in the folder.")
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help=f"Really do more than {MANY:,} runs.")] = False,
+    zipped: Zip = False,
+    samples: Samples = None,
+    method: Method = None,
+    seed: Seed = None,
+    quantities: Quantities = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    cluster: ClusterName = None,
+    fail_fast: FailFast = False,
+    record: Record = False,
+    plot: Plot = None,
+    force: Force = False,
+    yes: Yes = False,
     quiet: Quiet = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the outcome, or the error, as JSON; nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run a scenario with many different values.
 
@@ -170,20 +119,27 @@ def sweep(
     if columns is not None and not result.interrupted:
         picture = folder / PLOT
         plot_table(result.table, design, *columns, picture)
+    _tell(result, scenario, folder, picture, quiet=quiet, as_json=as_json)
+    if result.exit_code:
+        raise typer.Exit(result.exit_code)
+
+
+def _tell(
+    result: SweepResult, scenario: Path, folder: Path, picture: Path | None, *, quiet: bool, as_json: bool
+) -> None:
+    """How a sweep ended, for people or as JSON; failures as annotations, too."""
     for failure in result.failures:
         values = ", ".join(f"{key}={value}" for key, value in failure.parameters.items())
         annotate("error", f"{failure.status}: run {failure.run} ({values}): {failure.cause}", scenario)
     if as_json:
         print_json(_as_data(result) | {"plot": None if picture is None else str(picture)})
-    else:
-        if not quiet or result.exit_code:
-            _show(result, scenario.stem)
-        if not quiet:
-            print_path(folder / result.table.name)
-            if picture is not None:
-                print_path(picture)
-    if result.exit_code:
-        raise typer.Exit(result.exit_code)
+        return
+    if not quiet or result.exit_code:
+        _show(result, scenario.stem)
+    if not quiet:
+        print_path(folder / result.table.name)
+        if picture is not None:
+            print_path(picture)
 
 
 def _executor(

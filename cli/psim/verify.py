@@ -10,7 +10,7 @@ import typer
 from psim.annotations import annotate
 from psim.options import Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import run_progress
-from psim.talk import paint, print_json
+from psim.talk import paint, plain, print_json, say
 
 if TYPE_CHECKING:
     from particlesim.verification import Convergence, Verification
@@ -45,12 +45,13 @@ def verify(
     code = 0 if found.passed else 1
     if as_json:
         print_json({"scenario": str(scenario), **found.as_data(), "exit_code": code})
-    else:
+    elif not quiet:
         _show(found, str(scenario))
+    elif code:
+        _show_failures(found)
     for row in found.rows:
         if row.verdict == "below":
-            seen = f"{row.method} has the order {row.expected}, and {row.order:.2f} is observed"
-            annotate("error", f"{row.field} of {row.group}: {seen}", scenario)
+            annotate("error", _failure(row), scenario)
     if code:
         raise typer.Exit(code)
 
@@ -74,6 +75,17 @@ def _show(found: Verification, name: str) -> None:
     if not found.passed and not found.reasons:
         unknown = "none is known; a step that does not resolve the motion, or chaos, hides the order"
         print(f"  {paint('reason', 'cyan', out)}: {unknown}")
+
+
+def _show_failures(found: Verification) -> None:
+    """What is below its method, on stderr."""
+    for row in found.rows:
+        if row.verdict == "below":
+            say(f"{paint('below its method', 'red')}: {plain(_failure(row))}")
+
+
+def _failure(row: Convergence) -> str:
+    return f"{row.field} of {row.group}: {row.method} has the order {row.expected}, and {row.order:.2f} is observed"
 
 
 def _cells(row: Convergence) -> tuple[str, ...]:

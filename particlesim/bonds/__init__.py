@@ -1,8 +1,9 @@
-"""Forces between two, three and four particles."""
+"""Forces between two, three and four particles, and rods."""
 
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.hinge import Angles, Dihedrals, HingeSet
 from particlesim.bonds.mesh import MeshSprings
+from particlesim.bonds.rod import Rods, RodSet
 from particlesim.bonds.spring import SpringRecord, Springs, StringRecord
 from particlesim.bonds.strut import StrutRecord
 
@@ -20,6 +21,8 @@ __all__ = [
     "Dihedrals",
     "HingeSet",
     "MeshSprings",
+    "RodSet",
+    "Rods",
     "SpringLaw",
     "SpringRecord",
     "Springs",

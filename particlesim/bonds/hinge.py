@@ -39,12 +39,12 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from particlesim.bonds.base import Floats, Ints
+from particlesim.bonds.pairs import Index
 from particlesim.crossfield import invalid
 from particlesim.laws import helper, hinge_energy, hinge_moment, hinge_stiffness, law
 from particlesim.model import Model, Name
 from particlesim.units import Degrees, Joules
 
-Index = Annotated[int, Field(ge=0, strict=True)]
 Form = Literal["harmonic", "cosine"]
 AngleGradient = tuple[float, float, float, float, float, float, float]
 AngleForms = tuple[float, float, float, float, float, float, float, float, float, float, float, float]

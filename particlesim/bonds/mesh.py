@@ -1,4 +1,4 @@
-"""The springs of a body that brings its own: cloth, rope, jelly."""
+"""The springs and rods of a body that brings its own: cloth, rope, jelly."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ Stiffness = Annotated[NewtonsPerMetre, Gt(0)]
 class MeshSprings(Model):
     """Springs between the particles of a cloth, a rope or a jelly; their rest lengths are the distances at the start."""
 
-    structural: Stiffness
-    """Stiffness of the springs between neighbours."""
+    structural: Stiffness | None = None
+    """Stiffness of the springs between neighbours; needed unless they are rigid."""
+    rigid: bool = False
+    """Instead of structural springs: rods between the neighbours in a rope, a net or hair, whose distances do not change."""
     shear: Stiffness | None = None
     """Stiffness of the springs across diagonals; none unless given."""
     bend: Stiffness | None = None
@@ -38,6 +40,28 @@ class MeshSprings(Model):
     """Strain beyond which a spring breaks, for good."""
     break_force: Annotated[Newtons, Gt(0)] | None = None
     """Pull beyond which a spring breaks, for good."""
+
+    @model_validator(mode="after")
+    def _neighbours(self) -> MeshSprings:
+        if self.rigid and self.structural is not None:
+            raise invalid(
+                "neighbours are joined by rods already", at=("structural",), also=[(("rigid",), "here")]
+            )
+        if not self.rigid and self.structural is None:
+            raise invalid(
+                "what joins neighbours?",
+                at=("rigid",) if "rigid" in self.model_fields_set else None,
+                allowed="structural = 800.0 (N/m); or rigid = true in a rope, a net or hair",
+            )
+        if not self.stiffness():
+            for key in ("damping", "damping_ratio", "tension_only", "break_strain", "break_force"):
+                if getattr(self, key):
+                    raise invalid(
+                        f"there are only rods here, and {key} is for springs",
+                        at=(key,),
+                        also=[(("rigid",), "rods")],
+                    )
+        return self
 
     @model_validator(mode="after")
     def _damping(self) -> MeshSprings:

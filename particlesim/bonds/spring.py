@@ -17,12 +17,11 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
 from particlesim.bonds.near import near_pairs
+from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
 from particlesim.crossfield import invalid
 from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, helper, law
 from particlesim.model import Model, Name
 from particlesim.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
-
-Index = Annotated[int, Field(ge=0, strict=True)]
 
 
 class Springs(Model):
@@ -34,7 +33,7 @@ class Springs(Model):
     """The group whose particles are joined."""
     between: tuple[Name, Name] | None = None
     """Two groups instead of one: the first index of a pair is in the first, the second in the second."""
-    pairs: tuple[tuple[Index, Index], ...] | None = Field(default=None, min_length=1)
+    pairs: Pairs | None = Field(default=None, min_length=1)
     """Indices of the joined particles, a pair for every spring."""
     within: Annotated[Metres, Gt(0)] | None = None
     """Instead of `pairs`: join all that are at most this far apart at the start."""
@@ -59,23 +58,12 @@ class Springs(Model):
 
     @model_validator(mode="after")
     def _joins(self) -> Springs:
-        if (self.on is None) == (self.between is None):
-            raise invalid("joins one group or two", allowed='on = "chain", or between = ["hook", "chain"]')
+        first, second = self.groups()
         if self.pairs is None and self.within is None:
             raise invalid("which particles are joined?", allowed="pairs = [[0, 1]], or within = 0.1 (m)")
         if self.pairs is not None and self.within is not None:
             raise invalid("pairs are listed already", at=("within",), also=[(("pairs",), "here")])
-        seen: dict[frozenset[int] | tuple[int, int], int] = {}
-        inside = self.groups()[0] == self.groups()[1]
-        for k, (a, b) in enumerate(self.pairs or ()):
-            if inside and a == b:
-                raise invalid(f"joins particle {a} to itself", at=("pairs", k))
-            key = frozenset((a, b)) if inside else (a, b)
-            if key in seen:
-                raise invalid(
-                    "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
-                )
-            seen[key] = k
+        check_pairs(self.pairs or (), inside=first == second)
         return self
 
     @model_validator(mode="after")
@@ -109,10 +97,7 @@ class Springs(Model):
 
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
-        if self.between is not None:
-            return self.between
-        assert self.on is not None
-        return self.on, self.on
+        return joined_groups(self.on, self.between)
 
     def spring_law(self) -> SpringLaw:
         """The constants that all springs share."""

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.bonding import Bonds
-from particlesim.engine.books import SIMPSON, Books, accelerations, damping, halfway, moved, weighted
+from particlesim.engine.books import (
+    SIMPSON,
+    Books,
+    accelerations,
+    damping,
+    halfway,
+    halfway_between,
+    moved,
+    weighted,
+)
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.driving import Driven, drive_to
 from particlesim.engine.measure import bond_energy
@@ -25,7 +34,7 @@ LENIENT = np.errstate(over="ignore", invalid="ignore")
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
     without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `bonds` as they were
-    before it."""
+    before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
 
     columns: Columns
     begin: Floats
@@ -33,6 +42,7 @@ class Opened(NamedTuple):
     free: Columns | None
     path: tuple[Moment, ...] = ()
     bonds: tuple[Bonds, ...] = ()
+    effort: float = 0.0
 
 
 class Moment(NamedTuple):
@@ -202,6 +212,7 @@ class SpringBooks:
         self.books = books
         self._bounds, self._forces, self._hinged = bounds, forces, hinged
         self._surfaces = any(structure.surfaces)
+        self._rods = bool(structure.rods)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
         self._names = [bonds.name for bonds in structure.bonds]
@@ -216,9 +227,10 @@ class SpringBooks:
         bonds: tuple[Bonds, ...],
         parts: Callable[[Columns], list[Columns]],
         end: float,
+        effort: float = 0.0,
     ) -> None:
         """Book a step that has been taken to the state `columns` at the time `end` [s]; `bonds` are as before it, and
-        `parts` cuts columns into those of the groups."""
+        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
         books, path = self.books, columns if step.free is None else step.free
         start = float(step.begin.min(initial=end))
         if (
@@ -241,6 +253,8 @@ class SpringBooks:
                     books.book_powers(k, powers, weights, h)
             self._book_damping(moments, bonds, end - start)
             self._book_motion(moments, forces, (step.columns, path), end - start)
+            if self._driven.size and self._rods:
+                books.add("motion", -effort)
             if self._surfaces:
                 bare = [self._forces(c, bonds, t, corners=False) for c, t, _ in moments]
                 pulls = [f - g for f, g in zip(forces, bare, strict=True)]
@@ -264,7 +278,10 @@ class SpringBooks:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
         f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
-        middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
+        if self._rods:  # whose forces are not among these
+            middle = halfway_between(step.columns, path, step.h)
+        else:
+            middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
         states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
         return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
 

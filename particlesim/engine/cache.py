@@ -63,6 +63,7 @@ _KERNEL: dict[str, Any] = {
     "nogil": True,
     "fastmath": FAST,
     "error_model": "numpy",
+    "no_cfunc_wrapper": True,  # called from Python, never from C
 }
 
 problem: str | None = None

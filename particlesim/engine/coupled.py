@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
 from particlesim.engine.barrier import meet, new_gate
 from particlesim.engine.bonding import add_bonds, break_bonds
@@ -21,6 +22,8 @@ from particlesim.engine.compile import inline, inlined, outline, spliced, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
 from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
+from particlesim.engine.rigging import divided
+from particlesim.engine.rods import Rods, after_contact, after_kicks, hold, places, take_aim
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
@@ -72,7 +75,8 @@ class Work(NamedTuple):
 
 class Share(NamedTuple):
     """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
-    among three and four of them; its number among the threads, and where they meet."""
+    among three and four of them; its number among the threads, and where they meet; the rods that it holds, None where
+    there are none at all."""
 
     first: int
     last: int
@@ -83,6 +87,7 @@ class Share(NamedTuple):
     wild: Any
     motions: tuple[Any, ...]
     corners: tuple[Any, ...]
+    rods: Any = None
 
 
 class FrozenRecord(NamedTuple):
@@ -114,8 +119,8 @@ class StagedEmbedded(NamedTuple):
     least: float
 
 
-def staged(method: Method) -> tuple[Any, ...]:
-    """A method's coefficients for the stage-wise kernel."""
+def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
+    """A method's coefficients for the stage-wise kernel; with `apart`, the leapfrogs of a composition stay apart."""
     if isinstance(method, EmbeddedRungeKutta):
         rows = (*method.a, method.b)
         a = np.zeros((len(rows), len(rows)))
@@ -123,7 +128,8 @@ def staged(method: Method) -> tuple[Any, ...]:
             a[i, : len(row)] = row
         return StagedEmbedded(a, np.array((*method.c, 1.0)), np.array(method.errors), *method.record()[4:])
     if isinstance(method, Composition):
-        return StagedComposition(np.array(method.kicks), np.array(method.drifts))
+        kicks, drifts = method.apart() if apart else (method.kicks, method.drifts)
+        return StagedComposition(np.array(kicks), np.array(drifts))
     if isinstance(method, RungeKutta):
         s = len(method.b)
         a = np.zeros((s, s))
@@ -145,10 +151,11 @@ def scratch(method: Method, count: int, dtype: Any) -> Work:
 
 
 def share_out(
-    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...]
+    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...], rods: Rods | None
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk."""
     ranges = shares(count, threads)
+    mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
@@ -161,6 +168,7 @@ def share_out(
             wild,
             led_between(driven, first, last),
             corners_between(corners, first, last),
+            mine[number],
         )
         for number, (first, last) in enumerate(ranges)
     ]
@@ -257,9 +265,10 @@ def _rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any)
             if first < last:
                 m = c.m[first:last]
                 for k, v in enumerate((c.vx, c.vy, c.vz)):
-                    slope[k, first:last] = v[first:last]
+                    own, glide = v[first:last], slope[k, first:last]
                     f, out = total[k, first:last], slope[3 + k, first:last]
                     for i in range(m.size):
+                        glide[i] = own[i]
                         out[i] = f[i] / m[i]
             rates(parts[1:], c, total, slope, t, lo, hi)
 
@@ -352,8 +361,9 @@ def evolve(
 def _evolve(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> Impl | None:
+    free = isinstance(share.types[-1], types.NoneType)
     families: dict[type, Impl] = {
-        StagedComposition: _composition,
+        StagedComposition: _composition if free else _held_composition,
         StagedRungeKutta: _runge_kutta,
         StagedVerlet: _verlet,
     }
@@ -378,6 +388,37 @@ def _composition(
             if glide != 0:
                 drift(q, glide, t, end, h)
         now += method.drifts[stage] * (end - t)
+
+
+def _held_composition(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    # A component of rods has particles of several threads: all must have drifted before it is held, and be held before
+    # anybody reads them.
+    now, here = t, places(c)
+    take_aim(share.rods, here)
+    for stage in range(method.kicks.size):
+        push, glide = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
+        if push != 0:
+            evaluate(parts, bonds, c, work, share, now)
+        elif stage == 0:
+            meet(share.gate, share.threads)
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            q = block_of(c, lo, hi)
+            if push != 0:
+                kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
+            if glide != 0:
+                drift(q, glide, t, end, h)
+        now += method.drifts[stage] * (end - t)
+        if glide != 0:
+            drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
+            meet(share.gate, share.threads)
+            if not hold(share.rods, here, method.drifts[stage] * (end - t), share.rods.eager):
+                share.wild[8 * share.number] = 1
+        meet(share.gate, share.threads)
+    after_kicks(share.rods, here)
+    meet(share.gate, share.threads)
 
 
 @inlined
@@ -516,14 +557,16 @@ def _settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Impl:
 def save(q: Any, before: Any) -> None:
     """Copy position and velocity of a block to before [6, block]."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-        before[k, :] = column
+        for i in range(column.size):
+            before[k, i] = column[i]
 
 
 @inlined
 def restore(q: Any, before: Any) -> None:
     """Undo `save`."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
-        column[:] = before[k, :]
+        for i in range(column.size):
+            column[i] = before[k, i]
 
 
 @inlined
@@ -551,6 +594,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     collide(parts, c, work.before, share, t, end, h)
+    after_contact(share.rods, c, share)
     for lo in range(share.first, share.last, share.chunk):
         if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
             share.wild[8 * share.number] = 1

@@ -1,9 +1,9 @@
-"""Islands of groups joined by springs, as the engine runs them: by stages, on one thread or several."""
+"""Islands of groups joined by springs and rods, as the engine runs them: by stages, on one thread or several."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -39,8 +39,9 @@ from particlesim.engine.islands import (
     group_uses_radius,
     shortest_step,
 )
-from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General
+from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General, Symmetric
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
+from particlesim.engine.rod_system import rod_system
 from particlesim.engine.runs import chunk_size, in_slots, owned
 from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
@@ -48,6 +49,7 @@ from particlesim.errors import UsageError
 from particlesim.graph import Island
 from particlesim.groups import Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
+from particlesim.laws import evaluate, force_dv, force_dx
 from particlesim.layouts.mesh import is_closed, require_manifold
 from particlesim.scenario.scenario import Scenario
 from particlesim.team import Team
@@ -59,8 +61,12 @@ WORTH_THREADS = 500_000
 """Spring-steps below which one thread is faster than waking others."""
 
 
+ROD_IN_SPRINGS = 20
+"""About how many springs take the time of a rod."""
+
+
 class CoupledIsland:
-    """Groups joined by springs; their states are stretches of the island's arrays."""
+    """Groups joined by springs and rods; their states are stretches of the island's arrays."""
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
@@ -69,9 +75,10 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged: tuple[Any, ...]
         if isinstance(self._method, ImplicitMethod):
-            self._staged, self._step = staged_implicit(self._method, dtype), step_island_implicit
+            solver = General() if _lopsided(island, self.states) else Symmetric()
+            self._staged, self._step = staged_implicit(self._method, dtype, solver), step_island_implicit
         else:
-            self._staged, self._step = staged(self._method), step_island
+            self._staged, self._step = staged(self._method, apart=bool(island.rods)), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
@@ -97,11 +104,14 @@ class CoupledIsland:
             for each in state.driven
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
+        self.rods = rod_system(scenario, island, self._all, self.states, offset)
         self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
         self.corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
         self.springs += sum(each.rows.size for each in self.corners)
+        if self.rods is not None and self.rods.components > 1:
+            self.springs += ROD_IN_SPRINGS * self.rods.number
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
         self._work = scratch(self._method, self._all.count, dtype)
         if isinstance(self._method, ImplicitMethod):
@@ -236,7 +246,8 @@ class CoupledIsland:
         if threads not in self._shares:
             chunk, count = chunk_size(self._all.count), self._all.count
             found = []
-            for share in share_out(count, threads, self._driven, self.corners):
+            rods = None if self.rods is None else self.rods.rods
+            for share in share_out(count, threads, self._driven, self.corners, rods):
                 mine = tuple(
                     bonds._replace(table=table, begin=begin)
                     for bonds in self.bonds
@@ -262,7 +273,8 @@ class CoupledIsland:
         return work._replace(system=own)
 
     def topology(self, names: Sequence[str]) -> list[Topology]:
-        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set."""
+        """The springs of every set, in the order of the kernel, as a trajectory keeps them; a name for each set. Then the
+        rods."""
         ids = self._all.id
         found = []
         for name, bonds in zip(names, self.bonds, strict=True):
@@ -271,15 +283,20 @@ class CoupledIsland:
             broke = np.full(len(pairs), np.inf) if bonds.breaking is None else bonds.breaking.when[there]
             rest = bonds.rest[there].astype(float)
             found.append(Topology(name, pairs, rest, broke, breakable=bonds.breaking is not None))
-        return found
+        return found if self.rods is None else [*found, *self.rods.topology(ids)]
 
     def _reduced_mass(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
         """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
         inverse = 1 / self._all.mass[: self._all.count].astype(float)
-        if self._all.clocked:
-            inverse[np.isinf(self._all.start[: self._all.count])] = 0
+        inverse[self._pinned()] = 0
         total = inverse[i] + inverse[j]
         return np.divide(1, total, out=np.zeros_like(total), where=total > 0)
+
+    def _pinned(self) -> NDArray[np.bool_]:
+        """Which particles no force moves."""
+        if not self._all.clocked:
+            return np.zeros(self._all.count, np.bool_)
+        return np.asarray(np.isinf(self._all.start[: self._all.count]))
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
@@ -311,6 +328,8 @@ class CoupledIsland:
         if self._method.adaptive:
             pace = new_pace(len(shares), self._disturbed, booked)
         opened = self._open(first) if booked and pace is None else None
+        if self.rods is not None:
+            self.rods.begin()
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
@@ -337,6 +356,11 @@ class CoupledIsland:
             return None, None, self._unsolved(step)
         return None, None, self._find(step)
 
+    def fit(self) -> None:
+        """Bring particles on rods to velocities that keep lengths, after something has changed them from outside."""
+        if self.rods is not None:
+            self.rods.fit(self.island_columns())
+
     def _solves_more(self) -> bool:
         """Whether the last step met equations that are not symmetric and positive definite: from now on the kernel solves
         these, too."""
@@ -352,6 +376,8 @@ class CoupledIsland:
     ) -> None:
         """Steps of a copy of the particles and bonds, on one thread."""
         ((_, work, share),) = self._for(1)
+        if self.rods is not None:
+            self.rods.begin()
         given = (parts, bonds, columns, work, share)
         done = self._step(self._staged, *given, first, steps, self.dt)
         if done < steps and self._solves_more():
@@ -371,13 +397,14 @@ class CoupledIsland:
             return None
         columns, bonds = self._copied(self.bonds)
         begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
-        free = None
+        free, effort = None, 0.0
         if "contact" in self.books.names:
             ((mine, _, _),) = self._for(1)
             free, mine = self._copied(mine)
             parts = tuple(part._replace(contacts=Simple(())) for part in self.parts)
             self._step_copy(parts, mine, free, step, 1)
-        return Opened(columns, begin, h, free, bonds=bonds)
+            effort = 0.0 if self.rods is None else self.rods.effort
+        return Opened(columns, begin, h, free, bonds=bonds, effort=effort)
 
     def _copied(self, bonds: tuple[Bonds, ...]) -> tuple[Columns, tuple[Bonds, ...]]:
         """Columns and bonds as they are, to be changed or kept."""
@@ -389,7 +416,8 @@ class CoupledIsland:
         if self._booking is None or opened is None:
             return
         columns = self.island_columns()
-        self._booking.close(opened, columns, opened.bonds, self._cut, last * self.dt)
+        effort = opened.effort if opened.free is not None or self.rods is None else self.rods.effort
+        self._booking.close(opened, columns, opened.bonds, self._cut, last * self.dt, effort)
         self._booking.book_breaking(opened.bonds, self.bonds, columns)
 
     def _leg(self, pace: Pace) -> tuple[Opened, tuple[Bonds, ...], float]:
@@ -471,14 +499,33 @@ class CoupledIsland:
         return Fault(member, row - self._bounds[member], step, unsolved=unsolved)
 
     def _find(self, step: int) -> Fault:
-        """Which particle: step once more on a copy, and look."""
+        """Which particle, or rod: step once more on a copy, and look."""
         columns = self.island_columns()
         ((bonds, work, _),) = self._for(1)
         self._step_copy(self.parts, bonds, copied(columns), step, 1)
         wild = ~np.isfinite(work.force).all(axis=0)
+        unheld = None if self.rods is None else self.rods.unheld()
+        if self.rods is not None and unheld is not None and np.isfinite(unheld.misfit):
+            row = self.rods.row_of(unheld, ~self._pinned())
+            member = int(np.searchsorted(self._bounds, row, side="right")) - 1
+            return Fault(member, row - self._bounds[member], step, unheld=unheld)
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
         member = int(np.searchsorted(self._bounds, row, side="right")) - 1
         return Fault(member, row - self._bounds[member], step)
+
+
+def _lopsided(island: Island, states: Sequence[GroupState]) -> bool:
+    """Whether some force on the first particles has a Jacobian that is not symmetric: the equations will not be."""
+    for forces, state in zip(island.forces, states, strict=True):
+        for force, derivative in product(forces, (force_dx, force_dv)):
+            try:
+                with np.errstate(all="ignore"):
+                    matrix = np.reshape(evaluate(derivative, force.record(), state.particle(0, 0.0)), (3, 3))
+            except (ArithmeticError, ValueError):  # a singular place
+                continue
+            if np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max():
+                return True
+    return False
 
 
 def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:

@@ -63,6 +63,12 @@ WHY = {
 }
 """What is told of a particle whose own steps could not go on, and what to do about it."""
 
+UNHELD = (
+    "try a smaller dt; where rods leave no way to move, as a straight chain between two pins or a braced square that is "
+    "bent out of its plane, no step is small enough: leave a rod out, or use springs"
+)
+"""What to do about rods that could not be held."""
+
 
 class Sign(NamedTuple):
     """The first sign: its step, the row, the particle before that step, its place in the columns, columns and bonds."""
@@ -191,6 +197,15 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         )
         hint = "try a smaller dt, a larger tolerance, or more iterations"
         return _report(simulation, number, sign, "not solved", time, text, hint)
+    if (rod := fault.unheld) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        ends = " and ".join(f"{k} of {name!r}" for k, name in zip(rod.particles, rod.groups, strict=True))
+        text = (
+            f"rods {rod.name!r} could not be held in the step from t = {time:.9g} s: the one between particles {ends} "
+            f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
+        )
+        return _report(simulation, number, sign, "not held", time, text, UNHELD)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(simulation, number, row, first, fault.step)
     if early is None:
@@ -349,7 +364,7 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
-        hint += f": {advice(stable)}"
+        hint += f": {advice(stable, rods=bool(simulation.graph.islands[number].rods))}"
     return DivergenceError(message, hint, found)
 
 

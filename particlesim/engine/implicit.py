@@ -71,7 +71,7 @@ class StagedImplicit(NamedTuple):
     solver: Symmetric | General
 
 
-def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
+def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | General) -> StagedImplicit:
     """A method's numbers for the stage-wise kernel."""
     newton = method.record().newton
     return StagedImplicit(
@@ -85,7 +85,7 @@ def staged_implicit(method: ImplicitMethod, dtype: Any) -> StagedImplicit:
         ROUNDING * float(np.finfo(dtype).eps),
         1 if newton is None else newton.limit,
         method.max_linear_iterations,
-        Symmetric(),
+        solver,
     )
 
 
@@ -103,19 +103,22 @@ def evolve_implicit(
         plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
         size = size2(s, share)
         if iterations == 0:
-            first, goal = size, max(method.tolerance**2 * size, method.rounding**2 * rounding)
+            first = size
+            goal = max(
+                method.tolerance * method.tolerance * size, method.rounding * method.rounding * rounding
+            )
         if not size < np.inf:
             ended = WILD
         elif size <= goal:
             ended = SOLVED
-        elif size > GROWTH**2 * last and halved < HALVINGS:
+        elif size > GROWTH * GROWTH * last and halved < HALVINGS:
             halved, taken = halved + 1, 0.5 * taken
             change(c, s, share, -taken, reach)
             meet(share.gate, share.threads)
         elif iterations == method.limit:
             ended = UNSOLVED
         else:
-            wanted = goal if method.linear else max(FORCING**2 * size, 0.25 * goal)
+            wanted = goal if method.linear else max(FORCING * FORCING * size, 0.25 * goal)
             last, halved, taken, iterations = size, 0, 1.0, iterations + 1
             status, left, turns = solve(
                 method.solver, bonds, s, share, plain, symmetric, size, wanted, method.linear_limit

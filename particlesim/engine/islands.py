@@ -54,6 +54,7 @@ class Fault:
     step: int
     stop: Stop | None = None
     unsolved: Unsolved | None = None
+    unheld: Unheld | None = None
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,18 @@ class Unsolved:
     residual: float
     iterations: int
     linear: int = 0
+
+
+@dataclass(frozen=True)
+class Unheld:
+    """A rod that could not be held: its set, indices and groups of both ends, its length [m], and by which part of that it
+    is too long or too short."""
+
+    name: str
+    particles: tuple[int, int]
+    groups: tuple[str, str]
+    length: float
+    misfit: float
 
 
 @dataclass(frozen=True)

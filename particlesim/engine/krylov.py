@@ -47,7 +47,7 @@ def dot(a: Any, b: Any, lo: Any, hi: Any, lanes: Any) -> float:
     return total
 
 
-@outlined
+@spliced
 def dots(s: Any, row: Any, a: Any, b: Any, share: Any) -> None:
     """Dot product of a share's particles, chunk by chunk, into a row of the partial sums."""
     for lo in range(share.first, share.last, share.chunk):

@@ -8,7 +8,7 @@ x'' = Kx x + Kv v has Rayleigh quotients of stiffness, k = −ȳ·Kx y, and damp
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,12 +19,13 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.corner_tensors import corner_tensors
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import IndependentIsland
-from particlesim.engine.spring_tensors import Coupling, bound, extreme_modes, tensors
+from particlesim.engine.rod_modes import directions, free_motions, pulls
+from particlesim.engine.spring_tensors import Coupling, Tensors, bound, extreme_modes, tensors
 from particlesim.engine.state import GroupState
 from particlesim.graph import Island
 from particlesim.groups import FirstOrder, Group
 from particlesim.integrators.regions import Linear, has_function
-from particlesim.laws import Particle, evaluate, force_dv, force_dx, velocity_dx
+from particlesim.laws import Particle, evaluate, force, force_dv, force_dx, velocity_dx
 from particlesim.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -38,6 +39,9 @@ MOST_SPRINGS = 100_000
 """Springs up to which extreme modes are computed; bounds serve for more."""
 FEW_SPRINGS = 20_000
 """Springs up to which that is done for every set alone, too."""
+
+MOST_RODS = 20_000
+"""Rods up to which what pulls on them is computed; more are left out."""
 
 
 class Blocks(NamedTuple):
@@ -106,7 +110,8 @@ class IslandModel:
         return k + bound(sets, w, damping=False), d + bound(sets, w, damping=True)
 
     def _couplings(self, island: CoupledIsland) -> list[tuple[str, Coupling]]:
-        """Springs, hinges, and triangles under each force, by label; a force on several surfaces comes several times."""
+        """Springs, rods, hinges, and triangles under each force, by label; a force on several surfaces comes several
+        times."""
         columns = island.island_columns()
         labels = dict(zip(map(id, self.scenario.forces), self.scenario.force_labels(), strict=False))
         corners = [
@@ -114,13 +119,36 @@ class IslandModel:
             *(labels[id(force)] for forces in self.structure.surfaces for force in forces),
         ]
         bonds = zip((each.name for each in self.structure.bonds), island.bonds, strict=True)
+        springs = [(name, tensors(bond, columns)) for name, bond in bonds]
         return [
-            *((name, tensors(bond, columns)) for name, bond in bonds),
+            *springs,
+            *self._rods(island, [each for _, each in springs]),
             *(
                 (name, corner_tensors(each, columns, self.time))
                 for name, each in zip(corners, island.corners, strict=True)
             ),
         ]
+
+    def _rods(self, island: CoupledIsland, springs: Sequence[Tensors]) -> Iterator[tuple[str, Coupling]]:
+        """Sets of rods with what springs and forces on their ends pull at present; none where there are too many."""
+        if island.rods is None or island.rods.number > MOST_RODS:
+            return
+        total = np.zeros((3, self.count))
+        ends, begin = island.rods.ends, 0
+        for state, records in zip(island.states, self.records, strict=True):
+            for row in ends[(ends >= begin) & (ends < begin + state.count)].tolist():
+                total[:, row] = _force(tuple(records.values()), state.particle(row - begin, self.time))
+            begin += state.count
+        for each in springs:
+            along = each.across * each.length + each.damping * (each.velocity * each.e).sum(axis=0)
+            for axis, pull in enumerate(along * each.e):
+                total[axis] += np.bincount(each.j, pull, self.count) - np.bincount(each.i, pull, self.count)
+        yield from pulls(island.rods, island.island_columns(), total, self._mobility())
+
+    def _left_out(self) -> str:
+        """What the linearised island lacks, in words."""
+        rods = self.island.rods if isinstance(self.island, CoupledIsland) else None
+        return " (without rods)" if rods is not None and rods.number > MOST_RODS else ""
 
     def _mobility(self) -> Floats:
         """1/m of every particle, or 1/γ without inertia; 0 for pinned ones."""
@@ -177,7 +205,7 @@ class IslandModel:
             terms[label] = [_diagonal(blocks.rows, part, self.count) for part in (blocks.kx, blocks.kv)]
         alone = {label: self._modes(kx, kv, w) for label, (kx, kv) in terms.items()}
         kx, kv = (sum((part[k] for part in terms.values()), zero) for k in (0, 1))
-        return Linearised(alone, self._modes(kx, kv, w), "all particles")
+        return Linearised(alone, self._modes(kx, kv, w), "all particles" + self._left_out())
 
     def _modes(self, kx: Floats, kv: Floats, w: Floats) -> Linear:
         """Modes of an island's matrices, in coordinates of free particles: eigenvalues λ where the method has a function of
@@ -186,6 +214,13 @@ class IslandModel:
         root = np.sqrt(np.repeat(w, 3)[free])
         # In y = √m x the matrices of springs are symmetric.
         kx, kv = (m[np.ix_(free, free)] * root / root[:, None] for m in (kx, kv))
+        if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
+            x = np.concatenate([state.position.T.astype(float) for state in self.island.states], axis=1)
+            space = free_motions(directions(self.island.rods, x).toarray()[:, free] * root)
+            if space.shape[1] == 0:
+                return pairs(np.zeros(1), np.zeros(1))
+            kx, kv = (space.T @ m @ space for m in (kx, kv))
+            free = free[: space.shape[1]]  # as many motions, all of them with inertia
         if not has_function(self.structure.method) and not kv.any():
             return pairs(-np.linalg.eigvals(kx), np.zeros(len(free)))
         massless = np.repeat(self.massless, [3 * state.count for state in self.island.states])[free]
@@ -214,9 +249,10 @@ class IslandModel:
         for label, blocks in self._blocks(SAMPLE).items():
             alone[label] = Linear(blocks.kx, None if all(self.massless) else blocks.kv)
         find = extreme_modes if number <= MOST_SPRINGS else _bounding_modes
-        modes = find([part for _, part in couplings], w)
+        modes = find([part for _, part in couplings], w) if couplings else np.zeros((1, 2))
         together = self._damped(modes + self._background())
-        return Linearised(alone, together, "extreme modes" if number <= MOST_SPRINGS else "bounds")
+        how = "extreme modes" if number <= MOST_SPRINGS else "bounds"
+        return Linearised(alone, together, how + self._left_out())
 
     def _damped(self, modes: Floats) -> Linear:
         """Pairs (k, d) as systems; without inertia x' = −k x."""
@@ -272,6 +308,16 @@ def _jacobians(group: Group, sample: Sequence[Particle], record: Any) -> tuple[F
                 continue
             out[i] = np.where(np.isfinite(matrix), matrix, 0.0)
     return kx, kv
+
+
+def _force(records: tuple[Any, ...], p: Particle) -> Floats:
+    """The sum of forces on a particle [N]; 0 in singular places."""
+    try:
+        with np.errstate(all="ignore"):
+            found = np.array(evaluate(force, records, p), float)
+    except (ArithmeticError, ValueError):
+        return np.zeros(3)
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _gradients(sample: Sequence[Particle], flow: tuple[Any, ...]) -> tuple[Floats, Floats]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba.core import typed_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -32,6 +33,11 @@ class _Codegen:
         """Nothing to set."""
 
 
+WANTED, OPTIONAL = "weak_odr", "linkonce_odr"
+"""Linkage of a part's function while its users are linked, and after that. LLVM leaves out optional functions that nobody
+has called for yet, and the order of linking is not that of calls; what is still wanted at the end would be kept for ever."""
+
+
 class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]  # the compiler has no types
     """The code of a kernel with all its parts, and with theirs."""
 
@@ -40,6 +46,23 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]  # the compiler has n
         for each in library.linked() if isinstance(library, PartLibrary) else (library,):
             super().add_linking_library(each)
 
+    def _optimize_final_module(self) -> None:
+        _make_optional(self._final_module)
+        super()._optimize_final_module()
+
+    def _verify_declare_only_symbols(self) -> None:
+        super()._verify_declare_only_symbols()
+        lacking = [
+            f.name for f in self._final_module.functions if f.is_declaration and f.name.startswith("_ZN")
+        ]
+        assert not lacking, f"{self.name} lacks {lacking}: it would jump to nowhere"
+
+
+def _make_optional(module: Any) -> None:
+    for function in module.functions:
+        if function.linkage == Linkage[WANTED]:
+            function.linkage = OPTIONAL
+
 
 class Alone:
     """A part without those that it needs: whoever links it links them too."""
@@ -47,12 +70,18 @@ class Alone:
     def __init__(self, part: PartLibrary) -> None:
         self._part = part
         self._reload_init = part._reload_init
+        self._module: Any = None
 
     def _ensure_finalized(self) -> None:
         self._part._ensure_finalized()
 
     def _get_module_for_linking(self) -> Any:
-        return JITCodeLibrary._get_module_for_linking(self._part)
+        if self._module is None:
+            self._module = self._part._final_module.clone()
+            for function in self._module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = WANTED
+        return self._module
 
 
 class PartLibrary(KernelLibrary):
@@ -79,6 +108,7 @@ class PartLibrary(KernelLibrary):
             self._whole = first.clone()
             for other in others:
                 self._whole.link_in(other, preserve=True)
+            _make_optional(self._whole)
         return self._whole
 
     def finalize(self) -> None:

@@ -198,7 +198,7 @@ def gather_blocks(s: Any, share: Any) -> None:
                         g.moment[row, node] += w * g.moment[row, i]
                         g.moment[6 + row, node] += w * g.moment[6 + row, i]
         meet(share.gate, share.threads)
-        slope = type_of(g.moment[0, 0], SPRINGS / g.pitch[level] ** 2)
+        slope = type_of(g.moment[0, 0], SPRINGS / (g.pitch[level] * g.pitch[level]))
         half = type_of(slope, INERTIA)
         for node in range(lo, hi):
             m = g.moment[:, node]

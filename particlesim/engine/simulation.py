@@ -156,6 +156,7 @@ class Simulation:
             if at == self.step:
                 kick = self.scenario.impulses[k]
                 self._guard.forget()
+                before = self._kinetic()
                 for group, state in zip(self.scenario.groups, self.states, strict=True):
                     chosen = (
                         state.name in kick.on
@@ -163,10 +164,17 @@ class Simulation:
                         else group.dynamics.type == "second_order"
                     )
                     if chosen:
-                        before = state.kinetic() if self.scenario.output.work else 0.0
                         state.kick(kick.impulse)
-                        if self.scenario.output.work:
-                            self.impulse_work[0] += state.kinetic() - before
+                for island in self._islands:
+                    if isinstance(island, CoupledIsland):
+                        island.fit()
+                self.impulse_work[0] += self._kinetic() - before
+
+    def _kinetic(self) -> float:
+        """Kinetic energy of everything with inertia [J], where work is booked; else 0."""
+        if not self.scenario.output.work:
+            return 0.0
+        return sum(state.kinetic() for state in self.states)
 
     def take_events(self) -> Events:
         """Births and deaths since the last call."""

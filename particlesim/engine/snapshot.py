@@ -58,7 +58,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
     CoupledIsland: frozenset(
         {
             *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "corners", "_driven"),
-            *("_kept", "_method", "_shares", "_staged", "_step"),
+            *("_kept", "_method", "_shares", "_staged", "_step", "rods"),
         }
     ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),

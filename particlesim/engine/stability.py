@@ -56,6 +56,8 @@ class IslandStability:
     how: str
     eigenvalues: NDArray[np.complex128] = field(repr=False)
     spectra: dict[str, NDArray[np.complex128]] = field(repr=False, default_factory=dict)
+    rods: bool = False
+    """Whether there are rods, which methods without a limit cannot hold."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
@@ -65,12 +67,12 @@ class IslandStability:
         if self.step == 0:
             return (
                 f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
-                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name)}"
+                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name, rods=self.rods)}"
             )
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {advice(self.step)}"
+            f"{self._strictest()}: {advice(self.step, rods=self.rods)}"
         )
 
     def _strictest(self) -> str:
@@ -146,10 +148,10 @@ def island_stability(simulation: Simulation, number: int) -> IslandStability:
     return _of(simulation, number)
 
 
-def advice(step: float) -> str:
-    """What to try when steps are longer than the largest stable one [s]."""
+def advice(step: float, *, rods: bool) -> str:
+    """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
-    names = unlimited()
+    names = () if rods else unlimited()
     return f"{text}, or an integrator without a limit ({', '.join(names)})" if names else text
 
 
@@ -219,6 +221,7 @@ def _judged(simulation: Simulation, number: int) -> IslandStability:
         found.how,
         values,
         spectra,
+        bool(structure.rods),
     )
 
 
@@ -247,9 +250,10 @@ def _model(simulation: Simulation, number: int) -> IslandModel:
     )
 
 
-def _others(method: str) -> str:
-    """Methods that do not let oscillations grow."""
-    names: Sequence[str] = [name for name in ("symplectic_euler", "velocity_verlet", "rk4") if name != method]
+def _others(method: str, *, rods: bool) -> str:
+    """Methods that do not let oscillations grow, and hold rods if there are some."""
+    known = ("symplectic_euler", "velocity_verlet", *(() if rods else ("rk4",)))
+    names: Sequence[str] = [name for name in known if name != method]
     return f"try integrator = {' or '.join(repr(name) for name in names)}"
 
 

@@ -1,4 +1,4 @@
-"""The springs and surfaces of a simulation as a trajectory keeps them: particles by their ids."""
+"""The springs, rods and surfaces of a simulation as a trajectory keeps them: particles by their ids."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HIDDEN = (".shear", ".bend")
 def topology(
     scenario: Scenario, graph: Graph, islands: Sequence[Any], states: Sequence[GroupState]
 ) -> list[Topology]:
-    """All sets of springs, by their names in the ledger, and surfaces, by the names of their groups."""
+    """All sets of springs and rods, by their names in the ledger, and surfaces, by the names of their groups."""
     found: dict[str, Topology] = {}
     for island, structure in zip(islands, graph.islands, strict=True):
         if isinstance(island, CoupledIsland):

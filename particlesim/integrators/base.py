@@ -146,8 +146,12 @@ class Composition(Method):
 
     kicks: tuple[float, ...] = ()
     drifts: tuple[float, ...] = ()
+    leapfrogs: tuple[float, ...] = ()
+    """Fractions of the step, where the method is made of leapfrogs drift, kick, drift whose drifts are joined."""
 
     def __post_init__(self) -> None:
+        if self.leapfrogs and not self._joins():
+            raise ValueError(f"{self.name}: the leapfrogs give other kicks and drifts")
         if len(self.kicks) != len(self.drifts):
             raise ValueError(f"{self.name}: needs as many drifts as kicks (0 for none)")
         for what, parts in (("kicks", self.kicks), ("drifts", self.drifts)):
@@ -164,6 +168,28 @@ class Composition(Method):
                 f"{self.name}: reversible is declared {self.reversible}, the coefficients say otherwise"
             )
         self._check_order(self._order_conditions())
+
+    def apart(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Kicks and drifts with those of every leapfrog by themselves.
+
+        Drifts that are right to second order only, as those of particles on rods, may not be joined: the errors of the
+        leapfrogs, one by one, are what a composition of higher order cancels.
+        """
+        if not self.leapfrogs:
+            return self.kicks, self.drifts
+        kicks = tuple(x for w in self.leapfrogs for x in (0.0, w))
+        drifts = tuple(x for w in self.leapfrogs for x in (w / 2, w / 2))
+        return kicks, drifts
+
+    def _joins(self) -> bool:
+        """Whether the leapfrogs, their drifts joined, are the kicks and drifts."""
+        halves = [w / 2 for w in self.leapfrogs]
+        drifts = [a + b for a, b in zip([0.0, *halves], [*halves, 0.0], strict=True)]
+        wanted = ((0.0, *self.leapfrogs), drifts)
+        return all(
+            len(given) == len(made) and all(map(_equal, given, made))
+            for given, made in zip((self.kicks, self.drifts), wanted, strict=True)
+        )
 
     def _order_conditions(self) -> list[Condition]:
         s = range(len(self.kicks))

@@ -18,4 +18,5 @@ YOSHIDA4 = Composition(
     first_order="rk4",
     kicks=(0.0, _W1, _W0, _W1),
     drifts=(_W1 / 2, (_W0 + _W1) / 2, (_W0 + _W1) / 2, _W1 / 2),
+    leapfrogs=(_W1, _W0, _W1),
 )

@@ -51,6 +51,9 @@ class Layout(Model):
     kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of springs that it can bring, angles and dihedrals among them."""
 
+    can_be_rigid: ClassVar[bool] = False
+    """Whether its neighbours may be joined by rods and it can still bend."""
+
     type: str
 
     def open(self, folder: Path | None) -> Layout:

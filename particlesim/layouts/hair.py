@@ -27,6 +27,7 @@ class Hair(Mesh):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND, ANGLE)
+    can_be_rigid: ClassVar[bool] = True
 
     type: Literal["hair"] = "hair"
     strands: Annotated[int, Field(ge=1, le=10**7, strict=True)]

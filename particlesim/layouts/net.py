@@ -26,6 +26,7 @@ class Net(Sheet):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND)
+    can_be_rigid: ClassVar[bool] = True
 
     type: Literal["net"] = "net"
     size: tuple[Length, Length]

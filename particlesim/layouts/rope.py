@@ -21,6 +21,7 @@ class Rope(Mesh):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND, ANGLE)
+    can_be_rigid: ClassVar[bool] = True
 
     type: Literal["rope"] = "rope"
     start: Vector[Metres]

@@ -57,10 +57,10 @@ def references(scenario: Scenario) -> Iterator[Invalid]:
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
     for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
         places += [((section, k, "on"), hinges.on) for k, hinges in enumerate(entries)]
-    for k, springs in enumerate(scenario.springs):
-        if springs.on is not None:
-            places.append((("springs", k, "on"), springs.on))
-        places += [(("springs", k, "between", j), name) for j, name in enumerate(springs.between or ())]
+    for here, joint in joints.listed(scenario):
+        if joint.on is not None:
+            places.append(((*here, "on"), joint.on))
+        places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
     for path, name in places:
         if name not in known:
@@ -175,6 +175,7 @@ CHECKS = (
     joints.pairs,
     joints.pulled,
     joints.joined,
+    joints.held,
     pictures.colors,
     too_fine,
     pictures.styles,

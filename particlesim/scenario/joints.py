@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from particlesim.bonds import SpringLaw
+from particlesim.bonds import Rods, SpringLaw, Springs
 from particlesim.bonds.hinge import Hinges
 from particlesim.crossfield import Invalid, Path
 from particlesim.groups import Particles
 from particlesim.integrators import method_for
 from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.rods import are_rods, rod_tables, unfit
 from particlesim.selection import mistakes as selection_mistakes
 
 if TYPE_CHECKING:
@@ -63,18 +64,26 @@ def motions(scenario: Scenario) -> Iterator[Invalid]:
             whole[motion.on] = k
 
 
-def pairs(scenario: Scenario) -> Iterator[Invalid]:
-    """Springs join particles that exist."""
-    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+def listed(scenario: Scenario) -> Iterator[tuple[Path, Springs | Rods]]:
+    """Where pairs of particles are joined, and how."""
     for k, springs in enumerate(scenario.springs):
-        for end, name in enumerate(springs.groups()):
+        yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        yield ("rods", k), rods
+
+
+def pairs(scenario: Scenario) -> Iterator[Invalid]:
+    """Springs and rods join particles that exist."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for here, joint in listed(scenario):
+        for end, name in enumerate(joint.groups()):
             path, group = tables[name]
             number = group.layout.number() if isinstance(group, Particles) else None
-            for j, pair in enumerate(springs.pairs or ()):
+            for j, pair in enumerate(joint.pairs or ()):
                 if number is not None and pair[end] >= number:
                     yield Invalid(
                         f"{name!r} has no particle {pair[end]}",
-                        ("springs", k, "pairs", j, end),
+                        (*here, "pairs", j, end),
                         (((*path, "layout"), f"{number} particles"),),
                         allowed=f"0 to {number - 1}",
                     )
@@ -94,19 +103,20 @@ def pairs(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def pulled(scenario: Scenario) -> Iterator[Invalid]:
-    """Springs join particles that are there from the start and that forces move."""
+    """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, law in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
         for name in dict.fromkeys(names):
             path, group = tables[name]
             if not isinstance(group, Particles):
                 yield Invalid(
-                    f"springs join particles that are there from the start, and {name!r} is emitted",
+                    f"{what} join particles that are there from the start, and {name!r} is emitted",
                     here,
                     ((path, "emitted here"),),
                 )
             elif group.dynamics.type == "tracer":
-                yield Invalid("tracers move with their flow; no spring pulls them", here, ((path, "here"),))
+                yield Invalid(f"tracers move with their flow; no {what} pull them", here, ((path, "here"),))
             elif group.dynamics.type == "first_order" and (law.damped or law.by_mass):
                 key = "frequency" if law.frequency is not None else "damping"
                 key = "damping_ratio" if law.damping_ratio is not None else key
@@ -118,16 +128,17 @@ def pulled(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def joined(scenario: Scenario) -> Iterator[Invalid]:
-    """What groups joined by springs have in common, and what they cannot do."""
+    """What groups joined by springs or rods have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
         ]
         if methods[0] != methods[1]:
             yield Invalid(
-                "springs join groups that step together, and these have different integrators "
+                f"{what} join groups that step together, and these have different integrators "
                 f"({methods[0].label}, {methods[1].label})",
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
@@ -135,7 +146,7 @@ def joined(scenario: Scenario) -> Iterator[Invalid]:
         for j, plane in enumerate(scenario.planes):
             if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
                 yield Invalid(
-                    "a plane cannot kill particles that are joined by springs",
+                    f"a plane cannot kill particles that are joined by {what}",
                     ("planes", j, "contact"),
                     ((here, "joined here"),),
                     hint="name the groups that the plane acts on with on = [...]",
@@ -146,16 +157,23 @@ def joined(scenario: Scenario) -> Iterator[Invalid]:
             ]
             if group.cooling is not None and reads:
                 yield Invalid(
-                    f"{reads[0].label} reads the temperature, which must not change for particles joined by springs",
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by {what}",
                     (*place, "cooling"),
                     ((here, "joined here"),),
                 )
 
 
+def held(scenario: Scenario) -> Iterator[Invalid]:
+    """What rods cannot do."""
+    yield from unfit(scenario, [names for _, names, _ in _coupling_tables(scenario)])
+
+
 def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
-    """Where particles are coupled at all: by springs, by angles and dihedrals, by drag on a surface; the last two as springs
-    that are neither damped nor given by mass."""
+    """Where particles are coupled at all: by springs, by rods, by angles and dihedrals, by drag on a surface; all but the
+    first as springs that are neither damped nor given by mass."""
     yield from bond_tables(scenario)
+    for place, names in rod_tables(scenario):
+        yield place, names, SpringLaw(0.0)
     for place, hinges in _hinge_tables(scenario):
         yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
     for j, force in enumerate(scenario.forces):
@@ -169,8 +187,8 @@ def bond_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], Spr
     for k, springs in enumerate(scenario.springs):
         yield ("springs", k), springs.groups(), springs.spring_law()
     for k, group in enumerate(scenario.particles):
-        if group.springs is not None:
-            yield ("particles", k, "springs"), (group.name, group.name), group.springs.laws()["structural"]
+        if group.springs is not None and (laws := group.springs.laws()):
+            yield ("particles", k, "springs"), (group.name, group.name), next(iter(laws.values()))
 
 
 def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Path, Hinges]]:

@@ -11,6 +11,7 @@ from particlesim.names import did_you_mean
 from particlesim.scenario.joints import bond_tables
 from particlesim.scenario.reach import group_tables
 from particlesim.scenario.rendering import colorable
+from particlesim.scenario.rods import rod_tables
 from particlesim.scenario.simulation import FieldName
 
 if TYPE_CHECKING:
@@ -34,15 +35,17 @@ def colors(scenario: Scenario) -> Iterator[Invalid]:
 
 
 def styles(scenario: Scenario) -> Iterator[Invalid]:
-    """Videos draw what there is: groups and sets of springs that exist, surfaces and lines where there are some."""
+    """Videos draw what there is: groups and sets of springs or rods that exist, surfaces and lines where there are some."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
-    sets = {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
+    sets = {rods.name: ("rods", k) for k, rods in enumerate(scenario.rods)}
+    sets |= {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
     joined = {name for _, names, _ in bond_tables(scenario) for name in names}
+    joined |= {name for _, names in rod_tables(scenario) for name in names}
     known = [*tables, *sets]
     for key, name in _looks(scenario):
         if name not in known:
             yield Invalid(
-                f"no group and no springs are called {name!r}",
+                f"no group, springs or rods are called {name!r}",
                 ("render", key, name),
                 allowed=", ".join(known),
                 hint=did_you_mean(name, known),
@@ -50,7 +53,9 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
         elif key == "line_radius" and name not in joined and name not in sets:
             path = tables[name][0]
             at = ("render", key, name)
-            yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+            yield Invalid(
+                f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
+            )
     for name, style in scenario.render.styles.items():
         at = ("render", "styles", name)
         if name in tables:
@@ -59,12 +64,14 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
             if style == "surface" and not skin:
                 yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
             if style == "lines" and name not in joined:
-                yield Invalid(f"no springs join the particles of {name!r}", at, (((*path,), "this group"),))
+                yield Invalid(
+                    f"no springs or rods join the particles of {name!r}", at, (((*path,), "this group"),)
+                )
         elif name in sets and style in ("surface", "points"):
             yield Invalid(
-                "springs are lines or hidden",
+                "springs and rods are lines or hidden",
                 at,
-                ((sets[name], "these springs"),),
+                ((sets[name], f"these {sets[name][0]}"),),
                 allowed='"lines", "hidden"',
             )
 

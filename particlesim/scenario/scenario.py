@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Springs
+from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
 from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
@@ -27,6 +27,7 @@ from particlesim.scenario.crosschecks import contradictions
 from particlesim.scenario.diagnose import scenario_error
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.rendering import RenderSettings
+from particlesim.scenario.rods import rod_sets
 from particlesim.scenario.simulation import Output, Simulation
 from particlesim.scenario.source import Source
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -54,6 +55,8 @@ class Scenario(Model):
     """What acts on particles."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
+    rods: tuple[Rods, ...] = ()
+    """Pairs of particles whose distance does not change."""
     angles: tuple[Angles, ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
     dihedrals: tuple[Dihedrals, ...] = ()
@@ -176,6 +179,11 @@ class Scenario(Model):
         labels = self.force_labels()[len(self.forces) :]
         listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
         return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def rod_sets(self) -> tuple[RodSet, ...]:
+        """All sets of rods, each with a name of its own."""
+        return rod_sets(self, self.force_labels())
 
     @property
     def hinges(self) -> tuple[HingeSet, ...]:

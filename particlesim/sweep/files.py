@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, PsimError, UsageError
 from particlesim.sweep.outcome import Outcome
 
 MANIFEST, TABLE, LOCK = "sweep.json", "results.csv", ".lock"
@@ -55,7 +55,7 @@ def prepare(folder: Path, definition: dict[str, Any], total: int, *, force: bool
     """State in its folder, which is ours `alone`, what a sweep is, or find that it is stated there.
 
     With `force`, what another sweep left there is removed: files of its runs, and nothing else.
-    Raises UsageError when the folder holds a sweep of another definition, or cannot be written.
+    Raises UsageError when the folder holds a sweep of another definition, InputOutputError when it cannot be written.
     """
     try:
         earlier = _manifest(folder)
@@ -118,9 +118,12 @@ def _locked(descriptor: int) -> bool:
     return True
 
 
-def unwritable(folder: Path, error: OSError) -> UsageError:
-    """The error for a folder that takes no files."""
-    return UsageError(f"{folder} cannot be written: {error.strerror or error}", "Choose another one.")
+def unwritable(folder: Path, error: OSError) -> PsimError:
+    """The error for a folder that takes no files: no folder at all, or one where nothing may be written."""
+    kind = (
+        UsageError if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG) else InputOutputError
+    )
+    return kind(f"{folder} cannot be written: {error.strerror or error}", "Choose another one.")
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:

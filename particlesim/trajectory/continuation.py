@@ -9,12 +9,13 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, UsageError
 from particlesim.trajectory.chunks import padded
 from particlesim.trajectory.files import damaged, finished_frames
 from particlesim.trajectory.layout import LIBVER, STATUS
 from particlesim.trajectory.recovery import cut_back
 from particlesim.trajectory.superblock import clear_mark, read_superblock
+from particlesim.trajectory.target import FORBIDDEN
 
 
 def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]) -> str:
@@ -22,7 +23,7 @@ def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]
     its run.
 
     `broke` has the times at which springs broke until then [s], by the name of their set. Raises UsageError when the file
-    cannot be changed, is damaged, or has fewer frames.
+    is in use, is damaged, or has fewer frames, InputOutputError when it may not be changed.
     """
     try:
         block = read_superblock(path)
@@ -30,7 +31,8 @@ def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]
             clear_mark(path)
         file = h5py.File(path, "r+", libver=LIBVER)
     except OSError as error:
-        raise UsageError(
+        kind = InputOutputError if error.errno in FORBIDDEN else UsageError
+        raise kind(
             f"{path} cannot be opened to go on writing it",
             "Is it open in another program, or are you not allowed to change it?",
         ) from error

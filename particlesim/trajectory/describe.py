@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.trajectory.fields import FIELDS, ledger_unit
+from particlesim.trajectory.files import damaged
 from particlesim.trajectory.reader import Trajectory
 
 
@@ -18,7 +20,8 @@ def describe(path: Path) -> dict[str, Any]:
     Keys: path, status, size [bytes], bytes_per_particle_frame, precision, frames, time (first, last, [s]),
     steps (first, last), particles (first, last, min, max), fields (unit, components, min and max of the last
     frame), groups (particles in the last frame; None if not recorded), ledger (unit, first, last, drift =
-    last − first, relative drift), events (births, deaths), summary, provenance. Minimum, maximum and the like
+    last − first, relative drift), events (births, deaths), summary (with results of
+    checks), provenance. Minimum, maximum and the like
     are None where there is nothing or not a finite number. Raises UsageError as `reader.open` does.
     """
     path = Path(path)
@@ -39,9 +42,20 @@ def describe(path: Path) -> dict[str, Any]:
             "groups": _groups(trajectory),
             "ledger": {name: _ledger(name, values) for name, values in trajectory.ledger.items()},
             "events": {f"{kind}s": len(trajectory.events(kind)["id"]) for kind in ("birth", "death")},
-            "summary": dict(trajectory.summary),
+            "summary": _summary(trajectory),
             "provenance": dict(trajectory.provenance),
         }
+
+
+def _summary(trajectory: Trajectory) -> dict[str, Any]:
+    """What the file tells of the run; results of checks, which are stored as JSON, as data."""
+    told = dict(trajectory.summary)
+    if "checks" in told:
+        try:
+            told["checks"] = json.loads(told["checks"])
+        except (TypeError, ValueError) as error:
+            raise damaged(trajectory.path, "its results of checks cannot be read") from error
+    return told
 
 
 def _ends(values: npt.NDArray[Any]) -> dict[str, int | float | None]:

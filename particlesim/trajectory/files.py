@@ -22,6 +22,10 @@ _PATIENCE = 1.0
 """Seconds to wait until a file that is being written can be opened."""
 
 
+class DamagedError(UsageError):
+    """A file of which a part is missing, or is not what was written."""
+
+
 def check_readable(path: Path) -> Superblock:
     """The superblock of a file that may be a trajectory.
 
@@ -42,14 +46,14 @@ def check_readable(path: Path) -> Superblock:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if block is None:
-        raise UsageError(
+        raise DamagedError(
             f"{path} is no HDF5 file, or its header is damaged",
             f"Trajectories are written by `psim run` and end in {_ENDING}.",
         )
     size = path.stat().st_size
     # While a file is marked as being written, its length on record runs ahead of, or behind, the real one.
     if not block.marked and block.end > size:
-        raise UsageError(
+        raise DamagedError(
             f"{path} is truncated: it has {size} bytes of {block.end}",
             "An incomplete copy or download? Fetch it again.",
         )
@@ -99,7 +103,7 @@ def check_format(file: h5py.File, path: Path) -> None:
     except (OSError, RuntimeError, KeyError) as error:
         raise damaged(path) from error
     if version is None:
-        raise UsageError(
+        raise DamagedError(
             f"{path} is HDF5 but no trajectory of psim", "It lacks the group /psim that `psim run` writes."
         )
     if version > FORMAT:
@@ -108,9 +112,9 @@ def check_format(file: h5py.File, path: Path) -> None:
         )
 
 
-def damaged(path: Path, what: str = "its contents cannot be read") -> UsageError:
+def damaged(path: Path, what: str = "its contents cannot be read") -> DamagedError:
     """The error for a file that HDF5 cannot make sense of; its own words go to the error's cause."""
-    return UsageError(
+    return DamagedError(
         f"{path} is damaged: {what}", "Was it cut off or changed after the run? Fetch it again."
     )
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.files import damaged
@@ -40,6 +41,44 @@ def check_contents(file: h5py.File, path: Path) -> None:
             raise damaged(path, f"the dataset /{name} holds values of type {_type_name(dataset.dtype)}")
         if dataset.ndim != (0 if row is None else 1 + len(row)) or dataset.shape[1:] != (row or ()):
             raise damaged(path, f"the dataset /{name} has the shape {list(dataset.shape or ())}")
+
+
+def check_tables(file: h5py.File, path: Path, rows: npt.NDArray[np.void]) -> None:
+    """Read all but the particles: the index of every dataset, all tables, and what VTK reads, which must say the same as
+    `rows`, those of the frames that matter. Raises UsageError, or what h5py raises on damaged metadata.
+    """
+    size = path.stat().st_size
+    columns = {column_path(name) for name in FIELDS}
+    for name, _, _ in _expected(file):
+        dataset = file.get(name)
+        if dataset is None:
+            continue
+        if dataset.chunks is not None:
+            _check_index(dataset, path, size)
+        if name not in columns:
+            dataset[()]
+    told = {
+        "VTKHDF/NumberOfPoints": rows["count"],
+        "VTKHDF/Steps/Values": rows["time"],
+        "VTKHDF/Steps/PointOffsets": rows["offset"],
+        "VTKHDF/Steps/PartOffsets": rows["number"] - 1,
+    }
+    for name, values in told.items():
+        if not np.array_equal(file[name][: len(rows)], values):
+            raise damaged(path, f"/{name} and the table of frames contradict each other")
+
+
+def _check_index(dataset: h5py.Dataset, path: Path, size: int) -> None:
+    """Look up where every chunk is; all must lie inside the file, of `size` bytes."""
+    beyond: list[Any] = []
+
+    def look(chunk: Any) -> None:
+        if chunk.byte_offset + chunk.size > size:
+            beyond.append(chunk)
+
+    dataset.id.chunk_iter(look)
+    if beyond:
+        raise damaged(path, f"parts of {dataset.name} are missing")
 
 
 def _expected(file: h5py.File) -> Iterator[_Expected]:

@@ -18,8 +18,8 @@ from particlesim.errors import UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
-from particlesim.trajectory.integrity import check_contents
-from particlesim.trajectory.layout import column_path
+from particlesim.trajectory.integrity import check_contents, check_tables
+from particlesim.trajectory.layout import STATES, column_path
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.superblock import read_superblock
 from particlesim.trajectory.topology import Topology, read_topology
@@ -78,6 +78,8 @@ class Trajectory(Sequence[Frame]):
                 len(self._file["psim/frames"])
             finally:  # also when that failed: it tells why
                 check_contents(self._file, self.path)
+            if self.status not in STATES:
+                raise damaged(self.path, "it does not tell how the run ended")
             if self.status == "running" and not written:
                 self.status = "interrupted"
             self._read_header()
@@ -242,6 +244,27 @@ class Trajectory(Sequence[Frame]):
         if len(values) != stop - start:
             raise damaged(self.path, what)
         return values
+
+    def verify(self, frames: int, seconds: float) -> int:
+        """Whether the first `frames` frames are whole. Reads every index of chunks and the tables, and then, for so many
+        seconds, the data of the frames, the newest first; returns how many of them were read.
+
+        HDF5's own structures and compressed data carry checksums; other numbers do not, and of those of
+        tables, what is there twice is compared. Raises UsageError for what is damaged.
+        """
+        until = time.monotonic() + seconds
+        try:
+            check_tables(self._open_file(), self.path, self._rows[:frames])
+        except UsageError:
+            raise
+        except Exception as error:
+            raise damaged(self.path) from error
+        for read, index in enumerate(reversed(range(frames))):
+            if time.monotonic() > until:
+                return read
+            for field in self.fields:
+                self._read(field, index)
+        return frames
 
     def frame_at(self, time: float) -> Frame:
         """The frame nearest to `time` [s], of two equally near the earlier. UsageError if there is none."""

@@ -16,6 +16,8 @@ from particlesim.trajectory.places import check_name_length, kind_of
 ENDINGS = (".vtkhdf", ".hdf", ".hdf5", ".h5")
 """Endings of trajectories; ParaView knows the first."""
 
+FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+"""Numbers of the system's errors where nothing may be written."""
 _STEM = 24
 """Characters of a name that its temporary name begins with; so that it is not too long where the name itself is not."""
 
@@ -23,7 +25,7 @@ _STEM = 24
 def check_target(path: Path, *, overwrite: bool) -> None:
     """Refuse a path that is a folder, exists (unless `overwrite`) or cannot be written. Nothing is left there.
 
-    Raises UsageError.
+    Raises UsageError, and InputOutputError where the system lets nothing be written.
     """
     kind = kind_of(path)
     if kind not in (None, "file"):
@@ -45,8 +47,8 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         raise _not_writable(folder, f": {error.strerror}") from error
 
 
-def _not_writable(folder: Path, why: str = "") -> UsageError:
-    return UsageError(
+def _not_writable(folder: Path, why: str = "") -> InputOutputError:
+    return InputOutputError(
         f"cannot write into the folder {folder}{why}", "Choose another place, or its permissions."
     )
 

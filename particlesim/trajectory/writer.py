@@ -16,7 +16,7 @@ from typing import Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import UsageError
+from particlesim.errors import InputOutputError, UsageError
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.checkpoint_file import discard_checkpoints
 from particlesim.trajectory.continuation import cut_to
@@ -33,7 +33,7 @@ from particlesim.trajectory.frame_file import (
 from particlesim.trajectory.layout import STATES, create_file
 from particlesim.trajectory.lock import WriterLock, is_being_written
 from particlesim.trajectory.superblock import clear_mark, read_superblock
-from particlesim.trajectory.target import check_target, put_new, replacing, write_error
+from particlesim.trajectory.target import FORBIDDEN, check_target, put_new, replacing, write_error
 from particlesim.trajectory.topology import Topology
 
 
@@ -67,7 +67,7 @@ class TrajectoryWriter:
     ) -> None:
         self._take(path, fields, ledger, precision, topology)
         check_target(self.path, overwrite=overwrite)
-        _refuse_file_in_use(self.path)
+        refuse_file_in_use(self.path)
         self._overwrite = overwrite
         self._create(
             fields=tuple(self._fields.values()),
@@ -97,7 +97,7 @@ class TrajectoryWriter:
         """A writer that goes on behind the first `frames` frames of a trajectory that nobody writes; what comes after them
         is dropped. The other arguments are those it was made with.
 
-        Raises UsageError when it cannot be written, is damaged, or has fewer frames.
+        Raises UsageError when it is in use, is damaged, or has fewer frames, InputOutputError when it may not be written.
         """
         writer = cls.__new__(cls)
         writer._take(path, fields, ledger, precision, topology)
@@ -108,7 +108,8 @@ class TrajectoryWriter:
             writer._file = FrameFile(path, tuple(writer._fields))
         except OSError as error:
             writer._lock.release()
-            raise UsageError(f"{path} cannot be written further: {error.strerror}") from error
+            kind = InputOutputError if error.errno in FORBIDDEN else UsageError
+            raise kind(f"{path} cannot be written further: {error.strerror}") from error
         except BaseException:
             writer._lock.release()
             raise
@@ -411,8 +412,8 @@ def put_replacing(temporary: Path, path: Path) -> None:
             old.release()
 
 
-def _refuse_file_in_use(path: Path) -> None:
-    """Replacing a file that a simulation is writing would lose that simulation's output without a word."""
+def refuse_file_in_use(path: Path) -> None:
+    """Raise UsageError for a file that a simulation is writing: to replace it would lose its output without a word."""
     if not path.exists():
         return
     block = read_superblock(path)

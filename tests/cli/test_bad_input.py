@@ -145,13 +145,20 @@ def test_output_that_exists_is_kept(psim):
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
 def test_folder_that_may_not_be_written(psim):
     Path("locked").mkdir(mode=0o500)
-    refused(psim("run", "tiny.toml", "-o", "locked/a.vtkhdf"), "cannot write into the folder locked")
+    ended = psim("run", "tiny.toml", "-o", "locked/a.vtkhdf")
+    assert ended.code == 4
+    assert "cannot write into the folder locked" in ended.err
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
 def test_folder_that_the_system_makes(psim):
     """Its permissions are no use to root, and it has no space: neither is the reason."""
-    refused(psim("run", "tiny.toml", "-o", "/proc/a.vtkhdf"), "cannot write into the folder /proc")
+    for place in (("-o", "/proc/a.vtkhdf"), ("--junit", "/proc/report.xml")):
+        ended = psim("run", "tiny.toml", *place)
+        assert ended.code == 4
+        assert "cannot write into the folder /proc" in ended.err
+    assert psim("sweep", "tiny.toml", "--vary", "simulation.dt=0.01", "-o", "/proc/sweep").code == 4
+    assert not Path("outputs").exists()
 
 
 @pytest.mark.parametrize(

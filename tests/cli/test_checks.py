@@ -94,3 +94,22 @@ def test_bless(psim) -> None:
     assert "written: right.vtkhdf" in blessed.err.replace(str(Path().resolve()) + "/", "")
     assert psim("run", "tiny.toml", "--force").code == 0
     assert psim("run", "tiny.toml", "--force", "--set", "simulation.dt=0.005").code == 1
+
+
+def test_inspect_shows_checks(psim) -> None:
+    Path("tiny.toml").write_text(TINY + CHECKS)
+    psim("run", "tiny.toml")
+    shown = psim("inspect", "outputs/tiny.vtkhdf")
+    assert "passed  count = 3: 3" in shown.out
+    assert "FAILED  height ≤ 1:" in shown.out
+    told = psim("inspect", "outputs/tiny.vtkhdf", "--json").json["summary"]["checks"]
+    assert [(check["name"], check["passed"]) for check in told] == [("count", True), ("height", False)]
+
+
+@pytest.mark.parametrize("broken", ["", "nonsense = 1"])
+def test_a_bad_or_missing_scenario_is_an_error_in_the_report(psim, broken: str) -> None:
+    if broken:
+        Path("bad.toml").write_text(TINY + broken)
+    Path("report.xml").write_text("old")
+    assert psim("run", "bad.toml", "--junit", "report.xml").code == 2
+    assert ElementTree.parse("report.xml").getroot().get("errors") == "1"

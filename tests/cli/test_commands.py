@@ -11,13 +11,15 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 from jsonschema import Draft7Validator
+from rich.text import Text
 
 import particlesim as ps
 from particlesim.errors import UsageError
 from particlesim.examples_folder import examples_folder
 from particlesim.version import __version__
-from psim import complete
+from psim import app, complete
 from psim.options import parse_frames
 from psim.talk import duration, rate
 
@@ -383,3 +385,12 @@ def test_sizes_in_words():
 
     words = [size(b) for b in (0, 999, 1000, 2.5e6, 1e15, 2e18, 4e24)]
     assert words == ["0 B", "999 B", "1.0 kB", "2.5 MB", "1.0 PB", "2.0 EB", "4e+06 EB"]
+
+
+def test_no_help_loses_what_is_in_brackets():
+    """Rich takes [m] for a style, and shows nothing."""
+    for command in typer.main.get_command(app.app).commands.values():
+        for parameter in command.params:
+            text = getattr(parameter, "help", None) or ""
+            shown = Text.from_markup(text).plain
+            assert text.replace("\\[", "[") == shown, (command.name, parameter.name)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import files
+from .conftest import TINY, files
 
 
 def test_stopped_and_resumed(psim):
@@ -43,3 +43,13 @@ def test_names_that_are_too_long_are_refused_before_anything_is_computed(psim):
     assert ended.code == 2
     assert "too long" in ended.err
     assert files() == before
+
+
+def test_a_run_that_diverged_is_said_to_have_diverged(psim):
+    field = '\n[[forces]]\ntype = "field"\nforce = ["1/(t - t)", "0", "0"]\n'
+    Path("tiny.toml").write_text(TINY + field)
+    for option in ((), ("--resume",)):
+        ended = psim("run", "tiny.toml", *option)
+        assert ended.code == 3
+    assert "diverged, and would do so again" in ended.err
+    assert "--force" in ended.err

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import particlesim as ps
+from particlesim import bounds
 
 from .conftest import LONG, TINY, Ended, environment, files, start
 
@@ -283,3 +284,13 @@ def test_compiling_is_no_part_of_the_speed():
     assert speed.left(now) == pytest.approx(10.0)
     told = {"seconds": 53.0, "compiling": 42.0, "particle_steps_per_second": 70.0}
     assert _took(told) == "53.0 s, 42.0 s of them for compiling kernels, which are kept, 70 particle-steps/s"
+
+
+def test_what_cannot_fit_by_its_bounds_is_run_if_told_so(psim, monkeypatch):
+    monkeypatch.setattr(bounds, "FILE_BYTES", 1e18)
+    refused = psim("run", "tiny.toml")
+    assert refused.code == 2
+    assert "--yes" in refused.err
+    assert psim("run", "tiny.toml", "--force", "--dry-run").code == 2
+    assert psim("run", "tiny.toml", "--yes", "--dry-run").code == 0
+    assert psim("run", "tiny.toml", "--yes").code == 0

@@ -32,3 +32,8 @@ def test_lost_order(psim) -> None:
 def test_bad_input(psim) -> None:
     assert psim("verify", "nothing.toml").code == 2
     assert psim("verify", "tiny.toml", "--set", "simulation.dt=-1").code == 2
+
+
+def test_quiet(psim) -> None:
+    ended = psim("verify", "tiny.toml", "--set", "planes=[]", "--quiet")
+    assert (ended.code, ended.out, ended.err) == (0, "", "")

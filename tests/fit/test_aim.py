@@ -62,6 +62,56 @@ def test_wind_from_the_side_is_allowed_for(ball):
         assert shot.velocity[2] < 0  # against the wind
 
 
+STEEP = {"simulation.duration": 3.2, "particles.ball.layout.velocity": [[0, 5, 0]]}
+
+
+@pytest.mark.parametrize(
+    ("target", "elevations"),
+    [
+        # tan θ = (v² ± √(v⁴ − g (g d² + 2 h v²)))/(g d) with v = 5 m/s
+        ((0.1, 1.0, 0.0), [85.556, 88.418]),
+        ((0.0, 1.0, 0.01), [89.5563, 89.842]),
+        ((0.1, -1.0, 0.0), [-83.315, 89.037]),
+        ((0.0, 1.0, 0.0), [90.0]),
+        ((0.0, -3.0, 0.0), [-90.0, 90.0]),
+    ],
+)
+def test_steep_shots(ball, target, elevations):
+    distance, height, speed, g = math.hypot(target[0], target[2]), target[1], 5.0, 10.0
+    found = aim(ball, "ball", target, overrides=STEEP)
+    if distance:
+        root = math.sqrt(speed**4 - g * (g * distance**2 + 2 * height * speed**2))
+        elevations = [math.degrees(math.atan2(speed**2 + sign * root, g * distance)) for sign in (-1, 1)]
+    assert [shot.elevation for shot in found.shots] == pytest.approx(elevations, abs=1e-6)
+    assert [shot.azimuth for shot in found.shots] == pytest.approx([0] * len(elevations), abs=1e-5)
+
+
+def test_a_shot_that_the_wind_turns_round(ball):
+    """Against a storm a ball launched away from the target is blown back over it."""
+    storm = {
+        "forces.wind.coefficient": 1.0,
+        "forces.wind.flow": [{"type": "uniform", "velocity": [30, 0, 0]}],
+    }
+    found = aim(ball, "ball", (20.0, 1.0, 0.0), overrides=storm)
+    assert sorted(round(abs(shot.azimuth)) for shot in found.shots) == [0, 180]
+    assert all(shot.miss < 1e-8 for shot in found.shots)
+
+
+def test_a_target_that_a_plane_keeps_away(ball):
+    floor = {"planes": [{"point": [0, -1, 0], "restitution": 0.5}], "particles.ball.radius": 0.05}
+    with pytest.raises(
+        UsageError, match=r"is 0\.04 m from a plane, which keeps the centre of 'ball' 0\.05 m off"
+    ) as caught:
+        aim(ball, "ball", (10.0, -0.96, 0.0), overrides=floor)
+    point = tuple(float(part) for part in str(caught.value.hint).split("--target ")[1].split(","))
+    assert len(aim(ball, "ball", point, overrides=floor).shots) >= 2
+
+
+def test_a_target_at_the_start(ball):
+    with pytest.raises(UsageError, match="where 'ball' starts"):
+        aim(ball, "ball", (0.0, 0.0, 0.0))
+
+
 def test_out_of_range(ball):
     with pytest.raises(UsageError, match="out of range: the nearest"):
         aim(ball, "ball", (60.0, 0.0, 0.0))

@@ -23,9 +23,9 @@ def test_the_checks_of_a_scenario_hold(name: str) -> None:
 
 def test_the_cradle_hands_the_speed_on() -> None:
     # The first ball falls by the height h in a quarter of a pendulum's period and meets four that touch but for gaps of
-    # 0.2 mm. After 0.6 s the last one has risen for 0.07 s; its energy is that of the first, and little is left elsewhere:
+    # 0.2 mm. After 0.47 s the last one has risen for 0.07 s; its energy is that of the first, and little is left elsewhere:
     # the struts join impacts that follow each other within 2 % of the speed.
-    result = run("newtons_cradle", duration=0.6)
+    result = run("newtons_cradle", duration=0.47)
     final = result.final
     balls = final.of("balls")
     start = result.scenario.particles[0].layout.position  # type: ignore[union-attr]

@@ -175,6 +175,30 @@ def test_a_solution_that_is_not_found_ends_the_run() -> None:
         simulate(1.0, 1.0, lonely, particles=[points((1.1, 0, 0))], forces=[wavy])
 
 
+def test_rest_turns_in_a_rotating_frame() -> None:
+    # Coriolis forces make the equations unsymmetric. What rests in an inertial frame turns by −Ω t; the midpoint rule turns
+    # it by 2 atan(Ω h/2) in a step, which is (Ω h)³/12 less. In the middle of a step the rod is shorter by (Ω h)²/8, as
+    # chords are, and pushes a little.
+    rate, steps = 0.8, 40
+    for h in (0.05, 0.025):
+        number = round(steps * 0.05 / h)
+        group = points(
+            (1, 0, 0), (2, 0.5, 0), velocity=[[0, -rate, 0], [0.5 * rate, -2 * rate, 0]], name="rod"
+        )
+        final = simulate(
+            number * h,
+            h,
+            {"method": "implicit_midpoint", "tolerance": 1e-12},
+            particles=[group | {"mass": M}],
+            springs=[{"on": "rod", "pairs": [[0, 1]], "stiffness": K}],
+            forces=[{"type": "rotating_frame", "angular_velocity": [0, 0, rate]}],
+        ).final
+        turned = (final.position[:, 0] + 1j * final.position[:, 1]) * np.exp(1j * rate * number * h)
+        start = np.array([1, 2 + 0.5j])
+        error = np.abs(turned - start) / np.abs(start)
+        assert error == pytest.approx(np.full(2, number * (rate * h) ** 3 / 12), rel=0.15)
+
+
 def sail(
     dt: float,
     steps: int,

@@ -119,12 +119,34 @@ IMPLICIT: Table = {
     "forces": [{"type": "gravity"}],
 }
 
+RODS: Table = {
+    "simulation": {"duration": 1.2, "dt": 0.005, "integrator": "velocity_verlet"},
+    "output": {"every": 10, "precision": "double", "work": True},
+    "particles": [
+        {
+            "name": "frame",
+            "layout": {
+                "type": "points",
+                "position": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0.4, 1.5, 0.3], [1.8, 0.2, 0.5]],
+            },
+            "mass": 0.5,
+            "pinned": [0],
+        }
+    ],
+    # A triangle that hangs on a led pin, and a pendulum on each of its other corners.
+    "rods": [{"on": "frame", "pairs": [[0, 1], [1, 2], [0, 2], [2, 3], [1, 4]]}],
+    "forces": [{"type": "gravity"}],
+    "motions": [{"on": "frame", "path": ["x + 0.2*(1 - cos(5*t))", "y", "z"]}],
+    "impulses": [{"impulse": [0.2, 0.1, 0.3], "at": 0.42}],
+}
+
 KINDS = {
     "fountain": FOUNTAIN,
     "cloth": CLOTH,
     "memory": MEMORY,
     "adaptive": ADAPTIVE,
     "implicit": IMPLICIT,
+    "rods": RODS,
 }
 
 

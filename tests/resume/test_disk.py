@@ -157,7 +157,7 @@ def can_mount() -> bool:
 
 @pytest.mark.skipif(not can_mount(), reason="needs mounts of its own")
 def test_a_real_disk_that_others_fill_and_that_is_read_only_then(tmp_path, resume, whole):
-    """A file system for this test alone: full in the middle (4), with space again (done), and read-only (2)."""
+    """A file system for this test alone: full in the middle (4), with space again (done), and read-only (4)."""
     reference = whole("memory")
     (tmp_path / "disk").mkdir()
     (tmp_path / "a.toml").write_text(dump(ps.from_table(resume.kinds["memory"])), encoding="utf-8")
@@ -171,7 +171,7 @@ def test_a_real_disk_that_others_fill_and_that_is_read_only_then(tmp_path, resum
     )
     done = subprocess.run(["unshare", "-rm", "sh", "-c", script], capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n") == ["exit code 4", "exit code 2", ""], done.stderr
+    assert done.stdout.split("\n") == ["exit code 4", "exit code 4", ""], done.stderr
     assert "disk is full" in done.stderr
     assert "cannot write into" in done.stderr
     with ps.open(tmp_path / "failed.vtkhdf") as trajectory:

@@ -1,12 +1,20 @@
 """What cannot be resumed is refused before anything is touched; where there is nothing to resume, nothing is harmed."""
 
 import copy
+import random
 import shutil
+import time
+from contextlib import suppress
 
+import h5py
 import pytest
 
 import particlesim as ps
+from particlesim import runner
+from particlesim.resumption import find
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
+from particlesim.trajectory.hdf5 import open_for_frames
+from particlesim.trajectory.superblock import clear_mark
 
 SLOW = {
     "simulation": {"duration": 1.0, "dt": 0.01},
@@ -139,3 +147,78 @@ def test_the_longest_time(tmp_path, resume):
     ps.run(changed(), path, resume=True)
     ps.run(changed(), tmp_path / "whole.vtkhdf")
     resume.same(path, tmp_path / "whole.vtkhdf")
+
+
+def refuse_damage(path, place, bit, words):
+    """One bit is wrong; the hint says what can be done about it."""
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1 << bit
+    path.write_bytes(data)
+    with pytest.raises(ps.UsageError, match=words) as caught:
+        find(changed(), path)
+    assert "--force" in caught.value.hint
+
+
+def test_damage_in_the_frames_that_are_kept_is_refused(stopped):
+    with h5py.File(stopped, "r") as file:
+        chunk = file["VTKHDF/PointData/velocity"].id.get_chunk_info(1)
+    refuse_damage(stopped, chunk.byte_offset + chunk.size // 2, 3, "'velocity' of frame 1 cannot be read")
+
+
+def test_damage_in_the_scenario_is_refused(stopped):
+    refuse_damage(stopped, stopped.read_bytes().index(b"[simulation]"), 5, "its scenario cannot be read")
+
+
+def test_tables_that_contradict_each_other_are_refused(stopped):
+    with h5py.File(stopped, "r") as file:
+        place = file["VTKHDF/Steps/Values"].id.get_chunk_info(0).byte_offset
+    refuse_damage(stopped, place + 8 + 6, 0, "contradict each other")
+
+
+def test_no_bit_of_structure_makes_a_resume_hang_or_fail_otherwise(stopped):
+    """HDF5's own structures, and whatever else is where they are: refused at once, or of no effect."""
+    whole, random_ = stopped.read_bytes(), random.Random(5)
+    places = [i for name in (b"EAHD", b"EAIB", b"OHDR", b"GCOL", b"FSHD") for i in _all(whole, name)]
+    for place in [p + random_.randrange(30) for p in random_.sample(places, min(30, len(places)))]:
+        data = bytearray(whole)
+        data[place] ^= 1 << random_.randrange(8)
+        stopped.write_bytes(data)
+        began = time.monotonic()
+        with suppress(ps.UsageError):
+            find(changed(), stopped)
+        assert time.monotonic() - began < 5
+
+
+def _all(data, part):
+    return [i for i in range(len(data) - len(part)) if data[i : i + len(part)] == part]
+
+
+def test_a_writer_does_not_wait_for_what_is_damaged(stopped):
+    """HDF5 as it comes would read a damaged index a hundred times, with waits that double, and hear no signal."""
+    clear_mark(stopped)
+    data = bytearray(stopped.read_bytes())
+    for place in _all(bytes(data), b"EAHD"):
+        data[place + 6] ^= 1
+    stopped.write_bytes(data)
+    began = time.monotonic()
+    with pytest.raises((OSError, RuntimeError, KeyError)), open_for_frames(stopped) as file:
+        file["VTKHDF/Points"][()]
+    assert time.monotonic() - began < 5
+
+
+def test_a_file_that_a_run_is_writing_is_not_replaced(tmp_path, monkeypatch):
+    """Not even with overwrite=True, and told before anything is computed."""
+    path, refused = tmp_path / "a.vtkhdf", []
+
+    def progress(now):
+        if now.frames == 5 and not refused:
+            with monkeypatch.context() as patch:
+                patch.setattr(runner, "needs", lambda scenario: pytest.fail("it began"))
+                with pytest.raises(ps.UsageError, match="being written"):
+                    ps.run(changed(), path, overwrite=True)
+            refused.append(True)
+
+    ps.run(changed(), path, progress=progress)
+    assert refused
+    with ps.open(path) as trajectory:
+        assert trajectory.status == "complete"

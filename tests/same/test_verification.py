@@ -88,6 +88,8 @@ def test_methods_have_their_order(name: str) -> None:
         ("terminal_velocity", {"r4mm": 4}, {"duration": 1.0, "dt": 0.1}),
         ("buoyant_ball", {"ice": 4}, {"duration": 0.5, "dt": 0.05}),
         ("rotating_habitat", {"crew": 4}, {"duration": 4.0, "dt": 0.25}),
+        ("pendulum_chain", {"chain": 4, "twin": 4}, {"duration": 0.5, "dt": 1e-3}),
+        ("hanging_cloth", {"cloth": 1}, {"duration": 0.1}),
     ],
 )
 def test_shipped_scenarios_with_a_smooth_solution(

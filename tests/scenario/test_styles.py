@@ -51,10 +51,10 @@ def test_looks_by_name_are_of_what_there_is() -> None:
 @pytest.mark.parametrize(
     ("look", "says"),
     [
-        ("colors = { shet = [1, 0, 0] }", "no group and no springs are called 'shet'"),
+        ("colors = { shet = [1, 0, 0] }", "no group, springs or rods are called 'shet'"),
         ("colors = { sheet = [2, 0, 0] }", "must be at most 1"),
-        ("line_radius = { tye = 0.1 }", "no group and no springs are called 'tye'"),
-        ("line_radius = { dust = 0.1 }", "no springs join the particles of 'dust'"),
+        ("line_radius = { tye = 0.1 }", "no group, springs or rods are called 'tye'"),
+        ("line_radius = { dust = 0.1 }", "no springs or rods join the particles of 'dust'"),
     ],
 )
 def test_looks_of_what_there_is_not(look: str, says: str) -> None:
@@ -66,10 +66,10 @@ def test_looks_of_what_there_is_not(look: str, says: str) -> None:
 @pytest.mark.parametrize(
     ("styles", "says"),
     [
-        ('{ shet = "lines" }', "no group and no springs are called 'shet'"),
+        ('{ shet = "lines" }', "no group, springs or rods are called 'shet'"),
         ('{ dust = "surface" }', "'dust' has no surface"),
-        ('{ dust = "lines" }', "no springs join"),
-        ('{ tie = "surface" }', "springs are lines or hidden"),
+        ('{ dust = "lines" }', "no springs or rods join"),
+        ('{ tie = "surface" }', "springs and rods are lines or hidden"),
         ('{ sheet = "wool" }', "wool"),
     ],
 )

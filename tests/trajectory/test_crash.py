@@ -22,8 +22,9 @@ def counts_of_victim(frames, particles):
     return [(particles * (k % 5)) // 4 for k in range(frames)]
 
 
-@pytest.mark.parametrize("compression", ["gzip", "none"])
-@pytest.mark.parametrize(("particles", "seed"), [(8, 1), (100, 2), (3000, 3)])
+@pytest.mark.parametrize(
+    ("compression", "particles", "seed"), [("gzip", 8, 1), ("none", 100, 2), ("gzip", 3000, 3)]
+)
 def test_every_acknowledged_frame_survives_a_kill(
     tmp_path, synthetic, kill_writer, compression, particles, seed
 ):
@@ -47,7 +48,7 @@ def test_every_acknowledged_frame_survives_a_kill(
 
 def test_kill_count_is_what_was_acknowledged(tmp_path, start_writer):
     """Several kills at random moments: the file never has fewer frames than were reported before the kill."""
-    moments = np.random.default_rng(7).uniform(0, 0.08, 5)
+    moments = np.random.default_rng(7).uniform(0, 0.08, 3)
     for k, moment in enumerate(moments):
         path = tmp_path / f"{k}.vtkhdf"
         process = start_writer(path, particles=500, compression="none")

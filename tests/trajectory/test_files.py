@@ -58,7 +58,7 @@ def test_folders_are_made_and_bad_places_refused(tmp_path, synthetic, monkeypatc
     with pytest.raises(UsageError, match="is no folder"):
         synthetic.open_writer(tmp_path / "file" / "a.vtkhdf")
     monkeypatch.setattr(target.os, "access", lambda *_: False)  # root may write anywhere
-    with pytest.raises(UsageError, match="cannot write into"):
+    with pytest.raises(InputOutputError, match="cannot write into"):
         synthetic.open_writer(tmp_path / "b.vtkhdf")
 
 
@@ -66,7 +66,7 @@ def test_of_two_runs_to_the_same_new_file_one_gets_it(tmp_path, synthetic, monke
     """Both have looked, and nothing was there: the look alone must not decide."""
     path = tmp_path / "a.vtkhdf"
     monkeypatch.setattr(writer, "check_target", lambda *_, **__: None)
-    monkeypatch.setattr(writer, "_refuse_file_in_use", lambda *_: None)
+    monkeypatch.setattr(writer, "refuse_file_in_use", lambda *_: None)
     with synthetic.open_writer(path) as first:
         with pytest.raises(UsageError, match="exists"):
             synthetic.open_writer(path)

@@ -1,0 +1,36 @@
+"""What lists of joined particles have in common, whatever joins them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from particlesim.crossfield import invalid
+
+Index = Annotated[int, Field(ge=0, strict=True)]
+Pairs = tuple[tuple[Index, Index], ...]
+
+
+def joined_groups(on: str | None, between: tuple[str, str] | None) -> tuple[str, str]:
+    """The groups of the first and of the second ends. Raises a mistake unless exactly one of `on` and `between` is given."""
+    if between is not None and on is None:
+        return between
+    if on is not None and between is None:
+        return on, on
+    raise invalid("joins one group or two", allowed='on = "chain", or between = ["hook", "chain"]')
+
+
+def check_pairs(pairs: Sequence[tuple[int, int]], *, inside: bool) -> None:
+    """Raises a mistake for a pair that is listed twice and, `inside` one group, for a particle that is joined to itself."""
+    seen: dict[frozenset[int] | tuple[int, int], int] = {}
+    for k, (a, b) in enumerate(pairs):
+        if inside and a == b:
+            raise invalid(f"joins particle {a} to itself", at=("pairs", k))
+        key = frozenset((a, b)) if inside else (a, b)
+        if key in seen:
+            raise invalid(
+                "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
+            )
+        seen[key] = k
