@@ -23,9 +23,9 @@ def test_the_checks_of_a_scenario_hold(name: str) -> None:
 
 def test_the_cradle_hands_the_speed_on() -> None:
     # The first ball falls by the height h in a quarter of a pendulum's period and meets four that touch but for gaps of
-    # 0.2 mm. After 0.47 s the last one has risen for 0.07 s; its energy is that of the first, and little is left elsewhere:
+    # 0.2 mm. After 28 frames the last one has risen for 0.07 s; its energy is that of the first, and little is elsewhere:
     # the struts join impacts that follow each other within 2 % of the speed.
-    result = run("newtons_cradle", duration=0.47)
+    result = run("newtons_cradle", duration=28 / 60)
     final = result.final
     balls = final.of("balls")
     start = result.scenario.particles[0].layout.position  # type: ignore[union-attr]
@@ -69,7 +69,7 @@ def test_the_flag_flies_with_the_wind() -> None:
 
 
 def test_strands_of_hair_keep_their_length() -> None:
-    result = run("hair", duration=1.0)
+    result = run("hair", duration=0.5)
     layout = result.scenario.particles[0].layout
     assert isinstance(layout, Hair)
     hair = result.final.position[result.final.of("hair")].reshape(*layout.shape(), 3)
