@@ -101,6 +101,7 @@ def _loose(scenario: Scenario) -> list[str]:
     """Bodies that nothing holds together."""
     joined = {name for bonds in scenario.bonds for name in bonds.groups}
     joined |= {hinges.group for hinges in scenario.hinges}
+    joined |= {name for rods in scenario.rod_sets for name in rods.groups}
     return [
         f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
         for group in scenario.particles

@@ -18,6 +18,7 @@ from particlesim.engine.barrier import meet
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import fetch, recall, span, type_of
 from particlesim.engine.compile import inline, outlined, spliced, stub
+from particlesim.engine.corners import TriangleColumns
 from particlesim.engine.coupled import begin_step, end_interval, end_step, evaluate
 from particlesim.engine.krylov import (
     INDEFINITE,
@@ -31,6 +32,7 @@ from particlesim.engine.krylov import (
     copy,
     size2,
     stabilised,
+    summed,
 )
 from particlesim.engine.steppers import Newtonian
 from particlesim.engine.stiffness import linearise
@@ -145,11 +147,49 @@ def solve(
     if symmetric:
         copy(s.residual, s.other, share.first, share.last)
         status, left, turns = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
+        if status == SOLVED and plain and only_internal(share.corners):
+            keep_momentum(s, share)
         if status == INDEFINITE:
             copy(s.other, s.residual, share.first, share.last)
     if status == INDEFINITE:
         status, left, more = stabilised(solver, bonds, s, share, plain, size, goal, limit)
     return status, left, turns + more
+
+
+def only_internal(corners: Any) -> Any:
+    """Whether what acts between particles does not care how they move as one: wind on triangles does."""
+    return stub()
+
+
+@inline(only_internal)
+def _only_internal(corners: Any) -> Impl:
+    found = all(each.instance_class is not TriangleColumns for each in corners)
+    return lambda corners: found
+
+
+@outlined
+def keep_momentum(s: Any, share: Any) -> None:
+    """Move all particles of an island by what makes the sum of the residuals vanish, if all can move.
+
+    Forces between them do not feel that: the momentum is kept to rounding, whatever the tolerance of the solution.
+    """
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        for axis in range(3):
+            total = 0.0
+            for i in range(lo, hi):
+                total += float(s.residual[axis, i])
+            s.partial[axis, lo // share.chunk] = total
+        inertia = 0.0
+        for i in range(lo, hi):
+            inertia += float(s.inertia[i]) if s.free[i] > 0 else np.inf
+        s.partial[3, lo // share.chunk] = inertia
+    meet(share.gate, share.threads)
+    inertia = summed(s, 3)
+    for axis in range(3):
+        shift = type_of(s.residual[axis, 0], summed(s, axis) / inertia)
+        for i in range(share.first, share.last):
+            s.solution[axis, i] += shift
 
 
 @outlined

@@ -123,7 +123,7 @@ def test_a_hanging_net_comes_to_the_same_rest_as_with_an_explicit_method() -> No
 
 
 def block(method: Any, stiffness: float = 2e3, dt: float = 0.02, count: int = 5) -> dict[str, Any]:
-    """A block of springs, turning and falling, and a pinned particle far away that nothing touches."""
+    """A block of springs, turning and falling, and a particle far away that nothing touches."""
     grid = np.stack(np.meshgrid(*[np.arange(count) * 0.1] * 3), axis=-1).reshape(-1, 3)
     turning = np.cross((0.0, 0.5, 1.0), grid - grid.mean(axis=0)) + np.array((0.3, 0.1, 0.0))
     layout = {
@@ -139,19 +139,18 @@ def block(method: Any, stiffness: float = 2e3, dt: float = 0.02, count: int = 5)
         {"triples": triples, "stiffness": 1e-3 * stiffness},
         g=9.8,
         mass=0.01,
-        pinned=[0],
     )
     return table(10 * dt, dt, method, **parts, output={"ledger": True})
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-12])
-def test_momentum_is_kept_to_the_tolerance_of_the_solution(tolerance: float) -> None:
-    # Springs push both ends alike in the matrix, too: what a step adds to M g h is the sum of its residual.
-    scenario = ps.from_table(block({"method": "backward_euler", "tolerance": tolerance}))
+def test_momentum_is_kept_whatever_the_tolerance_of_the_solution() -> None:
+    # Springs push both ends alike in the matrix, too: what a step adds to M g h is the sum of its residual: taken out.
+    scenario = ps.from_table(block({"method": "backward_euler", "tolerance": 1e-2}))
     ledger = ps.run(scenario).ledger
-    mass, fallen = 1.25, 9.8 * 0.2
+    mass, fallen = 1.26, 9.8 * 0.2
     gained = ledger["momentum.y"][-1] - ledger["momentum.y"][0] + mass * fallen
-    assert abs(gained) < 10 * tolerance * mass * fallen + 1e4 * EPS
+    assert abs(gained) < 1e4 * EPS
+    assert abs(ledger["momentum.x"][-1] - ledger["momentum.x"][0]) < 1e4 * EPS
 
 
 def test_stiff_springs_do_not_limit_the_step() -> None:
@@ -160,13 +159,13 @@ def test_stiff_springs_do_not_limit_the_step() -> None:
         result = ps.run(ps.from_table(block(method, stiffness=2e7)))
         size = np.linalg.norm(result.final.position[1] - result.final.position[-1])
         assert size == pytest.approx(0.4 * math.sqrt(3), rel=0.05)
-        assert result.ledger["kinetic"][-1] < result.ledger["kinetic"][0] + 0.5 * 1.25 * (9.8 * 0.2) ** 2
+        assert result.ledger["kinetic"][-1] < result.ledger["kinetic"][0] + 0.5 * 1.26 * (9.8 * 0.2) ** 2
 
 
 def test_a_solution_that_is_not_found_ends_the_run() -> None:
     scenario = ps.from_table(block({"method": "backward_euler", "max_linear_iterations": 1}, stiffness=2e7))
     with pytest.raises(
-        ps.DivergenceError, match=r"no solution of the step from t = 0 s: .* residual of 0\.\d+"
+        ps.DivergenceError, match=r"no solution of the step from t = 0 s: .* was \d\.\d+ times the first one"
     ) as caught:
         ps.run(scenario)
     assert caught.value.exit_code == 3
@@ -319,3 +318,16 @@ def test_forces_without_derivatives_are_named(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delitem(GENERICS[triangle_force_dv].laws, SheetDragRecord)
     with pytest.raises(ps.ScenarioError, match="and sheet_drag has no law"):
         ps.from_table(sail(0.1, 1, (2, 2), (0, 0, 0), mass=1.0))
+
+
+def test_forces_that_jump_are_refused() -> None:
+    # Dry friction has no balance that Newton's method could find; v |v| has, however it is written.
+    def stepped(force: str, method: str) -> ps.Scenario:
+        field = {"type": "field", "name": "rub", "force": ["0", force, "0"]}
+        return ps.from_table(table(1.0, 0.1, method, particles=[points((0, 0, 0))], forces=[field]))
+
+    with pytest.raises(ps.ScenarioError, match=r"and rub has none where it jumps \(sign\)") as caught:
+        stepped("-5*sign(vy)", "trapezoidal")
+    assert caught.value.diagnostics[0].path == "forces.rub.force.1"
+    stepped("-5*sign(vy)", "rk4")
+    stepped("-5*sign(vy)*vy**2", "trapezoidal")

@@ -210,7 +210,7 @@ def test_motions_that_cannot_be(motions: list[Any], message: str) -> None:
         ([0, 12], "there is no particle 12"),
         ("lfet", "did you mean 'left'|no part called 'lfet'"),
         ({"type": "disc", "radius": 1}, "unknown type"),
-        (["left", 3], "pinned"),
+        (["left", 99], "there is no particle 99"),
         ([-1], "pinned"),
     ],
 )
