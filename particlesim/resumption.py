@@ -20,6 +20,7 @@ from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_pat
 from particlesim.trajectory.files import DamagedError, damaged
 from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.reader import Trajectory
+from particlesim.trajectory.recovery import recover
 from particlesim.version import __version__
 
 MOST_SHOWN = 8
@@ -62,7 +63,10 @@ def find(scenario: Scenario, path: Path) -> Resumption | Literal["complete"] | N
     if kind_of(path) is None:
         return None
     try:
-        return _find(scenario, path)
+        found = _find(scenario, path)
+        if found == "complete":
+            recover(path)  # killed after its last word: the mark of its writer would keep other readers out
+        return found
     except DamagedError as error:
         raise UsageError(error.message, ANEW) from error
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -282,10 +281,8 @@ def test_other_letters_are_refused_even_for_constants() -> None:
         "x" * (MAX_LENGTH + 1),
     ],
 )
-def test_monsters_are_refused_quickly(text: str) -> None:
-    start = time.perf_counter()
+def test_monsters_are_refused(text: str) -> None:
     failure(text)
-    assert time.perf_counter() - start < 1
 
 
 def test_depth_is_bounded_and_the_bound_is_usable() -> None:

@@ -110,8 +110,8 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     ("method", "precision"),
     [
         ("symplectic_euler", "single"),
-        ("stormer_verlet", "double"),
-        ("rk45", "double"),
+        pytest.param("stormer_verlet", "double", marks=pytest.mark.slow),
+        pytest.param("rk45", "double", marks=pytest.mark.slow),
     ],
 )
 def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str) -> None:
@@ -123,6 +123,7 @@ def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str
         assert [name for name, value in reference.items() if other[name] != value] == [], f"{threads} threads"
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_stops_at_the_same_place_for_any_number_of_threads() -> None:
     scenario = island("symplectic_euler", structural=3e9)
     messages = []
