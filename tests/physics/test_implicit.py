@@ -58,8 +58,16 @@ def well(method: Any, h: float, steps: int) -> ps.Result:
     return simulate(steps * h, h, method, particles=[points((1.1, 0, 0), mass=M)], forces=[field])
 
 
-@pytest.mark.parametrize("scene", [pinned_spring, well])
-@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [
+        pytest.param(
+            name, scene, marks=[pytest.mark.slow] if scene is pinned_spring and name == "bdf2" else []
+        )
+        for name in IMPLICIT
+        for scene in (pinned_spring, well)
+    ],
+)
 def test_oscillators_decay_by_the_amplification_factor(name: str, scene: Any) -> None:
     # ζ = x + v/(iω) obeys ζ' = iω ζ, and for real x and v the one-step map of a method acts on it as R(iωh). A two-step
     # method comes to its larger root when the other, about 1/3, is gone: 3⁻⁴⁰ is below rounding.
