@@ -5,7 +5,6 @@ database here: a test run leaves the working directory as it was.
 """
 
 import atexit
-import gc
 import os
 import shutil
 import tempfile
@@ -17,8 +16,6 @@ if "PSIM_CACHE_DIR" not in os.environ:
     _directory = tempfile.mkdtemp(prefix="psim-kernels-")
     os.environ["PSIM_CACHE_DIR"] = _directory
     atexit.register(shutil.rmtree, _directory, ignore_errors=True)
-
-gc.set_threshold(50_000, 20, 50)  # compiling makes millions of objects that live: a tenth of its time
 
 settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("psim")
