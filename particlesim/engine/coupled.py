@@ -370,6 +370,18 @@ def _evolve(
     return families.get(method.instance_class)
 
 
+@inlined
+def kick_and_drift(c: Any, work: Any, share: Any, push: Any, glide: Any, t: Any, end: Any, h: Any) -> None:
+    """A stage of a composition for all particles of a share, chunk after chunk; a weight of 0 is left out."""
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        q = block_of(c, lo, hi)
+        if push != 0:
+            kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
+        if glide != 0:
+            drift(q, glide, t, end, h)
+
+
 def _composition(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
@@ -380,13 +392,7 @@ def _composition(
             if stage > 0:
                 meet(share.gate, share.threads)
             evaluate(parts, bonds, c, work, share, now)
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            q = block_of(c, lo, hi)
-            if push != 0:
-                kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
-            if glide != 0:
-                drift(q, glide, t, end, h)
+        kick_and_drift(c, work, share, push, glide, t, end, h)
         now += method.drifts[stage] * (end - t)
 
 
@@ -403,13 +409,7 @@ def _held_composition(
             evaluate(parts, bonds, c, work, share, now)
         elif stage == 0:
             meet(share.gate, share.threads)
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            q = block_of(c, lo, hi)
-            if push != 0:
-                kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
-            if glide != 0:
-                drift(q, glide, t, end, h)
+        kick_and_drift(c, work, share, push, glide, t, end, h)
         now += method.drifts[stage] * (end - t)
         if glide != 0:
             drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
