@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
-    KEPT,
     block_of,
     fetch,
     keep,
@@ -378,13 +377,12 @@ def step_range_adaptive(
     Every own step is entered into `log`.
     """
     some = min(block, DESK)
-    kept = np.empty((KEPT, some))
     desk = new_desk(columns)
     for lo in range(first, last, some):
         c = block_of(columns, lo, min(last, lo + some))
         log.number[1] = lo
         for i in range(c.x.size):
-            keep(c, kept, i)
+            keep(c, desk.kept, i)
         verdict = 0
         for s in range(steps):
             t, end = (first_step + s) * dt, (first_step + s + 1) * dt
@@ -397,4 +395,4 @@ def step_range_adaptive(
             faults[lo] = verdict
             if restore:
                 for i in range(c.x.size):
-                    put_back(c, kept, i)
+                    put_back(c, desk.kept, i)

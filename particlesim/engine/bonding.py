@@ -10,6 +10,7 @@ from numba import types
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
+from particlesim.engine.columns import cut
 from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.runs import FIRST, HOLES, HOLES_END, LENGTH, OFFSET, OWNS_FIRST, OWNS_SECOND, SECOND
 from particlesim.laws import bond_force
@@ -83,18 +84,6 @@ def _of_bond(column: Any, k: Any) -> Impl:
     if isinstance(column, types.Array):
         return lambda column, k: column[k]
     return lambda column, k: column
-
-
-def of_bonds(column: Any, first: Any, last: Any) -> Any:
-    """What belongs to bonds [first, last): a part of an array, or the number that all share."""
-    return stub()
-
-
-@inline(of_bonds)
-def _of_bonds(column: Any, first: Any, last: Any) -> Impl:
-    if isinstance(column, types.Array):
-        return lambda column, first, last: column[first:last]
-    return lambda column, first, last: column
 
 
 def chunks_of(bonds: Any) -> Any:
@@ -184,9 +173,9 @@ def _add_long(bond: Any, c: Any, total: Any, pull: Any, piece: Any) -> Impl:
         ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
         ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
         ks, cs, rests = (
-            of_bonds(bond.k, first, last),
-            of_bonds(bond.c, first, last),
-            of_bonds(bond.rest, first, last),
+            cut(bond.k, first, last)[0],
+            cut(bond.c, first, last)[0],
+            cut(bond.rest, first, last)[0],
         )
         px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
         for k in range(n):

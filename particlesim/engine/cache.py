@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
 from numba.core import config
@@ -53,6 +53,9 @@ INLINE: dict[str, Any] = {
     "forceinline": True,
     "fastmath": FAST,
     "error_model": "numpy",
+    # Kernels only borrow arrays. Counting references to them would take most of the time of short loops, since every view
+    # of a row counts, and a tenth of the time of compiling.
+    "_nrt": False,
     # Nobody calls what is inlined from Python or C: a tenth of the time of compiling goes into these wrappers.
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
@@ -63,8 +66,12 @@ _KERNEL: dict[str, Any] = {
     "nogil": True,
     "fastmath": FAST,
     "error_model": "numpy",
+    "_nrt": False,
     "no_cfunc_wrapper": True,  # called from Python, never from C
 }
+
+F = TypeVar("F", bound=Callable[..., Any])
+_njit: Any = numba.njit  # its type hints do not know all of these options
 
 problem: str | None = None
 """Why kernels are not kept on disk, or None when they are."""
@@ -113,9 +120,25 @@ def cache_directory() -> Path | None:
     return path
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function for the hot path: releases the GIL, kept on disk, arithmetic as in `FAST`."""
-    return keep_on_disk(numba.njit(**_KERNEL)(function))
+def kernel(function: F) -> F:
+    """Compile a function for the hot path: releases the GIL, kept on disk, arithmetic as in `FAST`.
+
+    It cannot make arrays: whoever calls it brings room for what it has to remember.
+    """
+    compiled: F = keep_on_disk(_njit(**_KERNEL)(function))
+    return compiled
+
+
+def maker(function: F) -> F:
+    """Compile a kernel that makes arrays."""
+    compiled: F = keep_on_disk(_njit(**{**_KERNEL, "_nrt": True})(function))
+    return compiled
+
+
+def part(function: F) -> F:
+    """Compile a function that kernels call by its name: it is inlined."""
+    compiled: F = _njit(**INLINE)(function)
+    return compiled
 
 
 def keep_on_disk(dispatcher: Any) -> Any:

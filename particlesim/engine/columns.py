@@ -51,6 +51,19 @@ class Columns(NamedTuple):
     memory: tuple[Any, ...]
 
 
+def cut(column: Any, first: Any, last: Any) -> Any:
+    """A tuple of one, which parts of kernels may return while they may not return an array: elements [first, last) of an
+    array, or what all have in common, None or a number."""
+    return stub()
+
+
+@inline(cut)
+def _cut(column: Any, first: Any, last: Any) -> Impl:
+    if isinstance(column, types.Array):
+        return lambda column, first, last: (column[first:last],)
+    return lambda column, first, last: (column,)
+
+
 def block_of(c: Any, lo: Any, hi: Any) -> Any:
     """The columns of particles [lo, hi)."""
     return stub()
@@ -60,8 +73,6 @@ def block_of(c: Any, lo: Any, hi: Any) -> Any:
 def _block_of(c: Any, lo: Any, hi: Any) -> Impl:
     if isinstance(c, types.NoneType):
         return lambda c, lo, hi: None
-    if isinstance(c, types.Array):
-        return lambda c, lo, hi: c[lo:hi]
     cls = getattr(c, "instance_class", None)
     if cls is Clock:
         return lambda c, lo, hi: Clock(c.start[lo:hi], c.stop[lo:hi], c.outcome[lo:hi])
@@ -76,7 +87,7 @@ def _block_of(c: Any, lo: Any, hi: Any) -> Impl:
             c.vy[lo:hi],
             c.vz[lo:hi],
             c.m[lo:hi],
-            block_of(c.r, lo, hi),
+            cut(c.r, lo, hi)[0],
             block_of(c.thermal, lo, hi),
             block_of(c.clock, lo, hi),
             block_of(c.memory, lo, hi),

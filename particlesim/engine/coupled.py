@@ -64,12 +64,14 @@ class StagedVerlet(NamedTuple):
 
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n], slopes [stages, 6, n], and, for each
-    thread its own, forces of bonds [3, chunk]. `system`: the equations of implicit methods, else None."""
+    thread its own, forces of bonds [3, chunk] and estimates of the error [estimates, 6, chunk]. `system`: the equations of
+    implicit methods, else None."""
 
     force: Any
     before: Any
     slopes: Any
     pull: Any
+    spread: Any
     system: Any = None
 
 
@@ -142,11 +144,13 @@ def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
 def scratch(method: Method, count: int, dtype: Any) -> Work:
     """Scratch arrays for an island."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
+    estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
     return Work(
         np.zeros((3, count), dtype),
         np.zeros((6, count), dtype),
         np.zeros((stages, 6, count), dtype),
         np.zeros((3, chunk_size(count)), dtype),
+        np.zeros((estimates, 6, chunk_size(count)), dtype),
     )
 
 

@@ -82,14 +82,14 @@ def six(columns: Any, i: Any) -> Any:
     return Rate(columns[0, i], columns[1, i], columns[2, i], columns[3, i], columns[4, i], columns[5, i])
 
 
-def measure(method: Any, c: Any, work: Any, share: Any, spread: Any, t: Any, end: Any, h: Any) -> Any:
+def measure(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
     """The largest error of a share's particles in the step from t to `end`, and the row of the particle."""
     return stub()
 
 
 @inline(measure)
-def _measure(method: Any, c: Any, work: Any, share: Any, spread: Any, t: Any, end: Any, h: Any) -> Impl:
-    def impl(method: Any, c: Any, work: Any, share: Any, spread: Any, t: Any, end: Any, h: Any) -> Any:
+def _measure(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
+    def impl(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
         largest, row = -1.0, share.first
         for lo in range(share.first, share.last, share.chunk):
             hi = min(lo + share.chunk, share.last)
@@ -97,15 +97,15 @@ def _measure(method: Any, c: Any, work: Any, share: Any, spread: Any, t: Any, en
             for estimate in range(len(method.errors)):
                 for k in range(6):
                     estimated(
-                        spread[estimate, k, : hi - lo], work.slopes[:, k, lo:hi], method.errors[estimate]
+                        work.spread[estimate, k, : hi - lo], work.slopes[:, k, lo:hi], method.errors[estimate]
                     )
             for i in range(hi - lo):
                 _, length = span(q.clock, i, t, end, h)
                 after = Rate(q.x[i], q.y[i], q.z[i], q.vx[i], q.vy[i], q.vz[i])
                 sx, sv = scales(method, six(work.before, lo + i), after)
-                first = size2(six(spread[0], i), sx, sv)
+                first = size2(six(work.spread[0], i), sx, sv)
                 if len(method.errors) > 1:
-                    error = combined(length, first, size2(six(spread[1], i), sx, sv))
+                    error = combined(length, first, size2(six(work.spread[1], i), sx, sv))
                 else:
                     error = combined(length, first, None)
                 error = error if error < np.inf else np.inf  # NaN is no error that one may have
@@ -216,7 +216,6 @@ def step_island_adaptive(
     first particle's memory. Returns the number of grid steps done; fewer when the next one could not be crossed (the
     island is then where its last own step ended, and `pace.report` says why), or when it pauses.
     """
-    spread = np.empty((len(method.errors), 6, share.chunk), work.before.dtype)
     step, previous = float(c.memory[0][0]), float(c.memory[1][0])
     stale, again = True, False
     for s in range(steps):
@@ -240,7 +239,7 @@ def step_island_adaptive(
             h = type_of(c.x[0], taken)
             save(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             attempt(method, parts, bonds, c, work, share, now, then, h)
-            largest, row = measure(method, c, work, share, spread, now, then, h)
+            largest, row = measure(method, c, work, share, now, then, h)
             error, row = worst(share, pace.slots, largest, row)
             wish = taken * factor(method, error, previous, again)
             tries += 1

@@ -261,7 +261,8 @@ class CoupledIsland:
 
     def _own_scratch(self, share: Share) -> Work:
         """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
-        work = self._work._replace(pull=np.zeros_like(self._work.pull))
+        work = self._work
+        work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
         if work.system is None:
             return work
         system = work.system

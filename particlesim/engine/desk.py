@@ -8,15 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from particlesim.engine.columns import Thermal, store, temperature
+from particlesim.engine.columns import KEPT, Thermal, store, temperature
 from particlesim.engine.compile import inline, inlined, stub
+from particlesim.engine.stack import on_stack
 from particlesim.engine.steppers import Rate, derivative
 from particlesim.laws import Particle
 
 Impl = Callable[..., Any]
 
-DESK = 256
-"""Particles on a desk: its columns stay in a second-level cache, and the compiler knows their distances."""
+DESK = 264
+"""Particles on a desk: a block and a cache line more, so that the same column of all rows does not fall into two sets of the
+first-level cache."""
 
 # Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
 # (x, y, z, vx, vy, vz each), mass, its inverse, radius.
@@ -29,12 +31,13 @@ NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1
 
 class Desk(NamedTuple):
     """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
-    `thermal`, None when no law reads the temperature."""
+    `thermal`, None when no law reads the temperature. `kept` [KEPT, DESK]: the block as it was at the beginning."""
 
     row: Any
     body: Any
     clock: Any
     thermal: Any
+    kept: Any
 
 
 class Heated(NamedTuple):
@@ -71,16 +74,20 @@ def _response(dynamics: Any, d: Any, k: Any) -> Impl:
 
 
 def new_desk(c: Any) -> Any:
-    """An empty desk for particles of some columns."""
+    """An empty desk for particles of some columns, on the stack."""
     return stub()
 
 
 @inline(new_desk)
 def _new_desk(c: Any) -> Impl:
     def impl(c: Any) -> Any:
-        clock = np.empty((CLOCK, DESK))
+        clock = on_stack(CLOCK, DESK, np.float64)
         return Desk(
-            np.empty(DESK, np.int64), np.empty((BODY, DESK), c.x.dtype), clock, warmth_of(c.thermal, clock)
+            on_stack(1, DESK, np.int64)[0],
+            on_stack(BODY, DESK, c.x.dtype),
+            clock,
+            warmth_of(c.thermal, clock),
+            on_stack(KEPT, DESK, np.float64),
         )
 
     return impl

@@ -9,11 +9,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import particlesim.engine.newton  # noqa: F401
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import (
     KEPT,
+    Columns,
     block_of,
     chosen,
     fetch,
@@ -128,6 +130,19 @@ def _refresh(program: Any, c: Any, t: Any) -> Callable[..., Any]:
     return impl
 
 
+class Room(NamedTuple):
+    """What a thread remembers of a block: its state at the beginning [KEPT, block], marks and inverse masses [block]."""
+
+    kept: NDArray[np.float64]
+    marks: NDArray[np.bool_]
+    inverse: NDArray[np.floating[Any]]
+
+
+def new_room(columns: Columns, block: int) -> Room:
+    """Room for a block of some columns."""
+    return Room(np.empty((KEPT, block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype))
+
+
 @kernel
 def step_range(
     program: Any,
@@ -139,15 +154,15 @@ def step_range(
     last: Any,
     block: Any,
     faults: Any,
+    room: Any,
 ) -> None:
     """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
 
     A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
-    first particle k, so that the caller can look for the step and the particle.
+    first particle k, so that the caller can look for the step and the particle. `room` is that of `new_room` for these
+    columns and this block, one for every thread.
     """
-    kept = np.empty((KEPT, block))
-    marks = np.empty(block, np.bool_)
-    inverse = np.empty(block, columns.m.dtype)
+    kept, marks, inverse = room.kept, room.marks, room.inverse
     for lo in range(first, last, block):
         c = block_of(columns, lo, min(last, lo + block))
         n = c.x.size

@@ -16,7 +16,7 @@ from particlesim.engine.booking import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.books import Books
 from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
-from particlesim.engine.independent import BLOCK, Program, step_range
+from particlesim.engine.independent import BLOCK, Program, new_room, step_range
 from particlesim.engine.measure import sum_forces
 from particlesim.engine.newton import unsolved
 from particlesim.engine.pace import RESOLVED
@@ -36,6 +36,10 @@ WORTH_THREADS = 500_000
 
 OWN_STEPS = 20
 """Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+OWN_COST = 50
+"""How many times longer a particle's own step takes than one that it shares with its block: several evaluations, an error
+with its roots and powers, a decision."""
 
 BOOKED_TOGETHER = 4096
 """Particles whose own steps are in memory at the same time, to book them."""
@@ -180,7 +184,7 @@ class IndependentIsland:
         def work(a: int, b: int) -> None:
             self._step(columns, first, last - first, a, b, self._block, faults)
 
-        ahead = number * (last - first) * (OWN_STEPS if self._adaptive else 1)
+        ahead = number * (last - first) * (OWN_STEPS * OWN_COST if self._adaptive else 1)
         team.over_range(number, self._block, work, worth=ahead >= WORTH_THREADS)
 
     def _move_booked(
@@ -222,7 +226,8 @@ class IndependentIsland:
         if touches and not self._fixed and not self._adaptive:
             free = snapshot(columns, slice(0, n))
             program = self.program._replace(contacts=Simple(()))
-            step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_))
+            room = new_room(free, self._block)
+            step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_), room)
         return Opened(kept, begin, h, free)
 
     def _close(self, opened: Opened | None, last: int) -> None:
@@ -244,7 +249,8 @@ class IndependentIsland:
             last = (a, b, block, True, faults, np.zeros(1), new_log())
             step_range_adaptive(self.program, columns, first, steps, self.dt, *last)
         else:
-            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults)
+            room = new_room(columns, block)
+            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
         """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.

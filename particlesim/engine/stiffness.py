@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
 from particlesim.engine.barrier import meet
-from particlesim.engine.bonding import Bonds, chunks_of, of_bond, of_bonds
-from particlesim.engine.columns import fetch, type_of
+from particlesim.engine.bonding import Bonds, chunks_of, of_bond
+from particlesim.engine.columns import cut, fetch, type_of
 from particlesim.engine.compile import inline, inlined, outline, outlined, spliced, stub, times
 from particlesim.engine.corner_stiffness import stiffen, times_corners
 from particlesim.engine.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
@@ -316,9 +316,9 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
         ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
         lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
         lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
-        ks = of_bonds(bond.k, first, last)
-        cs = of_bonds(bond.c, first, last)
-        rests = of_bonds(bond.rest, first, last)
+        ks = cut(bond.k, first, last)[0]
+        cs = cut(bond.c, first, last)[0]
+        rests = cut(bond.rest, first, last)[0]
         w0, w1, w2, w3 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
         g0, g1, g2 = s.pull[4, :n], s.pull[5, :n], s.pull[6, :n]
         for k in range(n):

@@ -6,7 +6,7 @@ from math import floor, isfinite, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, kernel
+from particlesim.engine.cache import kernel, maker, part
 from particlesim.render.stage import Array, Axes, Float32s, Ints, Planes, View
 
 BAND = 16
@@ -29,7 +29,7 @@ def to_scene(position: Array, start: int, stop: int, center: Array, scale: float
     return bad
 
 
-@inlined
+@part
 def _behind_a_plane(x: float, y: float, z: float, radius: float, planes: Planes) -> bool:
     for k in range(len(planes.point)):
         if not planes.facing[k]:
@@ -112,7 +112,7 @@ def to_map(
             box[i, 2], box[i, 3] = max(int(v - r), 0), min(int(v + r), size - 1)
 
 
-@kernel
+@maker
 def bin_bands(box: Ints, order: Ints, height: int) -> tuple[Array, Ints]:
     """Which particles touch which band: `items[first[b]:first[b + 1]]`, in the sequence of `order` (empty:
     by index)."""
@@ -144,7 +144,7 @@ def gather(table: Float32s, items: Array, rows: Float32s) -> None:
             rows[k, c] = table[i, c]
 
 
-@kernel
+@maker
 def far_to_near(sphere: Float32s, box: Ints) -> Ints:
     """Indices by falling view depth: a stable counting sort of the depth in 65 536 steps."""
     low, high = np.inf, -np.inf

@@ -6,12 +6,12 @@ from math import sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import kernel, lean
+from particlesim.engine.cache import kernel, maker
 from particlesim.render.project import BAND
 from particlesim.render.stage import Array, Float32s, Ints, Layers, View
 
 
-@lean
+@kernel
 def clear_layers(layers: Layers) -> None:
     layers.near[:] = np.inf
     layers.near_id[:] = -1
@@ -19,7 +19,7 @@ def clear_layers(layers: Layers) -> None:
     layers.far_id[:] = -1
 
 
-@lean
+@kernel
 def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: View, layers: Layers) -> None:
     """Keep the two nearest spheres of every sample of the band that starts at `row0`.
 
@@ -55,7 +55,7 @@ def raster_spheres(sphere: Float32s, box: Ints, items: Array, row0: int, view: V
                     far[y, x], far_id[y, x] = t, i
 
 
-@lean
+@kernel
 def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> None:
     """Depth [scene units] of the nearest sphere in the band of a parallel projection with `scale` texels per
     unit."""
@@ -95,7 +95,7 @@ def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Fl
         _blur_columns(square, k)
 
 
-@kernel
+@maker
 def _blur_rows(image: Float32s, k: int) -> None:
     size = len(image)
     line = np.empty(size, np.float32)
@@ -110,7 +110,7 @@ def _blur_rows(image: Float32s, k: int) -> None:
             total -= line[max(x - k, 0)]
 
 
-@kernel
+@maker
 def _blur_columns(image: Float32s, k: int) -> None:
     size = len(image)
     copy = image.copy()

@@ -11,7 +11,7 @@ from math import sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, lean
+from particlesim.engine.cache import kernel, part
 from particlesim.render.project import BAND
 from particlesim.render.solids import on_screen
 from particlesim.render.stage import Array, Float32s, Ints, Samples, Solids, Triple, View
@@ -23,20 +23,20 @@ _Y = np.array([0, 1, 2, 3, 4, 5, 6, 7], np.float32) / np.float32(8) - np.float32
 _REACH = 7 / 16
 
 
-@lean
+@kernel
 def clear_samples(samples: Samples) -> None:
     samples.inverse[:] = 0.0
     samples.id[:] = -1
 
 
-@inlined
+@part
 def _edge(p: Triple, q: Triple, sign: float) -> Triple:
     """a, b, c of the function a x + b y + c that is 0 on the line from p to q and positive to one side."""
     a, b = sign * (p[1] - q[1]), sign * (q[0] - p[0])
     return a, b, -(a * p[0] + b * p[1])
 
 
-@lean
+@kernel
 def raster_triangles(
     sphere: Float32s,
     solids: Solids,
@@ -89,7 +89,7 @@ def raster_triangles(
                     ids[y, x, s] = base + t if within else ids[y, x, s]
 
 
-@lean
+@kernel
 def raster_tubes(
     sphere: Float32s,
     solids: Solids,
@@ -137,7 +137,7 @@ def raster_tubes(
                         ids[y, x, s] = base + t
 
 
-@lean
+@kernel
 def raster_balls(sphere: Float32s, box: Ints, items: Array, row0: int, view: View, samples: Samples) -> None:
     """The same for spheres, numbered by themselves (see `raster.raster_spheres` for the geometry)."""
     inverse, ids = samples.inverse, samples.id
@@ -164,7 +164,7 @@ def raster_balls(sphere: Float32s, box: Ints, items: Array, row0: int, view: Vie
                         ids[y, x, s] = i
 
 
-@lean
+@kernel
 def nearest_depth(samples: Samples, depth: Float32s) -> None:
     """View depth of the nearest thing in each sample, infinity where there is none; shape [rows, width]."""
     for y in range(depth.shape[0]):
@@ -175,7 +175,7 @@ def nearest_depth(samples: Samples, depth: Float32s) -> None:
             depth[y, x] = 1.0 / best if best > 0.0 else np.inf
 
 
-@lean
+@kernel
 def depth_of_triangles(
     disc: Float32s, corner: Ints, box: Ints, items: Array, row0: int, depth: Float32s
 ) -> None:
@@ -205,7 +205,7 @@ def depth_of_triangles(
                     depth[y, x] = z
 
 
-@lean
+@kernel
 def depth_of_tubes(
     disc: Float32s, end: Ints, wide: Float32s, box: Ints, items: Array, row0: int, depth: Float32s
 ) -> None:

@@ -6,7 +6,7 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, lean
+from particlesim.engine.cache import kernel, part
 from particlesim.render.project import BAND
 from particlesim.render.stage import (
     Array,
@@ -25,18 +25,18 @@ from particlesim.render.stage import (
 RGB = Triple
 
 
-@inlined
+@part
 def row_of(array: Float32s, k: int) -> Triple:
     """A row of three as scalars: a slice would count references, in an atomic that the threads share."""
     return array[k, 0], array[k, 1], array[k, 2]
 
 
-@inlined
+@part
 def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
     return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
 
 
-@inlined
+@part
 def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
     3."""
@@ -59,7 +59,7 @@ def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     return total * (1.0 / 9.0)
 
 
-@inlined
+@part
 def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     """Share of the sky that a point sees.
 
@@ -92,7 +92,7 @@ def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     return 1.0 - shaded
 
 
-@inlined
+@part
 def _lines(x: float, footprint: float, width: float) -> float:
     """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference
     quotient."""
@@ -103,7 +103,7 @@ def _lines(x: float, footprint: float, width: float) -> float:
     return (ia - ib) / w
 
 
-@inlined
+@part
 def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
     """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
     and down."""
@@ -124,7 +124,7 @@ def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple
     return min(0.42 * fine + 0.5 * bold, 1.0)
 
 
-@inlined
+@part
 def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     """A vertical gradient that darkens a little towards the corners."""
     sx, sy = (x + 0.5) / view.width - 0.5, (y + 0.5) / view.height
@@ -138,7 +138,7 @@ def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     )
 
 
-@inlined
+@part
 def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[int, float]:
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
@@ -153,7 +153,7 @@ def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[
     return best, t_best
 
 
-@inlined
+@part
 def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
     """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the
     others."""
@@ -173,7 +173,7 @@ def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple)
     return min(max(cover, 0.0), 1.0), crease
 
 
-@inlined
+@part
 def behind(
     view: View,
     planes: Planes,
@@ -230,7 +230,7 @@ def behind(
     return rgb[0] + cover * (r - rgb[0]), rgb[1] + cover * (g - rgb[1]), rgb[2] + cover * (b - rgb[2])
 
 
-@inlined
+@part
 def shade_sphere(
     view: View,
     light: Light,
@@ -305,7 +305,7 @@ def shade_sphere(
     )
 
 
-@lean
+@kernel
 def shade_band(
     row0: int,
     view: View,
@@ -370,12 +370,12 @@ def shade_band(
             image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
 
 
-@inlined
+@part
 def mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 
-@lean
+@kernel
 def draw_dots(
     row0: int,
     view: View,
@@ -417,7 +417,7 @@ def draw_dots(
                     image[y, x, 2] += b * tone - cover * image[y, x, 2]
 
 
-@lean
+@kernel
 def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Paths) -> None:
     """Trails: `segments` rows are x0, y0, z0, alpha0, x1, y1, z1, alpha1, half width, all in samples but z.
 
@@ -450,7 +450,7 @@ def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Pa
                     paths.depth[y, x] = z0 + t * (z1 - z0)
 
 
-@lean
+@kernel
 def develop(image: Float32s, rows: int, samples: int, exposure: float, curve: Float32s, out: Array) -> None:
     """Average samples², tone-map and encode as sRGB by `curve` (indexed by √(light / 4)), dither, write 8
     bits.

@@ -6,12 +6,12 @@ from math import floor, isfinite, sqrt
 
 import numpy as np
 
-from particlesim.render.compiled import inlined, lean
+from particlesim.engine.cache import kernel, part
 from particlesim.render.project import NEAR
 from particlesim.render.stage import Array, Float32s, Ints, Planes, Triple, View
 
 
-@lean
+@kernel
 def face_normals(world: Float32s, corner: Ints, start: int, stop: int, face: Float32s) -> None:
     """`face[t]`: the normal of a triangle, as long as twice its area."""
     for t in range(start, stop):
@@ -21,7 +21,7 @@ def face_normals(world: Float32s, corner: Ints, start: int, stop: int, face: Flo
         face[t, 0], face[t, 1], face[t, 2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@lean
+@kernel
 def smooth_normals(face: Float32s, first: Array, fan: Ints, start: int, stop: int, normal: Float32s) -> None:
     """`normal[k]`: the mean of the faces `fan[first[k]:first[k + 1]]`, weighed by their areas (Gouraud)."""
     for k in range(start, stop):
@@ -35,7 +35,7 @@ def smooth_normals(face: Float32s, first: Array, fan: Ints, start: int, stop: in
         normal[k, 0], normal[k, 1], normal[k, 2] = x * inv, y * inv, z * inv
 
 
-@inlined
+@part
 def on_screen(sphere: Float32s, i: int, view: View) -> Triple:
     """Column, row and inverse depth of a particle; the depth must be positive."""
     inv = 1.0 / np.float64(sphere[i, 2])
@@ -46,7 +46,7 @@ def on_screen(sphere: Float32s, i: int, view: View) -> Triple:
     )
 
 
-@inlined
+@part
 def _clip(box: Ints, k: int, low: Triple, high: Triple, width: int, height: int) -> None:
     """Write the samples between two corners that lie inside the picture."""
     if high[0] < 0 or low[0] > width or high[1] < 0 or low[1] > height:
@@ -55,7 +55,7 @@ def _clip(box: Ints, k: int, low: Triple, high: Triple, width: int, height: int)
     box[k, 2], box[k, 3] = int(max(floor(low[1]), 0)), int(min(floor(high[1]), height - 1))
 
 
-@inlined
+@part
 def _hidden(world: Float32s, i: int, planes: Planes) -> bool:
     """Whether a plane that faces the camera lies before a point."""
     for k in range(len(planes.point)):
@@ -69,7 +69,7 @@ def _hidden(world: Float32s, i: int, planes: Planes) -> bool:
     return False
 
 
-@lean
+@kernel
 def box_triangles(
     world: Float32s,
     sphere: Float32s,
@@ -94,7 +94,7 @@ def box_triangles(
         _clip(box, t, low, high, view.width, view.height)
 
 
-@lean
+@kernel
 def box_tubes(
     world: Float32s,
     sphere: Float32s,
@@ -122,7 +122,7 @@ def box_tubes(
         _clip(box, t, low, high, view.width, view.height)
 
 
-@lean
+@kernel
 def box_on_map(
     disc: Float32s, rows: Ints, start: int, stop: int, margin: Float32s, size: int, box: Ints
 ) -> None:
