@@ -22,12 +22,13 @@ from particlesim.engine.compile import inline, inlined, outline, spliced, stub
 from particlesim.engine.contact import Simple, overlapped, respond, trace
 from particlesim.engine.corners import Corners, add_corners, corners_between
 from particlesim.engine.driving import Driven, drive
+from particlesim.engine.independent import BLOCK
 from particlesim.engine.rigging import divided
 from particlesim.engine.rods import Rods, after_contact, after_kicks, hold, places, take_aim
 from particlesim.engine.runs import chunk_size, shares
 from particlesim.engine.steppers import Newtonian, Overdamped
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
-from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta
+from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta, Verlet
 from particlesim.laws import Particle, Vector, force, law, moved_to, velocity
 
 Impl = Callable[..., Any]
@@ -63,9 +64,9 @@ class StagedVerlet(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n], slopes [stages, 6, n], and, for each
-    thread its own, forces of bonds [3, chunk] and estimates of the error [estimates, 6, chunk]. `system`: the equations of
-    implicit methods, else None."""
+    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
+    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
+    `system`: the equations of implicit methods, else None."""
 
     force: Any
     before: Any
@@ -141,13 +142,13 @@ def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
     return StagedVerlet()
 
 
-def scratch(method: Method, count: int, dtype: Any) -> Work:
-    """Scratch arrays for an island."""
+def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work:
+    """Scratch arrays for an island; without `looks_back`, contacts and rods do not need the beginning of a step."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
     return Work(
         np.zeros((3, count), dtype),
-        np.zeros((6, count), dtype),
+        np.zeros((6, count), dtype) if looks_back or not isinstance(method, Composition | Verlet) else None,
         np.zeros((stages, 6, count), dtype),
         np.zeros((3, chunk_size(count)), dtype),
         np.zeros((estimates, 6, chunk_size(count)), dtype),
@@ -374,16 +375,38 @@ def _evolve(
     return families.get(method.instance_class)
 
 
+def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Any:
+    """Whether particles [lo, hi) are where they can be, while they are in the cache, after their last move in a step; where
+    a step's beginning is kept, `end_step` looks when contacts are done."""
+    return stub()
+
+
+@inline(look)
+def _look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Impl:
+    if not isinstance(before, types.NoneType):
+        return lambda before, c, lo, hi, share: None
+
+    def impl(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
+        if not all_finite(block_of(c, lo, hi)):
+            share.wild[8 * share.number] = 1
+
+    return impl
+
+
 @inlined
-def kick_and_drift(c: Any, work: Any, share: Any, push: Any, glide: Any, t: Any, end: Any, h: Any) -> None:
-    """A stage of a composition for all particles of a share, chunk after chunk; a weight of 0 is left out."""
-    for lo in range(share.first, share.last, share.chunk):
-        hi = min(lo + share.chunk, share.last)
+def kick_and_drift(
+    c: Any, work: Any, share: Any, push: Any, glide: Any, last: Any, t: Any, end: Any, h: Any
+) -> None:
+    """A stage, maybe the last one, of a composition for all particles of a share; a weight of 0 is left out."""
+    for lo in range(share.first, share.last, BLOCK):
+        hi = min(lo + BLOCK, share.last)
         q = block_of(c, lo, hi)
         if push != 0:
             kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
         if glide != 0:
             drift(q, glide, t, end, h)
+        if last:
+            look(work.before, c, lo, hi, share)
 
 
 def _composition(
@@ -396,7 +419,7 @@ def _composition(
             if stage > 0:
                 meet(share.gate, share.threads)
             evaluate(parts, bonds, c, work, share, now)
-        kick_and_drift(c, work, share, push, glide, t, end, h)
+        kick_and_drift(c, work, share, push, glide, stage == method.kicks.size - 1, t, end, h)
         now += method.drifts[stage] * (end - t)
 
 
@@ -413,7 +436,7 @@ def _held_composition(
             evaluate(parts, bonds, c, work, share, now)
         elif stage == 0:
             meet(share.gate, share.threads)
-        kick_and_drift(c, work, share, push, glide, t, end, h)
+        kick_and_drift(c, work, share, push, glide, False, t, end, h)
         now += method.drifts[stage] * (end - t)
         if glide != 0:
             drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
@@ -459,10 +482,11 @@ def _verlet(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
     evaluate(parts, bonds, c, work, share, t)
-    for lo in range(share.first, share.last, share.chunk):
-        hi = min(lo + share.chunk, share.last)
+    for lo in range(share.first, share.last, BLOCK):
+        hi = min(lo + BLOCK, share.last)
         force = work.force
         stormer(block_of(c, lo, hi), force[0, lo:hi], force[1, lo:hi], force[2, lo:hi], t, end, h)
+        look(work.before, c, lo, hi, share)
 
 
 def forget(memory: Any, i: Any) -> Any:
@@ -584,30 +608,77 @@ def all_finite(q: Any) -> bool:
     return not wild
 
 
+def keep_beginning(before: Any, c: Any, share: Any) -> Any:
+    """Keep the state of a share at the beginning of a step, where somebody needs it."""
+    return stub()
+
+
+@inline(keep_beginning)
+def _keep_beginning(before: Any, c: Any, share: Any) -> Impl:
+    if isinstance(before, types.NoneType):
+        return lambda before, c, share: None
+
+    def impl(before: Any, c: Any, share: Any) -> None:
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            save(block_of(c, lo, hi), before[:, lo:hi])
+
+    return impl
+
+
+def look_at_all(before: Any, c: Any, share: Any) -> Any:
+    """Whether all particles of a share are where they can be, unless that is known already."""
+    return stub()
+
+
+@inline(look_at_all)
+def _look_at_all(before: Any, c: Any, share: Any) -> Impl:
+    if isinstance(before, types.NoneType):
+        return lambda before, c, share: None
+
+    def impl(before: Any, c: Any, share: Any) -> None:
+        for lo in range(share.first, share.last, share.chunk):
+            if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
+                share.wild[8 * share.number] = 1
+
+    return impl
+
+
+def back_to_beginning(before: Any, c: Any, share: Any) -> Any:
+    """Return a share to the beginning of the step, if that has been kept."""
+    return stub()
+
+
+@inline(back_to_beginning)
+def _back_to_beginning(before: Any, c: Any, share: Any) -> Impl:
+    if isinstance(before, types.NoneType):
+        return lambda before, c, share: None
+    return lambda before, c, share: restore(
+        block_of(c, share.first, share.last), before[:, share.first : share.last]
+    )
+
+
 @spliced
 def begin_step(c: Any, work: Any, share: Any) -> None:
     """Keep the state at the beginning of a step."""
-    for lo in range(share.first, share.last, share.chunk):
-        hi = min(lo + share.chunk, share.last)
-        save(block_of(c, lo, hi), work.before[:, lo:hi])
+    keep_beginning(work.before, c, share)
     share.wild[8 * share.number] = 0
 
 
 @spliced
 def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
-    """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning."""
+    """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning if
+    that has been kept."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     collide(parts, c, work.before, share, t, end, h)
     after_contact(share.rods, c, share)
-    for lo in range(share.first, share.last, share.chunk):
-        if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
-            share.wild[8 * share.number] = 1
+    look_at_all(work.before, c, share)
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0
     if good:
         break_bonds(bonds, c, share, end)
     else:
-        restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
+        back_to_beginning(work.before, c, share)
     return good
 
 
@@ -626,7 +697,7 @@ def step_island(
     """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step · dt.
 
     As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when in the
-    next one a number stopped being finite; its beginning is then restored.
+    next one a number stopped being finite; its beginning is then restored if it has been kept.
     """
     h = type_of(c.x[0], dt)
     for step in range(steps):

@@ -113,7 +113,8 @@ class CoupledIsland:
         if self.rods is not None and self.rods.components > 1:
             self.springs += ROD_IN_SPRINGS * self.rods.number
         self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
-        self._work = scratch(self._method, self._all.count, dtype)
+        looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
+        self._work = scratch(self._method, self._all.count, dtype, looks_back=looks_back)
         if isinstance(self._method, ImplicitMethod):
             self._work = self._work._replace(
                 system=new_system(self.bonds, self._all.x[:, : self._all.count], dtype)
@@ -353,6 +354,8 @@ class CoupledIsland:
         step = first + done[0]
         if pace is not None:
             return None, None, self._stop(step, pace)
+        if self._work.before is None:
+            self._return_to(step)
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
             return None, None, self._unsolved(step)
         return None, None, self._find(step)
@@ -480,6 +483,13 @@ class CoupledIsland:
         """Return to the beginning of the last interval, step `kept_from`."""
         for mine, column in zip(self._kept, _changing(self.island_columns(), self.bonds), strict=True):
             np.copyto(column, mine)
+
+    def _return_to(self, step: int) -> None:
+        """Bring the island to the beginning of a step of the present interval."""
+        columns, bonds, _ = self.replay(0, self.kept_from, step - self.kept_from)
+        mine = _changing(self.island_columns(), self.bonds)
+        for column, found in zip(mine, _changing(columns, bonds), strict=True):
+            np.copyto(column, found)
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Bonds, ...], slice]:
         """The particles some steps after `first`, the beginning of the last interval; their bonds, and which rows these are.

@@ -33,15 +33,11 @@ def on_stack(context: Any, rows: Any, columns: Any, dtype: Any) -> Any:
         data = cgutils.alloca_once(builder, element, size=count)
         data.align = LINE
         made = context.make_array(array)(context, builder)
-        number = lambda value: context.get_constant(types.intp, value)  # noqa: E731
-        populate_array(
-            made,
-            data=data,
-            shape=[number(n) for n in shape],
-            strides=[number(shape[1] * size), number(size)],
-            itemsize=number(size),
-            meminfo=None,
+        lengths, steps = (
+            [context.get_constant(types.intp, n) for n in numbers]
+            for numbers in (shape, (shape[1] * size, size))
         )
+        populate_array(made, data=data, shape=lengths, strides=steps, itemsize=steps[1], meminfo=None)
         return made._getvalue()
 
     return array(rows, columns, dtype), codegen
