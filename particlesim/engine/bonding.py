@@ -98,26 +98,13 @@ def _chunks_of(bonds: Any) -> Impl:
     return lambda bonds: bonds[0].begin.size - 1
 
 
-def add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Any:
-    """Add the forces of all bonds to `total`, chunk after chunk, so that the sets share what is in the cache."""
+def add_bonds(bonds: Any, c: Any, total: Any, pull: Any, chunk: Any) -> Any:
+    """Add the forces of the bonds of a chunk to `total`; the sets take turns, so that they share what is in the cache."""
     return stub()
 
 
 @inline(add_bonds)
-def _add_bonds(bonds: Any, c: Any, total: Any, pull: Any) -> Impl:
-    def impl(bonds: Any, c: Any, total: Any, pull: Any) -> None:
-        for chunk in range(chunks_of(bonds)):
-            _add_chunk(bonds, c, total, pull, chunk)
-
-    return impl
-
-
-def _add_chunk(bonds: Any, c: Any, total: Any, pull: Any, chunk: Any) -> Any:
-    return stub()
-
-
-@inline(_add_chunk)
-def _add_chunk_of_sets(bonds: Any, c: Any, total: Any, pull: Any, chunk: Any) -> Impl:
+def _add_bonds(bonds: Any, c: Any, total: Any, pull: Any, chunk: Any) -> Impl:
     if len(bonds) == 0:
         return lambda bonds, c, total, pull, chunk: None
 
@@ -128,7 +115,7 @@ def _add_chunk_of_sets(bonds: Any, c: Any, total: Any, pull: Any, chunk: Any) ->
                 _add_one_by_one(bond, c, total, bond.table[piece])
             else:
                 _add_run(bond, c, total, pull, bond.table[piece])
-        _add_chunk(bonds[1:], c, total, pull, chunk)
+        add_bonds(bonds[1:], c, total, pull, chunk)
 
     return impl
 

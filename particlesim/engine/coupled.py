@@ -15,7 +15,7 @@ import numpy as np
 from numba import types
 
 from particlesim.engine.barrier import meet, new_gate
-from particlesim.engine.bonding import add_bonds, break_bonds
+from particlesim.engine.bonding import add_bonds, break_bonds, chunks_of
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
 from particlesim.engine.compile import inline, inlined, outline, spliced, stub
@@ -78,8 +78,8 @@ class Work(NamedTuple):
 
 class Share(NamedTuple):
     """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
-    among three and four of them; its number among the threads, and where they meet; the rods that it holds, None where
-    there are none at all."""
+    among three and four of them; its number among the threads, and where they meet; the order in which it goes through its
+    chunks; the rods that it holds, None where there are none at all."""
 
     first: int
     last: int
@@ -90,6 +90,7 @@ class Share(NamedTuple):
     wild: Any
     motions: tuple[Any, ...]
     corners: tuple[Any, ...]
+    order: Any
     rods: Any = None
 
 
@@ -158,7 +159,7 @@ def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work
 def share_out(
     count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...], rods: Rods | None
 ) -> list[Share]:
-    """Shares of an island for some threads, at most one for every chunk."""
+    """Shares of an island for some threads, at most one for every chunk; without an order."""
     ranges = shares(count, threads)
     mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
@@ -173,6 +174,7 @@ def share_out(
             wild,
             led_between(driven, first, last),
             corners_between(corners, first, last),
+            None,
             mine[number],
         )
         for number, (first, last) in enumerate(ranges)
@@ -231,23 +233,38 @@ def _add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Imp
     return impl
 
 
-def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Any:
+@inlined
+def begin_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any, chunk: Any) -> int:
+    """Set the total force on particles [lo, hi), chunk after chunk, to the one-particle forces; returns where that ended."""
+    while lo < hi:
+        add_forces(parts, c, total, t, lo, min(lo + chunk, hi))
+        lo = min(lo + chunk, hi)
+    return int(lo)
+
+
+def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Any:
     """Total force on the particles of a share; returns when those of all shares are known.
 
-    All positions and velocities must be in place, but for those of driven particles, which are brought to time t.
+    All positions and velocities must be in place, but for those of driven particles, which are brought to time t. With a
+    `Move` particles make it as soon as the forces on them are known and nobody needs them in their old place: then they are
+    still in the cache. It is None otherwise.
     """
     return stub()
 
 
 @outline(evaluate)
-def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Impl:
-    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Impl:
+    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> None:
         bring(share.motions, c, share, t)
-        for lo in range(share.first, share.last, share.chunk):
-            add_forces(parts, c, work.force, t, lo, min(lo + share.chunk, share.last))
-        add_bonds(bonds, c, work.force, work.pull)
+        order, begun, done = share.order, share.first, 0
+        for chunk in range(chunks_of(bonds)):
+            begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)
+            add_bonds(bonds, c, work.force, work.pull, chunk)
+            done = move_on(move, c, work, share, done, order.after[chunk])
+        begin_forces(parts, c, work.force, t, begun, share.last, share.chunk)
         add_corners(share.corners, c, work.force, share.first, share.last, t)
         meet(share.gate, share.threads)
+        move_on(move, c, work, share, done, order.ready.size)
 
     return impl
 
@@ -393,20 +410,50 @@ def _look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Impl:
     return impl
 
 
+class Move(NamedTuple):
+    """A stage, maybe the last one, of a composition in the step from t to `end` of length h: weights of its kick and of its
+    drift, 0 where there is none."""
+
+    push: Any
+    glide: Any
+    last: Any
+    t: Any
+    end: Any
+    h: Any
+
+
 @inlined
-def kick_and_drift(
-    c: Any, work: Any, share: Any, push: Any, glide: Any, last: Any, t: Any, end: Any, h: Any
-) -> None:
-    """A stage, maybe the last one, of a composition for all particles of a share; a weight of 0 is left out."""
-    for lo in range(share.first, share.last, BLOCK):
-        hi = min(lo + BLOCK, share.last)
+def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: Any) -> None:
+    """A stage of a composition for particles [first, last) of a share."""
+    t, end, h = move.t, move.end, move.h
+    for lo in range(first, last, BLOCK):
+        hi = min(lo + BLOCK, last)
         q = block_of(c, lo, hi)
-        if push != 0:
-            kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], push, t, end, h)
-        if glide != 0:
-            drift(q, glide, t, end, h)
-        if last:
+        if move.push != 0:
+            kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], move.push, t, end, h)
+        if move.glide != 0:
+            drift(q, move.glide, t, end, h)
+        if move.last:
             look(work.before, c, lo, hi, share)
+
+
+def move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Any:
+    """Chunks of a share, from number `done` to `ready` in its order, make a move. Returns how many have made it."""
+    return stub()
+
+
+@inline(move_on)
+def _move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Impl:
+    if isinstance(move, types.NoneType):
+        return lambda move, c, work, share, done, ready: done
+
+    def impl(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> int:
+        for k in range(done, ready):
+            lo = share.order.ready[k]
+            kick_and_drift(move, c, work, share, lo, min(lo + share.chunk, share.last))
+        return int(max(done, ready))
+
+    return impl
 
 
 def _composition(
@@ -415,11 +462,13 @@ def _composition(
     now = t
     for stage in range(method.kicks.size):
         push, glide = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
+        move = Move(push, glide, stage == method.kicks.size - 1, t, end, h)
         if push != 0:
             if stage > 0:
                 meet(share.gate, share.threads)
-            evaluate(parts, bonds, c, work, share, now)
-        kick_and_drift(c, work, share, push, glide, stage == method.kicks.size - 1, t, end, h)
+            evaluate(parts, bonds, c, work, share, now, move)
+        else:
+            kick_and_drift(move, c, work, share, share.first, share.last)
         now += method.drifts[stage] * (end - t)
 
 
@@ -433,10 +482,10 @@ def _held_composition(
     for stage in range(method.kicks.size):
         push, glide = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
         if push != 0:
-            evaluate(parts, bonds, c, work, share, now)
+            evaluate(parts, bonds, c, work, share, now, None)
         elif stage == 0:
             meet(share.gate, share.threads)
-        kick_and_drift(c, work, share, push, glide, False, t, end, h)
+        kick_and_drift(Move(push, glide, False, t, end, h), c, work, share, share.first, share.last)
         now += method.drifts[stage] * (end - t)
         if glide != 0:
             drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
@@ -462,7 +511,7 @@ def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: A
 @inlined
 def find_slopes(parts: Any, bonds: Any, c: Any, work: Any, share: Any, stage: Any, t: Any) -> None:
     """Slopes of all particles of a share where they are; positions and velocities of all shares must be in place."""
-    evaluate(parts, bonds, c, work, share, t)
+    evaluate(parts, bonds, c, work, share, t, None)
     for lo in range(share.first, share.last, share.chunk):
         rates(parts, c, work.force, work.slopes[stage], t, lo, min(lo + share.chunk, share.last))
 
@@ -481,7 +530,7 @@ def _runge_kutta(
 def _verlet(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
-    evaluate(parts, bonds, c, work, share, t)
+    evaluate(parts, bonds, c, work, share, t, None)
     for lo in range(share.first, share.last, BLOCK):
         hi = min(lo + BLOCK, share.last)
         force = work.force
@@ -577,6 +626,23 @@ def _settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Impl:
             c.vy[i] = type_of(c.x[i], 0 if fixed else wy + total[1, i] / g)
             c.vz[i] = type_of(c.x[i], 0 if fixed else wz + total[2, i] / g)
         settle(parts[1:], c, total, share, t)
+
+    return impl
+
+
+def settle_all(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Any:
+    """`settle` with the forces at time t; without them where all have inertia."""
+    return stub()
+
+
+@inline(settle_all)
+def _settle_all(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Impl:
+    if all(part.types[0].instance_class is Newtonian for part in parts):
+        return lambda parts, bonds, c, work, share, t: None
+
+    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+        evaluate(parts, bonds, c, work, share, t, None)
+        settle(parts, c, work.force, share, t)
 
     return impl
 
@@ -685,8 +751,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
 @spliced
 def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
     """Velocities at the end of an interval of those that are led or have no inertia."""
-    evaluate(parts, bonds, c, work, share, end)
-    settle(parts, c, work.force, share, end)
+    settle_all(parts, bonds, c, work, share, end)
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
 
 
@@ -713,4 +778,4 @@ def step_island(
 @kernel
 def island_forces(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
     """Total force on every particle of an island, into work.force; `share` is the whole island."""
-    evaluate(parts, bonds, c, work, share, t)
+    evaluate(parts, bonds, c, work, share, t, None)

@@ -17,7 +17,7 @@ from particlesim.engine.bonding import break_bonds
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, span, type_of
 from particlesim.engine.compile import inline, inlined, stub
-from particlesim.engine.coupled import collide, displace, evaluate, find_slopes, restore, save, settle
+from particlesim.engine.coupled import collide, displace, end_interval, find_slopes, restore, save
 from particlesim.engine.pace import (
     MOST_STEPS,
     RESOLVED,
@@ -266,7 +266,5 @@ def step_island_adaptive(
                 return s
     c.memory[0][share.first : share.last] = step
     c.memory[1][share.first : share.last] = previous
-    end = (first_step_number + steps) * dt
-    evaluate(parts, bonds, c, work, share, end)
-    settle(parts, c, work.force, share, end)
+    end_interval(parts, bonds, c, work, share, (first_step_number + steps) * dt)
     return steps

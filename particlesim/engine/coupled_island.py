@@ -42,7 +42,7 @@ from particlesim.engine.islands import (
 from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General, Symmetric
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.rod_system import rod_system
-from particlesim.engine.runs import chunk_size, in_slots, owned
+from particlesim.engine.runs import chunk_size, in_slots, order_of, owned
 from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
@@ -256,6 +256,9 @@ class CoupledIsland:
                         owned(bonds.table, share.first, share.last, chunk, -(-count // chunk))
                     ]
                 )
+                tables, waits = [bonds.table for bonds in mine], bool(share.corners)
+                order = order_of(tables, share.first, share.last, chunk, -(-count // chunk), wait=waits)
+                share = share._replace(order=order)
                 found.append((mine, self._own_scratch(share), share))
             self._shares[threads] = found
         return self._shares[threads]

@@ -99,7 +99,7 @@ def evolve_implicit(
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
     first, last, goal, size = 0.0, np.inf, 0.0, 0.0
     while ended == GOING:
-        evaluate(parts, bonds, c, work, share, now)
+        evaluate(parts, bonds, c, work, share, now, None)
         plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
         size = size2(s, share)
         if iterations == 0:
@@ -256,7 +256,7 @@ def begin(
 ) -> None:
     """X₀, V₀ and the first guess; returns when those of all shares are there."""
     if method.slope != 0 or method.past != 0 or inertialess(parts):
-        evaluate(parts, bonds, c, work, share, t)
+        evaluate(parts, bonds, c, work, share, t, None)
     else:
         clear(work.force, share.first, share.last)
     begin_parts(method, parts, c, work, share, t, end, h)

@@ -7,6 +7,7 @@ particles, piece after piece in one order: sums have the same bits for any numbe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -24,14 +25,14 @@ GAP = 4
 they take slots without a spring, holes."""
 
 CHUNKS = 64
-"""Chunks of an island at most, hence threads at most."""
-LEAST = 1024
-"""Particles per chunk at least."""
+"""Chunks of an island, within these bounds; each has one thread."""
+LEAST, MOST = 1024, 4096
+"""Particles per chunk: fewer cost too many pieces of bonds, more do not fit into a second-level cache with their forces."""
 
 
 def chunk_size(count: int) -> int:
     """Particles per chunk of an island, a multiple of 64."""
-    return max(LEAST, -(-count // (CHUNKS * 64)) * 64)
+    return min(max(LEAST, -(-count // (CHUNKS * 64)) * 64), MOST)
 
 
 class Slots(NamedTuple):
@@ -87,6 +88,43 @@ def owned(table: Ints, first: int, last: int, chunk: int, chunks: int) -> tuple[
     flagged = np.column_stack([table, *mine])[mine[0] | mine[1]].astype(np.int64)
     begin = np.searchsorted(flagged[:, FIRST], np.arange(chunks + 1) * chunk)
     return flagged, begin.astype(np.int64)
+
+
+class Order(NamedTuple):
+    """In which order a thread goes through its particles while it goes through the chunks of all bonds.
+
+    `front` [chunks]: up to which row forces must have been begun before the bonds of a chunk are added. `ready` [own
+    chunks]: the first rows of own chunks, in the order in which nobody needs them in their old places any more; `after`
+    [chunks]: how many of them that are when the bonds of a chunk have been added. The others wait for the other threads.
+    """
+
+    front: Ints
+    ready: Ints
+    after: Ints
+
+
+def order_of(
+    tables: Sequence[Ints], first: int, last: int, chunk: int, chunks: int, *, wait: bool = False
+) -> Order:
+    """The order of a thread that owns particles [first, last), by the pieces that `owned` gives it for every set of bonds.
+
+    With `wait`, all particles wait for the other threads.
+    """
+    own = np.arange(first // chunk, -(-last // chunk))
+    front, done = np.full(chunks, first), np.full(chunks, chunks)
+    front[own] = np.minimum((own + 1) * chunk, last)
+    done[own] = chunks if wait else own
+    for table in tables:
+        at = table[:, FIRST] // chunk
+        between = table[:, OWNS_FIRST] != table[:, OWNS_SECOND]
+        for end, mine in ((FIRST, OWNS_FIRST), (SECOND, OWNS_SECOND)):
+            owned_ends = table[:, mine] != 0
+            there = table[owned_ends, end] // chunk
+            np.maximum.at(front, at[owned_ends], np.minimum((there + 1) * chunk, last))
+            np.maximum.at(done, there, np.where(between[owned_ends], chunks, at[owned_ends]))
+    ready = own[np.argsort(done[own], kind="stable")]
+    after = np.searchsorted(done[ready], np.arange(chunks), side="right")
+    return Order(np.maximum.accumulate(front), ready * chunk, after.astype(np.int64))
 
 
 def shares(count: int, threads: int) -> list[tuple[int, int]]:
