@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.engine.runs import OWNS_FIRST, OWNS_SECOND, chunk_size, in_slots, owned, shares
+from particlesim.engine.runs import (
+    FIRST,
+    LENGTH,
+    OWNS_FIRST,
+    OWNS_SECOND,
+    SECOND,
+    chunk_size,
+    in_slots,
+    order_of,
+    owned,
+    shares,
+)
 from particlesim.engine.simulation import Simulation
 from particlesim.integrators import METHODS
 
@@ -210,3 +221,34 @@ def test_pieces_cover_every_spring_once_and_every_end_has_one_owner() -> None:
             assert begin[0] == 0
             assert begin[-1] == len(mine)
         assert (ends == len(slots.i)).all()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 4])
+def test_particles_move_only_when_no_bond_needs_them_any_more(threads: int) -> None:
+    rng = np.random.default_rng(6)
+    count = 20_000
+    near = rng.integers(0, count - 300, 30_000)
+    i, j = near, near + rng.integers(1, 300, near.size)
+    i, j = np.append(i, [19_000, 100]), np.append(j, [2500, 7000])  # backwards, and far
+    chunk = chunk_size(count)
+    chunks = -(-count // chunk)
+    table = in_slots(i, j, chunk).table
+    early = 0
+    for first, last in shares(count, threads):
+        mine, _ = owned(table, first, last, chunk, chunks)
+        order = order_of([mine], first, last, chunk, chunks)
+        assert sorted(order.ready) == list(range(first, last, chunk))
+        at = mine[:, FIRST] // chunk
+        inside = [(mine[:, end] >= first) & (mine[:, end] < last) for end in (FIRST, SECOND)]
+        for k in range(chunks):
+            moved = set(order.ready[: order.after[k]] // chunk)
+            for end, own in zip((FIRST, SECOND), inside, strict=True):
+                touched = mine[:, end] // chunk
+                assert moved.isdisjoint(touched[own & (at > k)]), "a later bond needs them"
+                assert moved.isdisjoint(touched[own & ~(inside[0] & inside[1])]), "another thread needs them"
+                begun = mine[(at == k) & own, end] + mine[(at == k) & own, LENGTH]
+                assert (begun <= order.front[k]).all(), "one-particle forces would overwrite those of bonds"
+            assert all(min((m + 1) * chunk, last) <= order.front[k] for m in moved), "they have no forces yet"
+        early += order.after[-1]
+        assert order_of([mine], first, last, chunk, chunks, wait=True).after[-1] == 0
+    assert early >= chunks - 2 * threads - 4, "most move early"
