@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from particlesim.engine.columns import Clock, Columns
 from particlesim.engine.contact import Careful, Simple
-from particlesim.engine.independent import BLOCK, Program, step_range
+from particlesim.engine.independent import BLOCK, Program, new_room, step_range
 from particlesim.engine.steppers import Newtonian
 from particlesim.integrators import METHODS
 
@@ -105,7 +105,18 @@ def run(
 ) -> NDArray[np.bool_]:
     """Advance the columns in place; returns the fault flags."""
     faults = np.zeros(len(c.x), np.bool_)
-    step_range(program, c, first_step, steps, dt, first, len(c.x) if last is None else last, block, faults)
+    step_range(
+        program,
+        c,
+        first_step,
+        steps,
+        dt,
+        first,
+        len(c.x) if last is None else last,
+        block,
+        faults,
+        new_room(c, block),
+    )
     return faults
 
 
