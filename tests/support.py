@@ -104,19 +104,8 @@ def run(
     block: int = BLOCK,
 ) -> NDArray[np.bool_]:
     """Advance the columns in place; returns the fault flags."""
-    faults = np.zeros(len(c.x), np.bool_)
-    step_range(
-        program,
-        c,
-        first_step,
-        steps,
-        dt,
-        first,
-        len(c.x) if last is None else last,
-        block,
-        faults,
-        new_room(c, block),
-    )
+    faults, last = np.zeros(len(c.x), np.bool_), len(c.x) if last is None else last
+    step_range(program, c, first_step, steps, dt, first, last, block, faults, new_room(c, block))
     return faults
 
 
