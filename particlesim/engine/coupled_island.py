@@ -61,6 +61,9 @@ WORTH_THREADS = 500_000
 """Spring-steps below which one thread is faster than waking others."""
 
 
+SOLVED_STEP = 50
+"""How many times longer a step takes whose equations are solved."""
+
 ROD_IN_SPRINGS = 20
 """About how many springs take the time of a rod."""
 
@@ -324,8 +327,8 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         steps = last - first
-        work_ahead = self.springs * steps * (OWN_STEPS if self._method.adaptive else 1)
-        worth = self.springs >= WORTH_SPRINGS and work_ahead >= WORTH_THREADS
+        in_a_step = OWN_STEPS if self._method.adaptive else SOLVED_STEP if self._work.system is not None else 1
+        worth = self.springs >= WORTH_SPRINGS and self.springs * steps * in_a_step >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()
         done = [0] * len(shares)

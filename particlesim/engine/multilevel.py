@@ -39,7 +39,10 @@ INERTIA, SPRINGS = 0.5, 2 / 3
 
 
 class Links(NamedTuple):
-    """For every row a list of items with weights: items begin[k] … begin[k + 1] − 1 belong to row k."""
+    """For every row a list of items with weights: items begin[k] … begin[k + 1] − 1 belong to row k.
+
+    Items are unsigned: kernels look whether a signed index is negative, at a quarter of the cost of these loops.
+    """
 
     begin: Any
     item: Any
@@ -146,7 +149,7 @@ def _by_row(entries: tuple[Any, ...], count: int, dtype: Any) -> Links:
     rows, items, weights = entries
     order = np.lexsort((items, rows))
     begin = np.searchsorted(rows[order], np.arange(count + 1))
-    return Links(begin, items[order], weights[order].astype(dtype))
+    return Links(begin, items[order].astype(np.uint32), weights[order].astype(dtype))
 
 
 @inlined
@@ -177,6 +180,30 @@ def nodes_between(s: Any, level: Any, share: Any) -> Any:
 
 
 @outlined
+def moments_of_particles(g: Any, free: Any, anchor: Any, block: Any, row: Any, lo: Any, hi: Any) -> None:
+    """One row of both moments of nodes [lo, hi) of the finest lattice."""
+    for node in range(lo, hi):
+        q = b = type_of(anchor[0], 0)
+        for k in range(g.up.begin[node], g.up.begin[node + 1]):
+            i = g.up.item[k]
+            u = g.up.weight[k] * free[i]
+            q += u * anchor[i]
+            b += u * g.square[i] * (block[i] - anchor[i])
+        g.moment[row, node], g.moment[6 + row, node] = q, b
+
+
+@outlined
+def moments_of_nodes(g: Any, row: Any, lo: Any, hi: Any) -> None:
+    """One row of the moments of nodes [lo, hi) of a lattice from those of the lattice below."""
+    below = g.moment[row]
+    for node in range(lo, hi):
+        total = type_of(below[0], 0)
+        for k in range(g.up.begin[node], g.up.begin[node + 1]):
+            total += g.up.weight[k] * below[g.up.item[k]]
+        below[node] = total
+
+
+@outlined
 def gather_blocks(s: Any, share: Any) -> None:
     """The blocks of all nodes from those of the particles, which must not be inverted yet; all threads go on together."""
     g = s.lattices
@@ -184,19 +211,12 @@ def gather_blocks(s: Any, share: Any) -> None:
     meet(share.gate, share.threads)
     for level in range(levels):
         lo, hi = nodes_between(s, level, share)
-        for node in range(lo, hi):
+        if level == 0:
+            for row in range(6):
+                moments_of_particles(g, s.free, s.anchor[row], s.block[row], row, lo, hi)
+        else:
             for row in range(12):
-                g.moment[row, node] = 0
-            for k in range(g.up.begin[node], g.up.begin[node + 1]):
-                i, w = g.up.item[k], g.up.weight[k]
-                for row in range(6):
-                    if level == 0:
-                        u = w * s.free[i]
-                        g.moment[row, node] += u * s.anchor[row, i]
-                        g.moment[6 + row, node] += u * g.square[i] * (s.block[row, i] - s.anchor[row, i])
-                    else:
-                        g.moment[row, node] += w * g.moment[row, i]
-                        g.moment[6 + row, node] += w * g.moment[6 + row, i]
+                moments_of_nodes(g, row, lo, hi)
         meet(share.gate, share.threads)
         slope = type_of(g.moment[0, 0], SPRINGS / (g.pitch[level] * g.pitch[level]))
         half = type_of(slope, INERTIA)
@@ -231,11 +251,13 @@ def carry(s: Any, r: Any, z: Any, share: Any) -> None:
             meet(share.gate, share.threads)
         for i in range(share.first, share.last):
             if s.free[i] > 0:
+                zx, zy, zz = z[0, i], z[1, i], z[2, i]
                 for k in range(g.leaves.begin[i], g.leaves.begin[i + 1]):
                     node, w = g.leaves.item[k], g.leaves.weight[k]
-                    z[0, i] += w * g.result[0, node]
-                    z[1, i] += w * g.result[1, node]
-                    z[2, i] += w * g.result[2, node]
+                    zx += w * g.result[0, node]
+                    zy += w * g.result[1, node]
+                    zz += w * g.result[2, node]
+                z[0, i], z[1, i], z[2, i] = zx, zy, zz
 
 
 @outlined

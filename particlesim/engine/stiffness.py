@@ -60,7 +60,7 @@ class System(NamedTuple):
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
     `springs`: w and q of every slot [4, slots], for every set; `corners`: what hinges and triangles of a thread add
-    (`particlesim.engine.corner_stiffness`); `pull`: scratch of a thread [7, chunk], and `lanes` for its
+    (`particlesim.engine.corner_stiffness`); `pull`: scratch of a thread [8, chunk], and `lanes` for its
     sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
     Newton and linear iterations.
     """
@@ -115,7 +115,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         lattices=_lattices(bonds, place, dtype),
         springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
         corners=(),
-        pull=np.zeros((7, chunk), dtype),
+        pull=np.zeros((8, chunk), dtype),
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
         flags=np.zeros(FLAGS * 64, np.int64),
@@ -251,23 +251,28 @@ def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
 
 @inlined
 def stiff_of(bond: Any, b: Any, reach: Any) -> Any:
-    """w and q of a spring, and its stiffness γ k along and across, all of them positive or zero."""
+    """w and q of a spring, and the share (γ k − q)/w² of its stiffness along itself without damping; none is negative, but
+    for the share."""
     dx, dv = bond_force_dx(bond.law, b), bond_force_dv(bond.law, b)
     square = b.x * b.x + b.y * b.y + b.z * b.z
     zero = square - square
-    inverse = np.sqrt(square) / square if square > 0 else zero
+    # Without branches, so that loops vectorise: coincident ends give e = 0.
+    there = square if square > 0 else type_of(square, 1)
+    inverse = np.sqrt(there) / there
     ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
     px, py, pz = times(dx, ex, ey, ez)
     qx, qy, qz = times(dv, ex, ey, ez)
     along = -(ex * px + ey * py + ez * pz)
     trace = -(dx[0] + dx[4] + dx[8])
     # Coincident ends have no direction, and pull back alike in every one.
-    across = (trace - along) * type_of(square, 0.5) if square > 0 else trace / type_of(square, 3)
+    across = (trace - along) * type_of(square, 0.5) if square > 0 else trace * type_of(square, 1 / 3)
     along, across = reach * max(along, zero), reach * max(across, zero)
     damping = max(-(ex * qx + ey * qy + ez * qz), zero)
     across = min(across, along + damping) if square > 0 else across
-    root = np.sqrt(along + damping - across) if square > 0 else zero
-    return root * ex, root * ey, root * ez, across, along, (ex, ey, ez)
+    excess = along + damping - across
+    root = np.sqrt(excess if square > 0 else zero)
+    share = (along - across) / (excess if root > 0 else type_of(square, 1))
+    return root * ex, root * ey, root * ez, across, share
 
 
 def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Any:
@@ -319,8 +324,8 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
         ks = cut(bond.k, first, last)[0]
         cs = cut(bond.c, first, last)[0]
         rests = cut(bond.rest, first, last)[0]
-        w0, w1, w2, w3 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
-        g0, g1, g2 = s.pull[4, :n], s.pull[5, :n], s.pull[6, :n]
+        w0, w1, w2, w3, w4 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n], s.pull[4, :n]
+        g0, g1, g2 = s.pull[5, :n], s.pull[6, :n], s.pull[7, :n]
         for k in range(n):
             pair = Pair(
                 xa[k] - xb[k],
@@ -333,13 +338,17 @@ def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -
                 of_bond(cs, k),
                 of_bond(rests, k),
             )
-            wx, wy, wz, q, along, (ex, ey, ez) = stiff_of(bond, pair, reach)
+            w0[k], w1[k], w2[k], w3[k], w4[k] = stiff_of(bond, pair, reach)
+        for k in range(
+            n
+        ):  # a loop of its own: the compiler does not compare any number of arrays before it vectorises
             ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
-            gain = (along - q) * (ux * ex + uy * ey + uz * ez)
-            w0[k], w1[k], w2[k], w3[k] = wx, wy, wz, q
-            g0[k], g1[k], g2[k] = q * ux + gain * ex, q * uy + gain * ey, q * uz + gain * ez
+            gain = w4[k] * (ux * w0[k] + uy * w1[k] + uz * w2[k])
+            g0[k] = w3[k] * ux + gain * w0[k]
+            g1[k] = w3[k] * uy + gain * w1[k]
+            g2[k] = w3[k] * uz + gain * w2[k]
         for hole in bond.holes[piece[HOLES] : piece[HOLES_END]]:
-            for row in range(7):
+            for row in range(8):
                 s.pull[row, hole - first] = 0
         if piece[OWNS_FIRST]:
             for row in range(4):
@@ -379,7 +388,7 @@ def _add_blocks(s: Any, at: Any, other: Any, n: Any, sign: Any) -> None:
             s.anchor[4, at + k] += wx[k] * wz[k]
             s.anchor[5, at + k] += wy[k] * wz[k]
     for axis in range(3):
-        residual, gain = s.residual[axis, at : at + n], s.pull[4 + axis, :n]
+        residual, gain = s.residual[axis, at : at + n], s.pull[5 + axis, :n]
         for k in range(n):
             residual[k] += free[k] * (sign * gain[k])
 
