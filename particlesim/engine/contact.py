@@ -21,7 +21,7 @@ MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
 a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 2
-"""Impacts in a row that take no time before a particle counts as resting."""
+"""Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
@@ -227,7 +227,11 @@ def _trace(
                     memory = restart(memory)
                     break
                 tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
-                stalls = stalls + 1 if tau < h / 1048576 else 0
+                # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
+                half = type_of(h, 0.5)
+                top = advance(method, dynamics, forces, p, half * tau, memory)[0]
+                flat = nearest(contacts.continuous, top) <= slack
+                stalls = stalls + 1 if flat or tau < h / 1048576 else 0
                 impacts += 1
                 q, after = advance(method, dynamics, forces, p, tau, memory)
                 p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
