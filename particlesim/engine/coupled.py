@@ -1,336 +1,32 @@
 """The stage-wise kernel: particles that pull on each other take every stage of every step together.
 
 One call steps a thread's share of an island through a whole interval; the threads meet before and after forces are added
-up. Every thread owns whole chunks of particles, and writes to them alone. Forces are added up in a fixed order, first the
-one-particle forces, then bond after bond, then those among three and four particles, and every loop runs over a chunk, so
+up. Forces are added up in a fixed order (`particlesim.engine.gathering`), and every loop runs over the chunks of a share, so
 that results do not depend on how many threads there are. The coefficients are those of `particlesim.integrators`, as arrays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from numba import types
 
-from particlesim.engine.barrier import meet, new_gate
-from particlesim.engine.bonding import add_bonds, break_bonds, chunks_of
+from particlesim.engine.barrier import meet
+from particlesim.engine.bonding import break_bonds
 from particlesim.engine.cache import kernel
-from particlesim.engine.columns import block_of, fetch, held, note, span, store, type_of
-from particlesim.engine.compile import inline, inlined, outline, spliced, stub
-from particlesim.engine.contact import Simple, overlapped, respond, trace
-from particlesim.engine.corners import Corners, add_corners, corners_between
-from particlesim.engine.driving import Driven, drive
+from particlesim.engine.columns import block_of, fetch, held, span, type_of
+from particlesim.engine.compile import inline, inlined, spliced, stub
+from particlesim.engine.coupled_contact import collide
+from particlesim.engine.driving import drive
+from particlesim.engine.gathering import Move, all_finite, evaluate, kick_and_drift, look, rates
 from particlesim.engine.independent import BLOCK
-from particlesim.engine.rigging import divided
-from particlesim.engine.rods import Rods, after_contact, after_kicks, hold, places, take_aim
-from particlesim.engine.runs import chunk_size, shares
-from particlesim.engine.steppers import Newtonian, Overdamped
-from particlesim.integrators.adaptive import EmbeddedRungeKutta
-from particlesim.integrators.base import Composition, CompositionRecord, Method, RungeKutta, Verlet
-from particlesim.laws import Particle, Vector, force, law, moved_to, velocity
+from particlesim.engine.rods import after_contact, after_kicks, hold, places, take_aim
+from particlesim.engine.staging import StagedComposition, StagedRungeKutta, StagedVerlet
+from particlesim.engine.steppers import Newtonian
+from particlesim.laws import velocity
 
 Impl = Callable[..., Any]
-
-
-class Part(NamedTuple):
-    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last)."""
-
-    dynamics: tuple[Any, ...]
-    forces: tuple[Any, ...]
-    contacts: tuple[Any, ...]
-    first: int
-    last: int
-
-
-class StagedComposition(NamedTuple):
-    """Kicks and drifts, 0 where there is none."""
-
-    kicks: Any
-    drifts: Any
-
-
-class StagedRungeKutta(NamedTuple):
-    """Tableau as arrays."""
-
-    a: Any
-    b: Any
-    c: Any
-
-
-class StagedVerlet(NamedTuple):
-    """Störmer's rule."""
-
-
-class Work(NamedTuple):
-    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
-    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods, else None."""
-
-    force: Any
-    before: Any
-    slopes: Any
-    pull: Any
-    spread: Any
-    system: Any = None
-
-
-class Share(NamedTuple):
-    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
-    among three and four of them; its number among the threads, and where they meet; the order in which it goes through its
-    chunks; the rods that it holds, None where there are none at all."""
-
-    first: int
-    last: int
-    chunk: int
-    number: int
-    threads: int
-    gate: Any
-    wild: Any
-    motions: tuple[Any, ...]
-    corners: tuple[Any, ...]
-    order: Any
-    rods: Any = None
-
-
-class FrozenRecord(NamedTuple):
-    """A force that stays the same over a step [N]."""
-
-    x: float
-    y: float
-    z: float
-
-
-@law(force, FrozenRecord)
-def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
-    return f.x, f.y, f.z
-
-
-class StagedEmbedded(NamedTuple):
-    """Tableau with the slope at the end as its last stage, rows of error estimates; the rest as in `EmbeddedRecord`."""
-
-    a: Any
-    c: Any
-    errors: Any
-    tolerance: float
-    position: float
-    velocity: float
-    alpha: float
-    beta: float
-    shrink: float
-    grow: float
-    least: float
-
-
-def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
-    """A method's coefficients for the stage-wise kernel; with `apart`, the leapfrogs of a composition stay apart."""
-    if isinstance(method, EmbeddedRungeKutta):
-        rows = (*method.a, method.b)
-        a = np.zeros((len(rows), len(rows)))
-        for i, row in enumerate(rows):
-            a[i, : len(row)] = row
-        return StagedEmbedded(a, np.array((*method.c, 1.0)), np.array(method.errors), *method.record()[4:])
-    if isinstance(method, Composition):
-        kicks, drifts = method.apart() if apart else (method.kicks, method.drifts)
-        return StagedComposition(np.array(kicks), np.array(drifts))
-    if isinstance(method, RungeKutta):
-        s = len(method.b)
-        a = np.zeros((s, s))
-        for i, row in enumerate(method.a):
-            a[i, : len(row)] = row
-        return StagedRungeKutta(a, np.array(method.b), np.array(method.c))
-    return StagedVerlet()
-
-
-def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work:
-    """Scratch arrays for an island; without `looks_back`, contacts and rods do not need the beginning of a step."""
-    stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
-    estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
-    return Work(
-        np.zeros((3, count), dtype),
-        np.zeros((6, count), dtype) if looks_back or not isinstance(method, Composition | Verlet) else None,
-        np.zeros((stages, 6, count), dtype),
-        np.zeros((3, chunk_size(count)), dtype),
-        np.zeros((estimates, 6, chunk_size(count)), dtype),
-    )
-
-
-def share_out(
-    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...], rods: Rods | None
-) -> list[Share]:
-    """Shares of an island for some threads, at most one for every chunk; without an order."""
-    ranges = shares(count, threads)
-    mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
-    gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
-    return [
-        Share(
-            first,
-            last,
-            chunk_size(count),
-            number,
-            len(ranges),
-            gate,
-            wild,
-            led_between(driven, first, last),
-            corners_between(corners, first, last),
-            None,
-            mine[number],
-        )
-        for number, (first, last) in enumerate(ranges)
-    ]
-
-
-def led_between(driven: tuple[Driven, ...], first: int, last: int) -> tuple[Driven, ...]:
-    """The motions of particles [first, last); their rows are sorted."""
-    parts = []
-    for each in driven:
-        a, b = np.searchsorted(each.rows, (first, last))
-        parts.append(Driven(each.law, *(column[a:b] for column in each[1:])))
-    return tuple(parts)
-
-
-def bring(motions: Any, c: Any, share: Any, t: Any) -> Any:
-    """Bring the driven particles of a share to time t; returns when those of all shares are there."""
-    return stub()
-
-
-@inline(bring)
-def _bring(motions: Any, c: Any, share: Any, t: Any) -> Impl:
-    if len(motions) == 0:
-        return lambda motions, c, share, t: None
-
-    def impl(motions: Any, c: Any, share: Any, t: Any) -> None:
-        drive(motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, t)
-        meet(share.gate, share.threads)
-
-    return impl
-
-
-def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Any:
-    """Sum of the one-particle forces on particles [lo, hi); sets `total`."""
-    return stub()
-
-
-@inline(add_forces)
-def _add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, total, t, lo, hi: None
-
-    def impl(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
-        part = parts[0]
-        first, last = max(lo, part.first), min(hi, part.last)
-        if first < last:
-            q = block_of(c, first, last)
-            gx, gy, gz = total[0, first:last], total[1, first:last], total[2, first:last]
-            for i in range(gx.size):
-                fx, fy, fz = force(part.forces, fetch(q, i, t))
-                gx[i] = fx
-                gy[i] = fy
-                gz[i] = fz
-        add_forces(parts[1:], c, total, t, lo, hi)
-
-    return impl
-
-
-@inlined
-def begin_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any, chunk: Any) -> int:
-    """Set the total force on particles [lo, hi), chunk after chunk, to the one-particle forces; returns where that ended."""
-    while lo < hi:
-        add_forces(parts, c, total, t, lo, min(lo + chunk, hi))
-        lo = min(lo + chunk, hi)
-    return int(lo)
-
-
-def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Any:
-    """Total force on the particles of a share; returns when those of all shares are known.
-
-    All positions and velocities must be in place, but for those of driven particles, which are brought to time t. With a
-    `Move` particles make it as soon as the forces on them are known and nobody needs them in their old place: then they are
-    still in the cache. It is None otherwise.
-    """
-    return stub()
-
-
-@outline(evaluate)
-def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Impl:
-    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> None:
-        bring(share.motions, c, share, t)
-        order, begun, done = share.order, share.first, 0
-        for chunk in range(chunks_of(bonds)):
-            begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)
-            add_bonds(bonds, c, work.force, work.pull, chunk)
-            done = move_on(move, c, work, share, done, order.after[chunk])
-        begin_forces(parts, c, work.force, t, begun, share.last, share.chunk)
-        add_corners(share.corners, c, work.force, share.first, share.last, t)
-        meet(share.gate, share.threads)
-        move_on(move, c, work, share, done, order.ready.size)
-
-    return impl
-
-
-def rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Any:
-    """Time derivative of position and velocity of particles [lo, hi), into slope [6, n]."""
-    return stub()
-
-
-@inline(rates)
-def _rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, total, slope, t, lo, hi: None
-    dynamics = parts[0].types[0].instance_class
-
-    if dynamics is Newtonian:
-
-        def newtonian(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
-            first, last = max(lo, parts[0].first), min(hi, parts[0].last)
-            if first < last:
-                m = c.m[first:last]
-                for k, v in enumerate((c.vx, c.vy, c.vz)):
-                    own, glide = v[first:last], slope[k, first:last]
-                    f, out = total[k, first:last], slope[3 + k, first:last]
-                    for i in range(m.size):
-                        glide[i] = own[i]
-                        out[i] = f[i] / m[i]
-            rates(parts[1:], c, total, slope, t, lo, hi)
-
-        return newtonian
-    assert dynamics is Overdamped, "tracers are never coupled"
-
-    def overdamped(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
-        g = parts[0].dynamics.gamma
-        for i in range(max(lo, parts[0].first), min(hi, parts[0].last)):
-            wx, wy, wz = velocity(parts[0].dynamics.flow, fetch(c, i, t))
-            slope[0, i] = wx + total[0, i] / g
-            slope[1, i] = wy + total[1, i] / g
-            slope[2, i] = wz + total[2, i] / g
-            for k in range(3):
-                slope[3 + k, i] = 0
-        rates(parts[1:], c, total, slope, t, lo, hi)
-
-    return overdamped
-
-
-@inlined
-def kick(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
-    """v += weight · h f/m for all particles of a block with total forces g."""
-    for i in range(q.x.size):
-        _, hi = span(q.clock, i, t, end, h)
-        k = weight * hi / q.m[i]
-        q.vx[i] += k * gx[i]
-        q.vy[i] += k * gy[i]
-        q.vz[i] += k * gz[i]
-
-
-@inlined
-def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
-    """x += weight · h v for all particles of a block."""
-    for i in range(q.x.size):
-        _, hi = span(q.clock, i, t, end, h)
-        s = weight * hi
-        q.x[i] += s * q.vx[i]
-        q.y[i] += s * q.vy[i]
-        q.z[i] += s * q.vz[i]
 
 
 @inlined
@@ -390,70 +86,6 @@ def _evolve(
         StagedVerlet: _verlet,
     }
     return families.get(method.instance_class)
-
-
-def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Any:
-    """Whether particles [lo, hi) are where they can be, while they are in the cache, after their last move in a step; where
-    a step's beginning is kept, `end_step` looks when contacts are done."""
-    return stub()
-
-
-@inline(look)
-def _look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Impl:
-    if not isinstance(before, types.NoneType):
-        return lambda before, c, lo, hi, share: None
-
-    def impl(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
-        if not all_finite(block_of(c, lo, hi)):
-            share.wild[8 * share.number] = 1
-
-    return impl
-
-
-class Move(NamedTuple):
-    """A stage, maybe the last one, of a composition in the step from t to `end` of length h: weights of its kick and of its
-    drift, 0 where there is none."""
-
-    push: Any
-    glide: Any
-    last: Any
-    t: Any
-    end: Any
-    h: Any
-
-
-@inlined
-def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: Any) -> None:
-    """A stage of a composition for particles [first, last) of a share."""
-    t, end, h = move.t, move.end, move.h
-    for lo in range(first, last, BLOCK):
-        hi = min(lo + BLOCK, last)
-        q = block_of(c, lo, hi)
-        if move.push != 0:
-            kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], move.push, t, end, h)
-        if move.glide != 0:
-            drift(q, move.glide, t, end, h)
-        if move.last:
-            look(work.before, c, lo, hi, share)
-
-
-def move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Any:
-    """Chunks of a share, from number `done` to `ready` in its order, make a move. Returns how many have made it."""
-    return stub()
-
-
-@inline(move_on)
-def _move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Impl:
-    if isinstance(move, types.NoneType):
-        return lambda move, c, work, share, done, ready: done
-
-    def impl(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> int:
-        for k in range(done, ready):
-            lo = share.order.ready[k]
-            kick_and_drift(move, c, work, share, lo, min(lo + share.chunk, share.last))
-        return int(max(done, ready))
-
-    return impl
 
 
 def _composition(
@@ -538,73 +170,6 @@ def _verlet(
         look(work.before, c, lo, hi, share)
 
 
-def forget(memory: Any, i: Any) -> Any:
-    """What the method remembers of particle i no longer holds."""
-    return stub()
-
-
-@inline(forget)
-def _forget(memory: Any, i: Any) -> Impl:
-    if len(memory) == 0:
-        return lambda memory, i: None
-
-    def impl(memory: Any, i: Any) -> None:
-        memory[-1][i] = 0
-
-    return impl
-
-
-def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
-    """Contacts at the end of a step.
-
-    A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
-    """
-    return stub()
-
-
-@inline(collide)
-def _collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, before, share, t, end, h: None
-    contacts = parts[0].types[2]
-    if contacts.instance_class is Simple and len(contacts.types[0]) == 0:
-        return lambda parts, c, before, share, t, end, h: collide(parts[1:], c, before, share, t, end, h)
-
-    def impl(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
-        part = parts[0]
-        for i in range(max(share.first, part.first), min(share.last, part.last)):
-            begin, hi = span(c.clock, i, t, end, h)
-            if hi > 0:
-                q = fetch(c, i, end)
-                if overlapped(part.contacts, q):
-                    k = q.m / hi
-                    mean = FrozenRecord(
-                        k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
-                    )
-                    p = moved_to(
-                        q,
-                        before[0, i],
-                        before[1, i],
-                        before[2, i],
-                        before[3, i],
-                        before[4, i],
-                        before[5, i],
-                        begin,
-                    )
-                    whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))
-                    r, _, outcome = trace(whole, Newtonian(), (mean,), part.contacts, p, hi, ())
-                    forget(c.memory, i)
-                else:
-                    r, outcome = respond(part.contacts, q)
-                    if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
-                        forget(c.memory, i)
-                store(c, i, r)
-                note(c.clock, i, outcome, r.t)
-        collide(parts[1:], c, before, share, t, end, h)
-
-    return impl
-
-
 def settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Any:
     """Give particles without inertia the velocity of their place, for the record."""
     return stub()
@@ -661,17 +226,6 @@ def restore(q: Any, before: Any) -> None:
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
         for i in range(column.size):
             column[i] = before[k, i]
-
-
-@inlined
-def all_finite(q: Any) -> bool:
-    """Whether all positions and velocities of a block are finite."""
-    wild = False
-    for i in range(q.x.size):
-        drop = (q.x[i] - q.x[i]) + (q.y[i] - q.y[i]) + (q.z[i] - q.z[i])
-        drop += (q.vx[i] - q.vx[i]) + (q.vy[i] - q.vy[i]) + (q.vz[i] - q.vz[i])
-        wild |= drop != 0
-    return not wild
 
 
 def keep_beginning(before: Any, c: Any, share: Any) -> Any:
@@ -773,9 +327,3 @@ def step_island(
             return step
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
     return steps
-
-
-@kernel
-def island_forces(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
-    """Total force on every particle of an island, into work.force; `share` is the whole island."""
-    evaluate(parts, bonds, c, work, share, t, None)

@@ -17,7 +17,8 @@ from particlesim.engine.bonding import break_bonds
 from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, span, type_of
 from particlesim.engine.compile import inline, inlined, stub
-from particlesim.engine.coupled import collide, displace, end_interval, find_slopes, restore, save
+from particlesim.engine.coupled import displace, end_interval, find_slopes, restore, save
+from particlesim.engine.coupled_contact import collide
 from particlesim.engine.pace import (
     MOST_STEPS,
     RESOLVED,

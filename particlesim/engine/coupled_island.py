@@ -18,17 +18,9 @@ from particlesim.engine.columns import Clock, Columns, Thermal
 from particlesim.engine.contact import Simple
 from particlesim.engine.corner_stiffness import new_forms
 from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns, sum_hinges
-from particlesim.engine.coupled import (
-    Part,
-    Share,
-    Work,
-    island_forces,
-    scratch,
-    share_out,
-    staged,
-    step_island,
-)
+from particlesim.engine.coupled import step_island
 from particlesim.engine.coupled_adaptive import BEGAN, ENDED, Pace, new_pace, step_island_adaptive
+from particlesim.engine.gathering import island_forces
 from particlesim.engine.implicit import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.islands import (
     OWN_STEPS,
@@ -43,6 +35,7 @@ from particlesim.engine.krylov import INDEFINITE, UNSOLVED, General, Symmetric
 from particlesim.engine.program import as_precision, contacts_record, dynamics_record
 from particlesim.engine.rod_system import rod_system
 from particlesim.engine.runs import chunk_size, in_slots, order_of, owned
+from particlesim.engine.staging import Part, Share, Work, scratch, share_out, staged
 from particlesim.engine.state import GroupState
 from particlesim.engine.stiffness import new_system
 from particlesim.errors import UsageError
@@ -327,7 +320,9 @@ class CoupledIsland:
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
         steps = last - first
-        in_a_step = OWN_STEPS if self._method.adaptive else SOLVED_STEP if self._work.system is not None else 1
+        in_a_step = (
+            OWN_STEPS if self._method.adaptive else SOLVED_STEP if self._work.system is not None else 1
+        )
         worth = self.springs >= WORTH_SPRINGS and self.springs * steps * in_a_step >= WORTH_THREADS
         shares = self._for(team.threads if worth else 1)
         columns = self.island_columns()

@@ -19,7 +19,8 @@ from particlesim.engine.cache import kernel
 from particlesim.engine.columns import fetch, recall, span, type_of
 from particlesim.engine.compile import inline, outlined, spliced, stub
 from particlesim.engine.corners import TriangleColumns
-from particlesim.engine.coupled import begin_step, end_interval, end_step, evaluate
+from particlesim.engine.coupled import begin_step, end_interval, end_step
+from particlesim.engine.gathering import evaluate
 from particlesim.engine.krylov import (
     INDEFINITE,
     SOLVED,

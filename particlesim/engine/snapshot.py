@@ -18,11 +18,11 @@ from pydantic import BaseModel
 from particlesim.emitters import Schedule
 from particlesim.engine.bonding import Bonds
 from particlesim.engine.books import Books
-from particlesim.engine.coupled import Work
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.divergence import Guard
 from particlesim.engine.islands import Births, IndependentIsland
 from particlesim.engine.simulation import Events, Simulation
+from particlesim.engine.staging import Work
 from particlesim.engine.state import Deaths, GroupState
 from particlesim.integrators import Method
 from particlesim.streams import Streams
