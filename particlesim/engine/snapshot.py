@@ -62,7 +62,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),
-    Work: frozenset(("force", "before", "slopes", "pull")),
+    Work: frozenset(("force", "before", "slopes", "pull", "spread")),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew."""
 
