@@ -275,8 +275,10 @@ class FrameFile:
             raise
         finally:
             with self._watched():
-                self._file["psim/status"][()] = np.array(status.encode(), STATUS)
+                # A run that says that it is complete has all it tells of itself, wherever it is killed.
                 table.extend(np.frombuffer(text, np.uint8))
+                self._file.flush()
+                self._file["psim/status"][()] = np.array(status.encode(), STATUS)
                 self._file.flush()
 
     def _detach(self, status: str) -> None:

@@ -320,3 +320,21 @@ def test_two_readers_beside_a_writer(tmp_path, synthetic, start_writer):
                 trajectory.refresh()
         assert len(one) == len(other) == 80
     assert process.wait(timeout=20) == 0
+
+
+def test_what_a_run_tells_of_itself_is_on_disk_before_it_says_that_it_is_complete(
+    tmp_path, synthetic, monkeypatch
+):
+    flush, seen = h5py.File.flush, []
+
+    def noted(file: h5py.File) -> None:
+        flush(file)
+        if "psim/summary" in file:
+            seen.append((file["psim/status"][()].decode(), len(file["psim/summary"])))
+
+    monkeypatch.setattr(h5py.File, "flush", noted)
+    with synthetic.open_writer(tmp_path / "a.vtkhdf") as writer:
+        writer.close("complete", {"steps": 5})
+    status, told = zip(*seen[-2:], strict=True)
+    assert status == ("running", "complete")
+    assert told[0] == told[1] > 0
