@@ -146,8 +146,10 @@ def angle_forms(
     inverse = 1 / m if m > 0 else m
     mx, my, mz = mx * inverse, my * inverse, mz * inverse
     s = np.sqrt(stiffness)
-    tilt = -0.5 * moment * (ab - dot) if moment < 0 else 0.5 * moment * (ab + dot)
-    t = np.sqrt(tilt / n) if bent else s
+    # ½ |U'| (ab ∓ dot)/n; where that is a difference, it is n/(ab ± dot), which rounding cannot make negative.
+    wide = ab + abs(dot)
+    lever = (wide / n if (moment < 0) == (dot < 0) else n / wide) if bent else n
+    t = np.sqrt(0.5 * abs(moment) * lever) if bent else s
     sign = 1.0 if (moment < 0 if bent else dot < 0) else -1.0
     sound = (a2 > 0) & (b2 > 0)
     # By a the gradient is −(m × a)/a², by b it is (m × b)/b²; on a straight angle both point to the same side.

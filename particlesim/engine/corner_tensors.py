@@ -134,8 +134,10 @@ def _angle_forms(stiffness: Floats, moment: Floats, points: list[Floats]) -> Flo
     m = _divided(m, np.linalg.norm(m, axis=1))
     la, lb, dot = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1), (a * b).sum(axis=1)
     pushed = moment < 0
-    tilt = 0.5 * np.abs(moment) * np.where(pushed, la * lb - dot, la * lb + dot)
-    out = np.where(bent, np.sqrt(np.divide(tilt, n, out=np.zeros_like(n), where=bent)), np.sqrt(stiffness))
+    wide = la * lb + np.abs(dot)
+    ratio = np.divide(n, wide, out=np.ones_like(n), where=bent)
+    lever = np.where(pushed == (dot < 0), 1 / ratio, ratio)
+    out = np.sqrt(np.where(bent, 0.5 * np.abs(moment) * lever, stiffness))
     sign = np.where(np.where(bent, pushed, dot < 0), 1.0, -1.0)
     s = np.sqrt(stiffness)[:, None]
     first = [-s * _divided(np.cross(m, a), la * la), s * _divided(np.cross(m, b), lb * lb)]

@@ -218,6 +218,26 @@ def test_second_derivatives_of_an_angle_at_rest(rest: float | None, x: list[floa
     np.testing.assert_allclose(positive, exact, rtol=0, atol=1e-7 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize("real", [np.float64, np.float32])
+@pytest.mark.parametrize("side", [-1, 1], ids=["straight", "folded"])
+def test_a_nearly_straight_or_folded_angle_is_soft_out_of_its_plane(side: int, real: Any) -> None:
+    # p² |a|² = ½ |U'| (|a||b| ∓ a·b)/|a × b|, which is ½ |U'| tan δ/2 with δ the small angle that is left: rounding of the
+    # difference must not make it negative.
+    rng = np.random.default_rng(8)
+    for _ in range(300):
+        a = rng.normal(size=3)
+        b = side * rng.uniform(0.5, 2) * a + rng.normal(size=3) * 10 ** rng.uniform(-9, -5)
+        x = [real(value) for value in (*a, *b)]
+        moment = real(-1.0 if side > 0 else 1.0)  # towards a right angle
+        found = np.array(angle_forms(real(2.0), moment, *x), float)
+        assert np.isfinite(found).all()
+        one, two = np.array(x[:3], float), np.array(x[3:], float)
+        left = np.linalg.norm(np.cross(one, two)) / (np.linalg.norm(one) * np.linalg.norm(two))
+        if left > 100 * np.finfo(real).eps:
+            out = np.linalg.norm(found[6:9]) ** 2 * (one @ one)
+            assert out == pytest.approx(0.5 * np.tan(left / 2), rel=0.1)
+
+
 @pytest.mark.parametrize("rest", [np.pi, 0.0, 1.2])
 def test_a_bent_angle_resists_being_turned_out_of_its_plane(rest: float) -> None:
     # Displacements along the normal, α |a| and β |b|, decouple from those in the plane: of α + β and α − β one is resisted.

@@ -314,11 +314,15 @@ def test_wind_on_a_sail_limits_the_step(monkeypatch: pytest.MonkeyPatch) -> None
 def test_hinges_all_at_once_are_those_one_by_one() -> None:
     rng = np.random.default_rng(3)
     x = rng.normal(size=(3, 24))
+    x[:, 12:18] = np.outer([0.6, -0.64, 0.48], rng.normal(size=6)) + 1e-12 * rng.normal(
+        size=(3, 6)
+    )  # nearly on a line
     columns = SimpleNamespace(
         **dict(zip("xyz", x, strict=True)), **dict.fromkeys(("vx", "vy", "vz"), 0 * x[0])
     )
     law, rest = Harmonic(2.0), rng.uniform(0, 3, 6)
     angles, folds = (rng.permutation(24)[: 6 * k].reshape(k, 6) for k in (3, 4))
+    angles[:, 3:] = [[12, 13, 14], [15, 16, 17], [16, 14, 15]]
     for each in (AngleColumns(law, angles, rest), DihedralColumns(law, folds, rest)):
         forms = []
         for q, rows in enumerate(each.rows.T):
