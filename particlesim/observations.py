@@ -143,8 +143,8 @@ class Oracle:
         expected = np.broadcast_to(on_arrays(self._node, variable), len(chosen))
         found = values(simulation, self._check.quantity)[chosen]
         relative = self._check.relative_tolerance or 0.0
-        allowed = np.maximum(self._check.tolerance or 0.0, relative * np.abs(expected))
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore"):  # what is not finite fails below
+            allowed = np.maximum(self._check.tolerance or 0.0, relative * np.abs(expected))
             excess = np.abs(found - expected) - allowed
         excess[np.isnan(excess)] = np.inf
         worst = int(excess.argmax())

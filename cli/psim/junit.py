@@ -19,17 +19,43 @@ if TYPE_CHECKING:
 
 
 def check_report(path: Path) -> None:
-    """Refuse a report that could not be written at the end; folders that are missing will be made. Raises UsageError."""
+    """Refuse a report that could not be written at the end, or in the place of anything but an earlier report; folders that
+    are missing will be made. Raises UsageError."""
+    from particlesim.errors import UsageError
     from particlesim.trajectory.target import check_target
 
     check_target(path, overwrite=True)
+    if path.exists():
+        with path.open("rb") as file:
+            beginning = file.read(MARK_WITHIN)
+        if beginning and MARK not in beginning:
+            raise UsageError(
+                f"{path} exists and is no report",
+                "--junit replaces earlier reports only. Choose another name.",
+            )
+
+
+MARK, MARK_WITHIN = b"<testsuite", 1024
+"""What a report has among its first bytes."""
 
 
 @dataclass
 class Report:
-    """What a report will tell: the result of a run, once there is one."""
+    """What a report will tell, and where: the result of a run, once there is one."""
 
+    path: Path | None
     result: Result | None = None
+
+    def keep_apart(self, *others: Path | None) -> None:
+        """Raise UsageError, and write no report, if it has the name of another file that the run writes."""
+        from particlesim.errors import UsageError
+
+        for other in others:
+            if self.path is not None and other is not None and self.path.resolve() == other.resolve():
+                self.path = None
+                raise UsageError(
+                    f"--junit and the output of the run are both {other}", "Give one of them another name."
+                )
 
 
 @contextmanager
@@ -40,19 +66,18 @@ def reported(path: Path | None, suite: str) -> Iterator[Report]:
     """
     from particlesim.errors import PsimError
 
-    report = Report()
-    if path is None:
-        yield report
-        return
-    check_report(path)
+    report = Report(path)
+    if path is not None:
+        check_report(path)
     began = time.perf_counter()
     try:
         yield report
     except PsimError as error:
-        write_report(path, suite, time.perf_counter() - began, (), error)
+        if report.path is not None:
+            write_report(report.path, suite, time.perf_counter() - began, (), error)
         raise
-    if report.result is not None:
-        write_report(path, suite, report.result.seconds, report.result.checks)
+    if report.path is not None and report.result is not None:
+        write_report(report.path, suite, report.result.seconds, report.result.checks)
 
 
 def write_report(

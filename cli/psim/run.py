@@ -93,6 +93,7 @@ def run(
     with reported(junit, scenario.stem) as report:
         loaded, path = _prepare(scenario, overrides, output)
         film = path.with_suffix(".mp4") if video else None
+        report.keep_apart(path, film)
         _check_targets(loaded, path, film, force, resume)
         result = report.result = _simulate(loaded, scenario, path, quiet, options, said)
     warnings = list(result.warnings)

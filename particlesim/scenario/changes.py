@@ -8,7 +8,7 @@ from typing import Any
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.scenario import Scenario
 
-NOT_THERE = "not given"
+NOT_THERE, BY_PARTS = "not given", "given part by part"
 
 WITHOUT_EFFECT = frozenset(
     ("title", "description", "render", "output.checkpoint_every", "output.checkpoint_wall")
@@ -24,10 +24,17 @@ def changes(before: Mapping[str, Any], scenario: Scenario) -> list[tuple[str, st
     for address in dict.fromkeys((*old, *new)):
         if address in WITHOUT_EFFECT or address.split(".")[0] in WITHOUT_EFFECT:
             continue
-        was, now = old.get(address, NOT_THERE), new.get(address, NOT_THERE)
-        if was != now:
+        was, now = _at(address, old), _at(address, new)
+        if was != now and (was, now) not in ((BY_PARTS, []), ([], BY_PARTS)):
             found.append((address, _shown(was), _shown(now)))
     return found
+
+
+def _at(address: str, table: Mapping[str, Any]) -> Any:
+    """The value at an address of a flat table; `BY_PARTS` where there are only longer addresses."""
+    if address not in table and any(key.startswith(f"{address}.") for key in table):
+        return BY_PARTS
+    return table.get(address, NOT_THERE)
 
 
 def _flat(value: Any, address: str = "") -> dict[str, Any]:
@@ -43,5 +50,5 @@ def _flat(value: Any, address: str = "") -> dict[str, Any]:
 
 
 def _shown(value: Any) -> str:
-    text = value if value is NOT_THERE else repr(value)
+    text = value if value in (NOT_THERE, BY_PARTS) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

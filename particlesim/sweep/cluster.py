@@ -6,6 +6,7 @@ Source: https://distributed.dask.org.
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 from collections import deque
@@ -33,6 +34,7 @@ MOST_IN_CHUNK = 256
 AHEAD = 3
 """Chunks for every worker that wait at the scheduler."""
 
+_NOT_IMPORTED = re.compile(r"(ModuleNotFound|Import)Error\(")
 _NEEDED = "pip install 'particlesim[cluster]'"
 
 
@@ -48,7 +50,11 @@ class DaskExecutor:
         """Raise UsageError for workers without psim, or with another version of it."""
         try:
             found = self._client.run(worker_version)
-        except ModuleNotFoundError as error:
+        except (
+            Exception
+        ) as error:  # the scheduler passes on what a worker could not import as text in a plain Exception
+            if not isinstance(error, ImportError) and not _NOT_IMPORTED.match(str(error)):
+                raise
             raise UsageError(
                 f"a worker cannot import psim: {error}", "Install the same particlesim on all of them."
             ) from None
@@ -57,14 +63,26 @@ class DaskExecutor:
                 raise _another(str(worker), version, self._version)
 
     def each(self, task: Callable[[int], R], numbers: Iterable[int]) -> Ends[R]:
-        """As `Executor.each`. Raises InputOutputError when the scheduler is lost."""
+        """As `Executor.each`. Raises InputOutputError when the scheduler is lost.
+
+        A worker that is lost is held against all that it had to do. So runs whose workers were lost time and again are done
+        once more at the end, one at a time, before one of them is held to be the cause.
+        """
         from distributed import as_completed
 
         todo: deque[list[int]] = deque()
+        suspects: deque[int] = deque()
+        alone = False
         remaining = iter(numbers)
         flow = as_completed([], loop=self._client.loop)
         waiting: dict[Any, list[int]] = {}
         size = 1
+
+        def send(chunk: list[int]) -> None:
+            future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
+            waiting[future] = chunk
+            flow.add(future)
+
         try:
             while True:
                 with _scheduler_there():
@@ -72,17 +90,22 @@ class DaskExecutor:
                         chunk = todo.popleft() if todo else _take(remaining, size)
                         if not chunk:
                             break
-                        future = self._client.submit(do_chunk, task, chunk, self._version, pure=False)
-                        waiting[future] = chunk
-                        flow.add(future)
+                        send(chunk)
+                    if not waiting and suspects:
+                        alone = True
+                        send([suspects.popleft()])
                 if not waiting:
                     return
                 future = next(flow)
                 chunk = waiting.pop(future)
                 done = _result(future)
-                if done is None:  # one of them took its workers down, and nobody knows which
-                    todo.extend([number] for number in chunk if len(chunk) > 1)
-                    yield from ((number, None) for number in chunk if len(chunk) == 1)
+                if done is None:
+                    if alone:
+                        yield chunk[0], None
+                    elif len(chunk) == 1:
+                        suspects.append(chunk[0])
+                    else:  # one of them may have taken its workers down, and nobody knows which
+                        todo.extend([number] for number in chunk)
                     continue
                 results, seconds = done
                 size = _next_size(size, seconds / len(chunk))

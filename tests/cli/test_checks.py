@@ -74,6 +74,26 @@ def test_a_report_in_folders_that_are_made(psim) -> None:
     assert [path.name for path in Path("new/deep").iterdir()] == ["report.xml"]
 
 
+@pytest.mark.parametrize(
+    "place", ["tiny.toml", "right.vtkhdf", "outputs/tiny.vtkhdf", "outputs/../outputs/tiny.vtkhdf"]
+)
+def test_a_report_takes_the_place_of_nothing_but_a_report(psim, place: str) -> None:
+    psim("run", "tiny.toml", "-o", "right.vtkhdf")
+    before = {path: path.read_bytes() for path in (Path("tiny.toml"), Path("right.vtkhdf"))}
+    ended = psim("run", "tiny.toml", "--junit", place)
+    assert ended.code == 2
+    assert "--junit" in ended.err
+    assert {path: path.read_bytes() for path in before} == before
+    assert not Path("outputs").exists()
+
+
+def test_a_report_takes_the_place_of_an_earlier_one_or_an_empty_file(psim) -> None:
+    Path("report.xml").touch()
+    for _ in range(2):
+        assert psim("run", "tiny.toml", "--force", "--junit", "report.xml").code == 0
+    assert ElementTree.parse("report.xml").getroot().get("errors") == "0"
+
+
 @pytest.mark.parametrize("place", ["tiny.toml/report.xml", "folder"])
 def test_a_report_that_cannot_be_written(psim, place: str) -> None:
     Path("folder").mkdir()
@@ -110,6 +130,6 @@ def test_inspect_shows_checks(psim) -> None:
 def test_a_bad_or_missing_scenario_is_an_error_in_the_report(psim, broken: str) -> None:
     if broken:
         Path("bad.toml").write_text(TINY + broken)
-    Path("report.xml").write_text("old")
+    Path("report.xml").write_text('<?xml version="1.0"?><testsuite name="of an earlier run"/>')
     assert psim("run", "bad.toml", "--junit", "report.xml").code == 2
     assert ElementTree.parse("report.xml").getroot().get("errors") == "1"

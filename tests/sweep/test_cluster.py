@@ -130,6 +130,30 @@ def test_another_version_is_refused(cluster) -> None:
     assert caught.value.exit_code == 2
 
 
+@pytest.mark.parametrize(
+    "error",
+    [ModuleNotFoundError("No module named 'particlesim'"), Exception("ImportError('no particlesim here')")],
+    ids=["raised", "passed on as text"],
+)
+def test_a_worker_without_psim_is_told(error: Exception) -> None:
+    class Client:
+        def run(self, function: object) -> None:
+            raise error
+
+    with pytest.raises(UsageError, match="a worker cannot import psim") as caught:
+        DaskExecutor(Client())  # type: ignore[arg-type]
+    assert "Install the same" in str(caught.value.hint)
+
+
+def test_other_errors_of_workers_are_not_taken_for_that() -> None:
+    class Client:
+        def run(self, function: object) -> None:
+            raise RuntimeError("out of memory")
+
+    with pytest.raises(RuntimeError, match="out of memory"):
+        DaskExecutor(Client())  # type: ignore[arg-type]
+
+
 CLUSTER = """
 import sys, time
 from distributed import LocalCluster
