@@ -57,8 +57,8 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     rods = any(group.name in each.groups for each in scenario.rod_sets)
     better = "take a smaller dt, as no other method holds rods" if rods else METHODS_THAT_KEEP
     return (
-        f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} depends on the "
-        f"velocity; {better}",
+        f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} "
+        f"{'depends' if len(depends) == 1 else 'depend'} on the velocity; {better}",
     )
 
 

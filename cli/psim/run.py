@@ -215,7 +215,7 @@ def _simulate(
         kept = f"every frame before that is in {path}"
         if isinstance(error, ps.Interrupted):
             kept += "; --resume goes on from there"
-        error.hint = f"{error.hint}; {kept}" if error.hint else kept
+        error.hint = f"{error.hint.rstrip('.')}; {kept}" if error.hint else kept
         raise
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from particlesim.crossfield import Invalid
+from particlesim.errors import UsageError
 from particlesim.scenario.diagnose import diagnose, scenario_error
 from particlesim.scenario.migration import format_of, migrated
 from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
@@ -70,7 +71,10 @@ def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
 
 
 def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | None) -> Scenario:
-    """The scenario of a parsed source with further overrides. Raises ScenarioError with every mistake and its place."""
+    """The scenario of a parsed source with further overrides. Raises ScenarioError with every mistake and its place,
+    UsageError for the file of a sweep."""
+    if isinstance(source.raw.get("scenario"), str):  # the first key of a sweep, and of no scenario
+        raise UsageError(f"{source.file or 'this'} is a sweep, not a scenario", "psim sweep runs it.")
     version = format_of(source)
     source = apply_overrides(migrated(source), settings)
     mistakes: list[Invalid] = []

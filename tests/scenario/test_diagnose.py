@@ -373,3 +373,11 @@ forces = [{ type = "gravity" }]
         ps.loads(text, [setting])
     assert words in str(caught.value)
     assert len(caught.value.diagnostics) == 1
+
+
+def test_the_file_of_a_sweep_is_no_scenario(tmp_path) -> None:
+    file = tmp_path / "sweep.toml"
+    file.write_text('scenario = "fountain.toml"\n[vary]\n"simulation.dt" = [0.1, 0.2]\n')
+    with pytest.raises(ps.UsageError, match="is a sweep, not a scenario") as caught:
+        ps.load(file)
+    assert "psim sweep" in str(caught.value.hint)
