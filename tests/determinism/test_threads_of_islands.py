@@ -121,7 +121,7 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     ("method", "precision"),
     [
         ("symplectic_euler", "single"),
-        pytest.param("stormer_verlet", "double", marks=pytest.mark.slow),
+        ("stormer_verlet", "double"),
         pytest.param("rk45", "double", marks=pytest.mark.slow),
     ],
 )
@@ -134,7 +134,6 @@ def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str
         assert [name for name, value in reference.items() if other[name] != value] == [], f"{threads} threads"
 
 
-@pytest.mark.slow
 def test_a_run_that_diverges_stops_at_the_same_place_for_any_number_of_threads() -> None:
     scenario = island("symplectic_euler", structural=3e9)
     messages = []

@@ -197,7 +197,6 @@ def test_what_cannot_be_held_ends_the_run_and_names_the_rod() -> None:
     assert caught.value.post_mortem.particle == 1, "not the pinned one"
 
 
-@pytest.mark.slow
 def test_a_chain_falls_on_the_ground_and_stays_whole() -> None:
     position = [(0.1 * k, 0.5 + 0.02 * k, 0.03 * (k % 2)) for k in range(12)]
     scene = chain(*position, pinned=(), mass=0.1, radius=0.02)
