@@ -101,7 +101,7 @@ class CoupledIsland:
         )
         offset = {group.name: bounds[k] for k, group in enumerate(island.groups)}
         self.rods = rod_system(scenario, island, self._all, self.states, offset)
-        self.bonds = tuple(self._bonds_of(bonds, offset) for bonds in island.bonds)
+        self.bonds = tuple(self._bonds_of(scenario, bonds, offset) for bonds in island.bonds)
         self.hinges = tuple(self._hinges_of(hinges, offset) for hinges in island.hinges)
         self.corners = (*self.hinges, *self._surfaces(scenario, island, bounds))
         self.springs = sum(bonds.i.size - bonds.holes.size for bonds in self.bonds)
@@ -151,8 +151,13 @@ class CoupledIsland:
             self.states.append(whole.stretch(state, part))
         self._all = whole
 
-    def _bonds_of(self, bonds: BondSet, offset: dict[str, int]) -> Bonds:
-        """Bonds as the kernel takes them: ends in rows of the island, constants in the precision of the run."""
+    def _bonds_of(self, scenario: Scenario, bonds: BondSet, offset: dict[str, int]) -> Bonds:
+        """Bonds as the kernel takes them. Raises UsageError for those that cannot be, with their place in the scenario."""
+        with scenario.at_springs(bonds.name):
+            return self._made(bonds, offset)
+
+    def _made(self, bonds: BondSet, offset: dict[str, int]) -> Bonds:
+        """Bonds with their ends in rows of the island, and constants in the precision of the run."""
         law = bonds.law
         states = [next(state for state in self.states if state.name == name) for name in bonds.groups]
         pairs = bonds.find(*(state.position.T.astype(float) for state in states))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -146,6 +148,19 @@ class Scenario(Model):
             key = error.key if isinstance(error, LayoutError) else "path"
             k = next(k for k, other in enumerate(self.particles) if other is group)
             mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            raise scenario_error(self._source, [mistake]) from None
+
+    @contextmanager
+    def at_springs(self, label: str) -> Iterator[None]:
+        """What is wrong with a set of springs, by its name in the ledger, once particles have their places: told with its
+        place in the text where that is known."""
+        try:
+            yield
+        except UsageError as error:
+            labels = self.force_labels()[len(self.forces) :][: len(self.springs)]
+            if self._source is None or label not in labels:
+                raise
+            mistake = Invalid(error.message, ("springs", labels.index(label)), hint=error.hint)
             raise scenario_error(self._source, [mistake]) from None
 
     def _needs_sides(self, group: Particles) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -371,6 +372,19 @@ def test_springs_that_cannot_be(spring: dict[str, Any], message: str) -> None:
             particles=[points((0, 0, 0), (1, 0, 0), name="ends")],
             springs=[{k: v for k, v in entry.items() if v is not None}],
         )
+
+
+def test_what_only_places_tell_has_its_place_in_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "far.toml"
+    file.write_text(
+        "[simulation]\nduration = 0.1\ndt = 0.1\n"
+        '[[particles]]\nname = "ends"\n[particles.layout]\ntype = "points"\nposition = [[0, 0, 0], [1, 0, 0]]\n'
+        '[[springs]]\non = "ends"\nwithin = 0.5\nstiffness = 1.0\n'
+    )
+    with pytest.raises(ps.ScenarioError, match="no two particles are within") as caught:
+        ps.run(ps.load(file))
+    assert f"{file}:9:1" in str(caught.value)
+    assert caught.value.exit_code == 2
 
 
 def test_damped_springs_need_inertia() -> None:
