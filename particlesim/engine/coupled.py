@@ -247,7 +247,7 @@ def _keep_beginning(before: Any, c: Any, share: Any) -> Impl:
 
 
 def look_at_all(before: Any, c: Any, share: Any) -> Any:
-    """Whether all particles of a share are where they can be, unless that is known already."""
+    """Mark the share if a number of its particles is not finite, unless `look` has done so."""
     return stub()
 
 

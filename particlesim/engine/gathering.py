@@ -153,8 +153,8 @@ def all_finite(q: Any) -> bool:
 
 
 def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Any:
-    """Whether particles [lo, hi) are where they can be, while they are in the cache, after their last move in a step; where
-    a step's beginning is kept, `end_step` looks when contacts are done."""
+    """Mark the share if a number of particles [lo, hi) is not finite after their last move in a step, while they are in the
+    cache; where a step's beginning is kept, `end_step` looks when contacts are done."""
     return stub()
 
 

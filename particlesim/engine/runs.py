@@ -25,7 +25,7 @@ GAP = 4
 they take slots without a spring, holes."""
 
 CHUNKS = 64
-"""Chunks of an island, within these bounds; each has one thread."""
+"""Chunks of an island, unless that makes them too small or too large; an island has no more threads than chunks."""
 LEAST, MOST = 1024, 4096
 """Particles per chunk: fewer cost too many pieces of bonds, more do not fit into a second-level cache with their forces."""
 

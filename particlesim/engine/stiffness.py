@@ -118,7 +118,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         pull=np.zeros((8, chunk), dtype),
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
-        flags=np.zeros(FLAGS * 64, np.int64),
+        flags=np.zeros(FLAGS * -(-count // chunk), np.int64),
         report=np.zeros(4),
     )
 

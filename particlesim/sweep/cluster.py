@@ -50,9 +50,8 @@ class DaskExecutor:
         """Raise UsageError for workers without psim, or with another version of it."""
         try:
             found = self._client.run(worker_version)
-        except (
-            Exception
-        ) as error:  # the scheduler passes on what a worker could not import as text in a plain Exception
+        except Exception as error:
+            # The scheduler passes on what a worker could not import as text in a plain Exception.
             if not isinstance(error, ImportError) and not _NOT_IMPORTED.match(str(error)):
                 raise
             raise UsageError(

@@ -7,7 +7,7 @@ away.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -19,9 +19,9 @@ from support import columns as plain_columns
 
 from particlesim.colliders.bounds_laws import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.engine.contact import Careful, Simple
+from particlesim.engine.contact import MAX_HALVINGS, MAX_STALLS, Careful, Simple
 from particlesim.forces import Gravity
-from particlesim.laws import KILL, LEAVE, PASS, STICK
+from particlesim.laws import GENERICS, KILL, LEAVE, PASS, STICK, force
 
 EPS = np.finfo(float).eps
 G = 9.80665
@@ -342,3 +342,29 @@ def test_a_fault_puts_the_memory_back() -> None:
     assert run(p, c, 3, 0.01, first_step=3).all()
     for now, then in zip(c.memory, memory, strict=True):
         np.testing.assert_array_equal(now, then)
+
+
+class CountedRecord(NamedTuple):
+    """Gravity that counts how often it is asked for."""
+
+    number: Any
+
+
+def counted(f: CountedRecord, p: Any) -> tuple[float, float, float]:
+    f.number[0] += 1
+    return 0.0, -G * p.m, 0.0
+
+
+def test_a_ball_settles_in_a_few_impacts_far_from_the_origin(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Some ten hops are longer than a step. Those of its length are g h²/8 high, and each is a quarter as high as the one
+    # before: after log₄(g h²/8 / slack) ≈ 14 they are below rounding. The search for an impact ends after MAX_HALVINGS tries
+    # of two evaluations at most, and a step takes six with its traces.
+    monkeypatch.setitem(GENERICS[force].laws, CountedRecord, counted)
+    dt, steps, height = 2e-3, 100, 1e-3
+    c = columns([[0, -5 + height, 0]], [[0, 0, 0]])
+    asked = np.zeros(1, np.int64)
+    floor = continuous(plane((0, 1, 0), -5.0, restitution=0.5))
+    run(program("velocity_verlet", (CountedRecord(asked),), floor), c, steps, dt)
+    assert c.y[0] == pytest.approx(-5, abs=1e-14)
+    assert c.vy[0] == 0
+    assert asked[0] < 6 * steps + (10 + 14 + MAX_STALLS) * 2 * MAX_HALVINGS
