@@ -4,8 +4,8 @@ A *record* is a NamedTuple of numbers (or of further records). A *generic* is a 
 as the force on a particle; `law` says which function gives it for which record. Kernels see only records: the types in a
 tuple of records select the laws at compile time and inline them, so the tuple of record types is the program.
 
-A generic applied to a plain tuple of records is the sum over them. Everything here also runs in plain Python, without a
-compiler, which is how tests and the stability analysis evaluate single laws.
+A generic applied to a plain tuple of records is the sum over them. Everything here is plain Python: kernels compile it, and
+tests and the stability analysis call it as it is.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Particle(NamedTuple):
 
 
 class Generic(NamedTuple):
-    """A quantity given by laws: its stub, the laws by record type, how many numbers it returns (0: laws do not add up)."""
+    """A quantity given by laws: its function, laws by record type, how many numbers it returns (0: laws do not add up)."""
 
     function: Callable[..., Any]
     laws: dict[type, Callable[..., Any]]
@@ -58,18 +58,9 @@ class Generic(NamedTuple):
 GENERICS: dict[Callable[..., Any], Generic] = {}
 
 
-HELPERS: list[Callable[..., Any]] = []
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def helper(function: F) -> F:
-    """Register the decorated scalar function as one that laws may call; it is inlined into them."""
-    HELPERS.append(function)
-    return function
-
-
-@helper
 def moved_to(
     p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float, t: float
 ) -> Particle:
@@ -98,7 +89,7 @@ def has_law(generic: Callable[..., Any], record: Record) -> bool:
 def generic(size: int) -> Callable[[F], F]:
     """Declare the decorated function as a generic that returns `size` numbers (0: laws do not add up).
 
-    The function's body serves plain Python: it is `return evaluate(<itself>, record, particle)`.
+    The function's body is `return evaluate(<itself>, record, particle)`.
     """
 
     def declare(function: F) -> F:
@@ -108,20 +99,40 @@ def generic(size: int) -> Callable[[F], F]:
     return declare
 
 
-def evaluate(generic: Callable[..., Any], record: Record, p: Particle) -> Any:
-    """A generic of a record, or the sum over a plain tuple of records, in plain Python.
+def evaluate(generic: Callable[..., Any], record: Record, p: Any) -> Any:
+    """A generic of a record, or the sum over a plain tuple of records; zeros in the precision of the particle.
 
     Raises TypeError when the record has no law for it.
     """
-    entry = GENERICS[generic]
+    quantity = GENERICS[generic]
     if type(record) is not tuple:
-        if type(record) not in entry.laws:
+        if type(record) not in quantity.laws:
             raise TypeError(f"{type(record).__name__} has no law for {generic.__name__}")
-        return entry.laws[type(record)](record, p)
-    terms = [evaluate(generic, r, p) for r in record]
-    if entry.size == 1:
-        return sum(terms, 0.0)
-    return tuple(sum((term[k] for term in terms), 0.0) for k in range(entry.size))
+        return quantity.laws[type(record)](record, p)
+    if quantity.size == 0:
+        raise TypeError(f"laws for {generic.__name__} do not add up")
+    if len(record) == 0:
+        zero = type(p[0])(0)
+        return zero if quantity.size == 1 else (zero,) * quantity.size
+    if len(record) == 1:
+        return evaluate(generic, record[0], p)
+    half = len(record) // 2  # by halves, so that a long chain does not nest as deep
+    first, second = evaluate(generic, record[:half], p), evaluate(generic, record[half:], p)
+    return first + second if quantity.size == 1 else add(first, second)
+
+
+def add(a: Any, b: Any) -> Any:
+    """Sum of two vectors or two matrices."""
+    return tuple(u + v for u, v in zip(a, b, strict=True))
+
+
+def times(a: Any, x: Any, y: Any, z: Any) -> Any:
+    """Matrix times vector."""
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        a[3] * x + a[4] * y + a[5] * z,
+        a[6] * x + a[7] * y + a[8] * z,
+    )
 
 
 @generic(3)

@@ -41,7 +41,7 @@ from pydantic import Field, model_validator
 from particlesim.bonds.base import Floats, Ints
 from particlesim.bonds.pairs import Index
 from particlesim.crossfield import invalid
-from particlesim.laws import helper, hinge_energy, hinge_moment, hinge_stiffness, law
+from particlesim.laws import hinge_energy, hinge_moment, hinge_stiffness, law
 from particlesim.model import Model, Name
 from particlesim.units import Degrees, Joules
 
@@ -97,13 +97,11 @@ def cosine_stiffness(f: Cosine, d: float) -> float:
     return f.k * np.cos(d)
 
 
-@helper
 def wrapped(d: float) -> float:
     """An angle in (−π, π]."""
     return d - 2 * np.pi * np.floor(d / (2 * np.pi) + 0.5)
 
 
-@helper
 def angle_gradient(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> AngleGradient:
     """Angle between a and b [rad], and its gradients by a and by b [1/m]."""
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -124,7 +122,6 @@ def angle_gradient(ax: float, ay: float, az: float, bx: float, by: float, bz: fl
     )
 
 
-@helper
 def angle_forms(
     stiffness: float, moment: float, ax: float, ay: float, az: float, bx: float, by: float, bz: float
 ) -> AngleForms:
@@ -173,7 +170,6 @@ def angle_forms(
     )
 
 
-@helper
 def other_axis(x: float, y: float, z: float) -> tuple[float, float, float]:
     """The axis that a vector points along least."""
     x, y, z = abs(x), abs(y), abs(z)
@@ -185,7 +181,6 @@ def other_axis(x: float, y: float, z: float) -> tuple[float, float, float]:
     return zero, zero, one
 
 
-@helper
 def dihedral_gradient(
     fx: float,
     fy: float,

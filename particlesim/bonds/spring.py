@@ -19,7 +19,7 @@ from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
 from particlesim.bonds.near import near_pairs
 from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
 from particlesim.crossfield import invalid
-from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, helper, law
+from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 from particlesim.model import Model, Name
 from particlesim.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
 
@@ -160,7 +160,6 @@ def spring_force(f: SpringRecord, b: Pair) -> tuple[float, float, float]:
     return s * b.x, s * b.y, s * b.z
 
 
-@helper
 def spring_dx(b: Pair, k: float, inverse: float) -> Matrix:
     """∂f/∂l = −k e eᵀ − (k (1 − L₀/l) + c (v·e)/l)(1 − e eᵀ) − (c/l) e (v − (v·e) e)ᵀ, with 1/l as `inverse`."""
     ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
@@ -183,7 +182,6 @@ def spring_dx(b: Pair, k: float, inverse: float) -> Matrix:
     )
 
 
-@helper
 def spring_dv(b: Pair, inverse: float) -> Matrix:
     """∂f/∂v = −c e eᵀ, with 1/l as `inverse`."""
     ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse

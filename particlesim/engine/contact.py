@@ -7,13 +7,10 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba import types
-
+from particlesim.compiler import outlined
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inline, outline, stub
 from particlesim.engine.steppers import advance, restart
 from particlesim.laws import PASS, contact, gap, moved_to
 
@@ -48,202 +45,142 @@ class Careful(NamedTuple):
 
 def meet(colliders: Any, p: Any) -> Any:
     """The particle after every collider in turn, and the strongest outcome."""
-    return stub()
-
-
-@inline(meet)
-def _meet(colliders: Any, p: Any) -> Callable[..., Any]:
     if len(colliders) == 0:
-        return lambda colliders, p: (p, PASS)
+        return p, PASS
     if len(colliders) == 1:
-        return lambda colliders, p: contact(colliders[0], p)
-
-    def more(colliders: Any, p: Any) -> Any:
-        q, first = contact(colliders[0], p)
-        r, rest = meet(colliders[1:], q)
-        return r, max(first, rest)
-
-    return more
+        return contact(colliders[0], p)
+    q, first = contact(colliders[0], p)
+    r, rest = meet(colliders[1:], q)
+    return r, max(first, rest)
 
 
 def nearest(colliders: Any, p: Any) -> Any:
     """The smallest gap to any collider [m]; positive where there are none."""
-    return stub()
-
-
-@inline(nearest)
-def _nearest(colliders: Any, p: Any) -> Callable[..., Any]:
     if len(colliders) == 0:
-        return lambda colliders, p: 1.0
+        return 1.0
     if len(colliders) == 1:
-        return lambda colliders, p: gap(colliders[0], p)
-    return lambda colliders, p: min(gap(colliders[0], p), nearest(colliders[1:], p))
+        return gap(colliders[0], p)
+    return min(gap(colliders[0], p), nearest(colliders[1:], p))
 
 
 def rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
     """Whether a step from p to q is rest: p touches a collider that takes energy, does not move into it, and yet ends
     inside. Any hop between is shorter than the step, and so are all that would follow."""
-    return stub()
-
-
-@inline(rests)
-def _rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Callable[..., Any]:
     if len(colliders) == 0:
-        return lambda colliders, p, q, h, slack: False
-
-    def impl(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-        c = colliders[0]
-        coasting = moved_to(p, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.t)
-        here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
-        return here | rests(colliders[1:], p, q, h, slack)
-
-    return impl
+        return False
+    c = colliders[0]
+    coasting = moved_to(p, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.t)
+    here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
+    return here | rests(colliders[1:], p, q, h, slack)
 
 
 def overlapped(contacts: Any, p: Any) -> Any:
     """Whether `trace` must step this particle again; never for simple contacts."""
-    return stub()
-
-
-@inline(overlapped)
-def _overlapped(contacts: Any, p: Any) -> Callable[..., Any]:
-    if contacts.instance_class is Simple:
-        return lambda contacts, p: False
-    return lambda contacts, p: (nearest(contacts.continuous, p) < 0) | (nearest(contacts.discrete, p) < 0)
+    if isinstance(contacts, Simple):
+        return False
+    return (nearest(contacts.continuous, p) < 0) | (nearest(contacts.discrete, p) < 0)
 
 
 def respond(contacts: Any, p: Any) -> Any:
     """Simple contacts at the end of a step; careful ones leave the particle to `trace`."""
-    return stub()
+    if isinstance(contacts, Simple):
+        return meet(contacts.colliders, p)
+    return p, PASS
 
 
-@inline(respond)
-def _respond(contacts: Any, p: Any) -> Callable[..., Any]:
-    if contacts.instance_class is Simple:
-        return lambda contacts, p: meet(contacts.colliders, p)
-    return lambda contacts, p: (p, PASS)
-
-
+@outlined
 def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
     """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place."""
-    return stub()
+    slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+    q, outcome = meet(colliders, p)
+    sweeps = 1
+    while nearest(colliders, q) < slack and sweeps < MAX_SWEEPS:
+        q, more = meet(colliders, q)
+        outcome = max(outcome, more)
+        sweeps += 1
+    if nearest(colliders, q) < slack:
+        q = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
+    return q, outcome
 
 
-@outline(_separate)
-def _separate_overload(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Callable[..., Any]:
-    def impl(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
-        slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
-        q, outcome = meet(colliders, p)
-        sweeps = 1
-        while nearest(colliders, q) < slack and sweeps < MAX_SWEEPS:
-            q, more = meet(colliders, q)
-            outcome = max(outcome, more)
-            sweeps += 1
-        if nearest(colliders, q) < slack:
-            q = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
-        return q, outcome
-
-    return impl
-
-
+@outlined
 def _time_of_impact(
     method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
 ) -> Any:
     """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
-    return stub()
-
-
-@outline(_time_of_impact)
-def _time_of_impact_overload(
-    method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any
-) -> Callable[..., Any]:
     # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
     # third turn bisects, so that the bracket is sure to close.
-    def impl(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
-        half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
-        early, late = h - h, h
-        above = max(nearest(colliders, p), h - h)
-        below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
-        # A particle that touches and sinks at once hits now: resting contact must not cost a search.
-        now = h * type_of(h, 2.0**-30)
-        if nearest(colliders, advance(method, dynamics, forces, p, now, memory)[0]) < 0:
-            return now
-        side = 0
-        for turn in range(MAX_HALVINGS):
-            middle = early + (late - early) * half
-            if not (early < middle < late):
-                break
-            if turn % 3 != 2 and above > 0:
-                guess = (late * above - early * below) / (above - below)
-                middle = guess if early < guess < late else middle
-            value = nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0])
-            if value < 0:
-                late, below = middle, value
-                above = above * half if side == -1 else above
-                side = -1
-            else:
-                early, above = middle, value
-                below = below * half if side == 1 else below
-                side = 1
-        return late
-
-    return impl
+    half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
+    early, late = h - h, h
+    above = max(nearest(colliders, p), h - h)
+    below = nearest(colliders, advance(method, dynamics, forces, p, late, memory)[0])
+    # A particle that touches and sinks at once hits now: resting contact must not cost a search.
+    now = h * type_of(h, 2.0**-30)
+    if nearest(colliders, advance(method, dynamics, forces, p, now, memory)[0]) < 0:
+        return now
+    side = 0
+    for turn in range(MAX_HALVINGS):
+        middle = early + (late - early) * half
+        if not (early < middle < late):
+            break
+        if turn % 3 != 2 and above > 0:
+            guess = (late * above - early * below) / (above - below)
+            middle = guess if early < guess < late else middle
+        value = nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0])
+        if value < 0:
+            late, below = middle, value
+            above = above * half if side == -1 else above
+            side = -1
+        else:
+            early, above = middle, value
+            below = below * half if side == 1 else below
+            side = 1
+    return late
 
 
+@outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome.
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
-    return stub()
-
-
-@outline(trace)
-def _trace(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
-) -> Callable[..., Any] | None:
-    if contacts.instance_class is Simple:
-        return lambda method, dynamics, forces, contacts, p, h, memory: (p, memory, PASS)
-    has_continuous = not (isinstance(contacts.types[0], types.Tuple) and len(contacts.types[0]) == 0)
-
-    def impl(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-        left = h
-        outcome = PASS
+    if isinstance(contacts, Simple):
+        return p, memory, PASS
+    left = h
+    outcome = PASS
+    legal = p
+    if len(contacts.continuous) > 0:
+        impacts = 0
+        stalls = 0
+        p, outcome = _separate(contacts.continuous, p, p, contacts.tolerance)
         legal = p
-        if has_continuous:
-            impacts = 0
-            stalls = 0
-            p, outcome = _separate(contacts.continuous, p, p, contacts.tolerance)
-            legal = p
-            while outcome == PASS:
-                q, after = advance(method, dynamics, forces, p, left, memory)
-                if not nearest(contacts.continuous, q) < 0:
-                    p, memory = q, after
-                    break
-                slack = contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
-                resting = impacts == 0 and rests(contacts.continuous, p, q, left, slack)
-                if resting or impacts == MAX_IMPACTS or stalls == MAX_STALLS:
-                    p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
-                    memory = restart(memory)
-                    break
-                tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
-                # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
-                half = type_of(h, 0.5)
-                top = advance(method, dynamics, forces, p, half * tau, memory)[0]
-                flat = nearest(contacts.continuous, top) <= slack
-                stalls = stalls + 1 if flat or tau < h / 1048576 else 0
-                impacts += 1
-                q, after = advance(method, dynamics, forces, p, tau, memory)
-                p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
-                memory = restart(memory)
-                left = left - tau
-        else:
+        while outcome == PASS:
             q, after = advance(method, dynamics, forces, p, left, memory)
-            p, memory = q, after
-        if outcome == PASS and nearest(contacts.discrete, p) < 0:
-            # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
-            p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
+            if not nearest(contacts.continuous, q) < 0:
+                p, memory = q, after
+                break
+            slack = contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+            resting = impacts == 0 and rests(contacts.continuous, p, q, left, slack)
+            if resting or impacts == MAX_IMPACTS or stalls == MAX_STALLS:
+                p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
+                memory = restart(memory)
+                break
+            tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
+            # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
+            half = type_of(h, 0.5)
+            top = advance(method, dynamics, forces, p, half * tau, memory)[0]
+            flat = nearest(contacts.continuous, top) <= slack
+            stalls = stalls + 1 if flat or tau < h / 1048576 else 0
+            impacts += 1
+            q, after = advance(method, dynamics, forces, p, tau, memory)
+            p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
             memory = restart(memory)
-        return p, memory, outcome
-
-    return impl
+            left = left - tau
+    else:
+        q, after = advance(method, dynamics, forces, p, left, memory)
+        p, memory = q, after
+    if outcome == PASS and nearest(contacts.discrete, p) < 0:
+        # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
+        p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
+        memory = restart(memory)
+    return p, memory, outcome

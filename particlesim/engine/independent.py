@@ -5,14 +5,13 @@ A block fits into the first-level cache, so an interval of many steps reads and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import particlesim.engine.newton  # noqa: F401
-from particlesim.engine.cache import kernel
+from particlesim.compiler import kernel
 from particlesim.engine.columns import (
     KEPT,
     Columns,
@@ -32,7 +31,6 @@ from particlesim.engine.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.compile import inline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.steppers import Newtonian, advance, derivative, restart
 
@@ -49,85 +47,60 @@ class Program(NamedTuple):
     contacts: tuple[Any, ...]
 
 
-def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> Any:
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
     """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the
     inverse masses."""
-    return stub()
-
-
-@inline(step_block)
-def _step_block(
-    program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any
-) -> Callable[..., Any]:
-    if program.types[3].instance_class is Simple:
-
-        def simple(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
-            for i in range(c.x.size):
-                begin, hi = span(c.clock, i, t, end, h)
-                p = fetch_known(c, inverse, i, begin)
-                q, memory = advance(
-                    program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i)
-                )
-                r, outcome = meet(program.contacts.colliders, q)
-                idle = still(c.clock, hi)
-                store(c, i, chosen(idle, p, r))
-                touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
-                remember(c.memory, i, not touched, memory)
-                remember(c.memory, i, touched, restart(memory))
-                note(c.clock, i, unless(idle, outcome), end)
-
-        return simple
-
-    def careful(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
-        # The few particles that end inside a collider keep their state here, and are traced one by one below.
+    if isinstance(program.contacts, Simple):
         for i in range(c.x.size):
             begin, hi = span(c.clock, i, t, end, h)
             p = fetch_known(c, inverse, i, begin)
             q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-            inside = overlapped(program.contacts, q)
-            marks[i] = inside
-            store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
-            remember(c.memory, i, not inside, memory)
-        for i in range(c.x.size):
-            if marks[i]:
-                begin, hi = span(c.clock, i, t, end, h)
-                if hi > 0:
-                    p = fetch_known(c, inverse, i, begin)
-                    q, memory, outcome = trace(
-                        program.method,
-                        program.dynamics,
-                        program.forces,
-                        program.contacts,
-                        p,
-                        hi,
-                        recall(c.memory, i),
-                    )
-                    store(c, i, q)
-                    remember(c.memory, i, True, memory)
-                    note(c.clock, i, outcome, q.t)
+            r, outcome = meet(program.contacts.colliders, q)
+            idle = still(c.clock, hi)
+            store(c, i, chosen(idle, p, r))
+            touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
+            remember(c.memory, i, not touched, memory)
+            remember(c.memory, i, touched, restart(memory))
+            note(c.clock, i, unless(idle, outcome), end)
+        return
+    # The few particles that end inside a collider keep their state here, and are traced one by one below.
+    for i in range(c.x.size):
+        begin, hi = span(c.clock, i, t, end, h)
+        p = fetch_known(c, inverse, i, begin)
+        q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+        inside = overlapped(program.contacts, q)
+        marks[i] = inside
+        store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
+        remember(c.memory, i, not inside, memory)
+    for i in range(c.x.size):
+        if marks[i]:
+            begin, hi = span(c.clock, i, t, end, h)
+            if hi > 0:
+                p = fetch_known(c, inverse, i, begin)
+                q, memory, outcome = trace(
+                    program.method,
+                    program.dynamics,
+                    program.forces,
+                    program.contacts,
+                    p,
+                    hi,
+                    recall(c.memory, i),
+                )
+                store(c, i, q)
+                remember(c.memory, i, True, memory)
+                note(c.clock, i, outcome, q.t)
 
-    return careful
 
-
-def refresh(program: Any, c: Any, t: Any) -> Any:
+def refresh(program: Any, c: Any, t: Any) -> None:
     """Give particles without inertia the velocity of their place, for the record; others have it already."""
-    return stub()
-
-
-@inline(refresh)
-def _refresh(program: Any, c: Any, t: Any) -> Callable[..., Any]:
-    if program.types[1].instance_class is Newtonian:
-        return lambda program, c, t: None
-
-    def impl(program: Any, c: Any, t: Any) -> None:
-        for i in range(c.x.size):
-            rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
-            fixed = held(c.clock, i)
-            c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
-            c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
-            c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
-
-    return impl
+    if isinstance(program.dynamics, Newtonian):
+        return
+    for i in range(c.x.size):
+        rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
+        fixed = held(c.clock, i)
+        c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
+        c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
+        c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
 
 
 class Room(NamedTuple):

@@ -6,23 +6,20 @@ so that the block is put back and the step looked for; `unsolved` then tells wha
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
-from particlesim.engine.cache import kernel
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.columns import fetch, recall, span, type_of
-from particlesim.engine.compile import inline, inlined, outline, precision, stub, times
-from particlesim.engine.steppers import Newtonian, Overdamped, advance, derivative
+from particlesim.engine.steppers import STEPS, Newtonian, Overdamped, derivative
 from particlesim.integrators.implicit import ImplicitRecord
-from particlesim.laws import force, force_dv, force_dx, moved_to, velocity, velocity_dx
-
-Impl = Callable[..., Any]
+from particlesim.laws import force, force_dv, force_dx, moved_to, times, velocity, velocity_dx
 
 ROUNDING = 8
 """Residuals of this many rounding errors of position and velocity count as zero."""
+EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
+"""The rounding error of 1 in each precision."""
 GROWTH = 4.0
 """Growth of the residual in an iteration beyond which half of the change is taken back."""
 HALVINGS = 6
@@ -55,12 +52,8 @@ class Solution(NamedTuple):
     iterations: int
 
 
-@inline(advance)
-def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl | None:
-    return _implicit if method.instance_class is ImplicitRecord else None
-
-
-def _implicit(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+def implicit(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A step whose equations are solved; one that has no solution leaves the particle not finite."""
     found = solved(method, dynamics, forces, p, h, memory)
     q = new_state(method.ahead, p, found.particle, p.t + h)
     wild = type_of(q.x, 0 if found.solved else np.nan)
@@ -68,16 +61,14 @@ def _implicit(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: A
     return q, recollected(memory, p, q, h)
 
 
+STEPS[ImplicitRecord] = implicit
+
+
 def new_state(ahead: Any, p: Any, q: Any, t: Any) -> Any:
     """The particle at the end of the step from the solved one, which may be its middle."""
-    return stub()
-
-
-@inline(new_state)
-def _new_state(ahead: Any, p: Any, q: Any, t: Any) -> Impl:
-    if isinstance(ahead, types.NoneType):
-        return lambda ahead, p, q, t: moved_to(q, q.x, q.y, q.z, q.vx, q.vy, q.vz, t)
-    return lambda ahead, p, q, t: moved_to(
+    if ahead is None:
+        return moved_to(q, q.x, q.y, q.z, q.vx, q.vy, q.vz, t)
+    return moved_to(
         q,
         ahead * q.x - p.x,
         ahead * q.y - p.y,
@@ -91,14 +82,9 @@ def _new_state(ahead: Any, p: Any, q: Any, t: Any) -> Impl:
 
 def recollected(memory: Any, p: Any, q: Any, h: Any) -> Any:
     """What a method with a past remembers: how far the particle came, and the step."""
-    return stub()
-
-
-@inline(recollected)
-def _recollected(memory: Any, p: Any, q: Any, h: Any) -> Impl:
     if len(memory) == 0:
-        return lambda memory, p, q, h: memory
-    return lambda memory, p, q, h: (
+        return memory
+    return (
         q.x - p.x,
         q.y - p.y,
         q.z - p.z,
@@ -111,101 +97,63 @@ def _recollected(memory: Any, p: Any, q: Any, h: Any) -> Impl:
 
 def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     """X₀ and V₀ of a step, and the first guess."""
-    return stub()
-
-
-@inline(start)
-def _start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl:
-    record = dict(zip(ImplicitRecord._fields, method.types, strict=True))
-    leans = not isinstance(record["slope"], types.NoneType)
-    recalls = not isinstance(record["past"], types.NoneType)
-    if dynamics.instance_class is Newtonian and not leans and not recalls:
-        return lambda method, dynamics, forces, p, h, memory: Start(
-            (p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), method.gamma * h
-        )
-    if leans:
-
-        def leaning(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-            r, k = derivative(dynamics, forces, p), method.slope * h
-            return Start(
-                (p.x + k * r.x, p.y + k * r.y, p.z + k * r.z),
-                (p.vx + k * r.vx, p.vy + k * r.vy, p.vz + k * r.vz),
-                (r.x, r.y, r.z),
-                method.gamma * h,
-            )
-
-        return leaning
-    if not recalls:
-
-        def guessing(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-            r = derivative(dynamics, forces, p)
-            return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), method.gamma * h)
-
-        return guessing
-
-    def recalling(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-        r, k, half = derivative(dynamics, forces, p), method.past, type_of(h, 0.5) * h
-        dx, dy, dz, ux, uy, uz, known = memory
-        go_on = (known == h) & (known > 0)
-        dx = dx if go_on else h * (r.x - half * r.vx)  # as from a step before under the same force
-        dy = dy if go_on else h * (r.y - half * r.vy)
-        dz = dz if go_on else h * (r.z - half * r.vz)
-        ux = ux if go_on else h * r.vx
-        uy = uy if go_on else h * r.vy
-        uz = uz if go_on else h * r.vz
+    if isinstance(dynamics, Newtonian) and method.slope is None and method.past is None:
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), method.gamma * h)
+    if method.slope is not None:
+        r, k = derivative(dynamics, forces, p), method.slope * h
         return Start(
-            (p.x + k * dx, p.y + k * dy, p.z + k * dz),
-            (p.vx + k * ux, p.vy + k * uy, p.vz + k * uz),
+            (p.x + k * r.x, p.y + k * r.y, p.z + k * r.z),
+            (p.vx + k * r.vx, p.vy + k * r.vy, p.vz + k * r.vz),
             (r.x, r.y, r.z),
             method.gamma * h,
         )
-
-    return recalling
+    if method.past is None:
+        r = derivative(dynamics, forces, p)
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), method.gamma * h)
+    r, k, half = derivative(dynamics, forces, p), method.past, type_of(h, 0.5) * h
+    dx, dy, dz, ux, uy, uz, known = memory
+    go_on = (known == h) & (known > 0)
+    dx = dx if go_on else h * (r.x - half * r.vx)  # as from a step before under the same force
+    dy = dy if go_on else h * (r.y - half * r.vy)
+    dz = dz if go_on else h * (r.z - half * r.vz)
+    ux = ux if go_on else h * r.vx
+    uy = uy if go_on else h * r.vy
+    uz = uz if go_on else h * r.vz
+    return Start(
+        (p.x + k * dx, p.y + k * dy, p.z + k * dz),
+        (p.vx + k * ux, p.vy + k * uy, p.vz + k * uz),
+        (r.x, r.y, r.z),
+        method.gamma * h,
+    )
 
 
 def equation(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
     """The equations of a step at a particle's position and velocity."""
-    return stub()
+    if isinstance(dynamics, Newtonian):
+        fx, fy, fz = force(forces, p)
+        k = s.reach * p.w
+        by_place = scaled_sum(k, force_dx(forces, p), k - k, force_dx(forces, p))
+        slope = scaled_sum(s.reach, by_place, k, force_dv(forces, p))
+        u, v, w = s.v
+        return Equation((p.vx - u - k * fx, p.vy - v - k * fy, p.vz - w - k * fz), slope, by_place)
 
-
-@inline(equation)
-def _equation(dynamics: Any, forces: Any, p: Any, s: Any) -> Impl:
-    if dynamics.instance_class is Newtonian:
-
-        def newtonian(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
-            fx, fy, fz = force(forces, p)
-            k = s.reach * p.w
-            by_place = scaled_sum(k, force_dx(forces, p), k - k, force_dx(forces, p))
-            slope = scaled_sum(s.reach, by_place, k, force_dv(forces, p))
-            u, v, w = s.v
-            return Equation((p.vx - u - k * fx, p.vy - v - k * fy, p.vz - w - k * fz), slope, by_place)
-
-        return newtonian
-    if dynamics.instance_class is Overdamped:
-
-        def overdamped(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
-            fx, fy, fz = force(forces, p)
-            u, v, w = velocity(dynamics.flow, p)
-            one = type_of(s.reach, 1)
-            k = one / dynamics.gamma
-            by_place = scaled_sum(one, velocity_dx(dynamics.flow, p), k, force_dx(forces, p))
-            slope = scaled_sum(s.reach, by_place, k - k, by_place)
-            return Equation((p.vx - u - k * fx, p.vy - v - k * fy, p.vz - w - k * fz), slope, by_place)
-
-        return overdamped
-
-    def tracer(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
+    if isinstance(dynamics, Overdamped):
+        fx, fy, fz = force(forces, p)
         u, v, w = velocity(dynamics.flow, p)
         one = type_of(s.reach, 1)
-        gradient = velocity_dx(dynamics.flow, p)
-        by_place = scaled_sum(one, gradient, one - one, gradient)
-        slope = scaled_sum(s.reach, by_place, one - one, by_place)
-        return Equation((p.vx - u, p.vy - v, p.vz - w), slope, by_place)
+        k = one / dynamics.gamma
+        by_place = scaled_sum(one, velocity_dx(dynamics.flow, p), k, force_dx(forces, p))
+        slope = scaled_sum(s.reach, by_place, k - k, by_place)
+        return Equation((p.vx - u - k * fx, p.vy - v - k * fy, p.vz - w - k * fz), slope, by_place)
 
-    return tracer
+    u, v, w = velocity(dynamics.flow, p)
+    one = type_of(s.reach, 1)
+    gradient = velocity_dx(dynamics.flow, p)
+    by_place = scaled_sum(one, gradient, one - one, gradient)
+    slope = scaled_sum(s.reach, by_place, one - one, by_place)
+    return Equation((p.vx - u, p.vy - v, p.vz - w), slope, by_place)
 
 
-@inlined
 def scaled_sum(a: Any, m: Any, b: Any, n: Any) -> Any:
     """a M + b N, in the precision of a."""
     return (
@@ -221,7 +169,6 @@ def scaled_sum(a: Any, m: Any, b: Any, n: Any) -> Any:
     )
 
 
-@inlined
 def solution_of(s: Any, x: Any, y: Any, z: Any) -> Any:
     """Solve (1 − S) δ = (x, y, z) by the adjugate; not finite where the matrix is singular."""
     one = type_of(x, 1)
@@ -235,67 +182,50 @@ def solution_of(s: Any, x: Any, y: Any, z: Any) -> Any:
     return k * (ax * x + ay * y + az * z), k * (bx * x + by * y + bz * z), k * (cx * x + cy * y + cz * z)
 
 
-@inlined
 def placed(p: Any, s: Any, vx: Any, vy: Any, vz: Any, t: Any) -> Any:
     """The particle with a velocity V at X₀ + γ h V."""
     x, y, z = s.x
     return moved_to(p, x + s.reach * vx, y + s.reach * vy, z + s.reach * vz, vx, vy, vz, t)
 
 
-@inlined
 def length(x: Any, y: Any, z: Any) -> Any:
     """|(x, y, z)|."""
     return np.sqrt(x * x + y * y + z * z)
 
 
+@outlined
 def solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     """Solve the equations of a step."""
-    return stub()
-
-
-@outline(solved)
-def _solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl:
-    record = dict(zip(ImplicitRecord._fields, method.types, strict=True))
-    if isinstance(record["newton"], types.NoneType):
-
-        def once(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-            s, t = start(method, dynamics, forces, p, h, memory), p.t + method.node * h
-            u, v, w = s.guess
-            e = equation(dynamics, forces, moved_to(p, p.x, p.y, p.z, u, v, w, t), s)
-            rx, ry, rz = e.residual
-            gx, gy, gz = times(e.by_place, u, v, w)
-            dx, dy, dz = solution_of(e.slope, s.reach * gx - rx, s.reach * gy - ry, s.reach * gz - rz)
-            return Solution(placed(p, s, u + dx, v + dy, w + dz, t), True, 0.0, 1)
-
-        return once
-    small = ROUNDING * float(np.finfo(str(precision(p))).eps)
-
-    def iterated(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-        s, t = start(method, dynamics, forces, p, h, memory), p.t + method.node * h
-        u, v, w = s.guess
-        q = placed(p, s, u, v, w, t)
-        dx, dy, dz = u - u, v - v, w - w
-        first, last, taken, halved, iterations = 0.0, np.inf, 1.0, 0, 0
-        while True:
-            e = equation(dynamics, forces, q, s)
-            rx, ry, rz = e.residual
-            size = float(length(rx, ry, rz))
-            first = size if iterations == 0 else first
-            scale = length(q.x, q.y, q.z) + s.reach * (length(q.vx, q.vy, q.vz) + length(*s.v))
-            if size <= method.newton.tolerance * first or s.reach * size <= small * scale:
-                return Solution(q, True, size / first if first > 0 else 0.0, iterations)
-            if size > GROWTH * last and halved < HALVINGS:
-                halved, taken = halved + 1, 0.5 * taken
-                back = type_of(q.x, -taken)
-            elif iterations == method.newton.limit or not size < np.inf:
-                return Solution(q, False, size / first, iterations)
-            else:
-                dx, dy, dz = solution_of(e.slope, -rx, -ry, -rz)
-                last, halved, taken, iterations = size, 0, 1.0, iterations + 1
-                back = type_of(q.x, 1)
-            q = placed(p, s, q.vx + back * dx, q.vy + back * dy, q.vz + back * dz, t)
-
-    return iterated
+    s, t = start(method, dynamics, forces, p, h, memory), p.t + method.node * h
+    u, v, w = s.guess
+    if method.newton is None:
+        e = equation(dynamics, forces, moved_to(p, p.x, p.y, p.z, u, v, w, t), s)
+        rx, ry, rz = e.residual
+        gx, gy, gz = times(e.by_place, u, v, w)
+        dx, dy, dz = solution_of(e.slope, s.reach * gx - rx, s.reach * gy - ry, s.reach * gz - rz)
+        return Solution(placed(p, s, u + dx, v + dy, w + dz, t), True, 0.0, 1)
+    small = ROUNDING * EPSILON[type(p.x)]
+    q = placed(p, s, u, v, w, t)
+    dx, dy, dz = u - u, v - v, w - w
+    first, last, taken, halved, iterations = 0.0, np.inf, 1.0, 0, 0
+    while True:
+        e = equation(dynamics, forces, q, s)
+        rx, ry, rz = e.residual
+        size = float(length(rx, ry, rz))
+        first = size if iterations == 0 else first
+        scale = length(q.x, q.y, q.z) + s.reach * (length(q.vx, q.vy, q.vz) + length(*s.v))
+        if size <= method.newton.tolerance * first or s.reach * size <= small * scale:
+            return Solution(q, True, size / first if first > 0 else 0.0, iterations)
+        if size > GROWTH * last and halved < HALVINGS:
+            halved, taken = halved + 1, 0.5 * taken
+            back = type_of(q.x, -taken)
+        elif iterations == method.newton.limit or not size < np.inf:
+            return Solution(q, False, size / first, iterations)
+        else:
+            dx, dy, dz = solution_of(e.slope, -rx, -ry, -rz)
+            last, halved, taken, iterations = size, 0, 1.0, iterations + 1
+            back = type_of(q.x, 1)
+        q = placed(p, s, q.vx + back * dx, q.vy + back * dy, q.vz + back * dz, t)
 
 
 @kernel

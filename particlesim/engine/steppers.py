@@ -9,14 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba import types
-
-from particlesim.engine.compile import inline, stub
 from particlesim.integrators.adaptive import EmbeddedRecord
 from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
 from particlesim.laws import force, moved_to, velocity
-
-Impl = Callable[..., Any]
 
 
 class Newtonian(NamedTuple):
@@ -49,57 +44,45 @@ class Rate(NamedTuple):
 
 def restart(memory: Any) -> Any:
     """A method's memory after something else changed the velocity: its last number is 0, so that it does not hold."""
-    return stub()
-
-
-@inline(restart)
-def _restart(memory: Any) -> Impl:
     if len(memory) == 0:
-        return lambda memory: memory
-    return lambda memory: (*memory[:-1], memory[-1] - memory[-1])
+        return memory
+    return (*memory[:-1], memory[-1] - memory[-1])
 
 
-def derivative(dynamics: Any, forces: Any, p: Any) -> Any:
+def newtonian(dynamics: Any, forces: Any, p: Any) -> Rate:
+    """x' = v, v' = f/m."""
+    fx, fy, fz = force(forces, p)
+    return Rate(p.vx, p.vy, p.vz, fx * p.w, fy * p.w, fz * p.w)
+
+
+def overdamped(dynamics: Any, forces: Any, p: Any) -> Rate:
+    """x' = w(x, t) + f/γ."""
+    fx, fy, fz = force(forces, p)
+    wx, wy, wz = velocity(dynamics.flow, p)
+    g = dynamics.gamma
+    return Rate(wx + fx / g, wy + fy / g, wz + fz / g, g - g, g - g, g - g)
+
+
+def tracer(dynamics: Any, forces: Any, p: Any) -> Rate:
+    """x' = w(x, t)."""
+    wx, wy, wz = velocity(dynamics.flow, p)
+    return Rate(wx, wy, wz, wx - wx, wy - wy, wz - wz)
+
+
+RATES: dict[type, Callable[..., Rate]] = {Newtonian: newtonian, Overdamped: overdamped, Tracer: tracer}
+"""For each kind of dynamics the rate of change of a particle, a function of (dynamics, forces, p)."""
+
+
+def derivative(dynamics: Any, forces: Any, p: Any) -> Rate:
     """Rate of change of a particle under its forces."""
-    return stub()
-
-
-@inline(derivative)
-def _derivative(dynamics: Any, forces: Any, p: Any) -> Impl:
-    if dynamics.instance_class is Newtonian:
-
-        def newtonian(dynamics: Any, forces: Any, p: Any) -> Any:
-            fx, fy, fz = force(forces, p)
-            return Rate(p.vx, p.vy, p.vz, fx * p.w, fy * p.w, fz * p.w)
-
-        return newtonian
-    if dynamics.instance_class is Overdamped:
-
-        def overdamped(dynamics: Any, forces: Any, p: Any) -> Any:
-            fx, fy, fz = force(forces, p)
-            wx, wy, wz = velocity(dynamics.flow, p)
-            g = dynamics.gamma
-            return Rate(wx + fx / g, wy + fy / g, wz + fz / g, g - g, g - g, g - g)
-
-        return overdamped
-
-    def tracer(dynamics: Any, forces: Any, p: Any) -> Any:
-        wx, wy, wz = velocity(dynamics.flow, p)
-        return Rate(wx, wy, wz, wx - wx, wy - wy, wz - wz)
-
-    return tracer
+    return RATES[type(dynamics)](dynamics, forces, p)
 
 
 def moved(p: Any, h: Any, r: Any, t: Any) -> Any:
     """The particle after h times a rate, at time t; a rate of None leaves it in place."""
-    return stub()
-
-
-@inline(moved)
-def _moved(p: Any, h: Any, r: Any, t: Any) -> Impl:
-    if isinstance(r, types.NoneType):
-        return lambda p, h, r, t: moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, t)
-    return lambda p, h, r, t: moved_to(
+    if r is None:
+        return moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, t)
+    return moved_to(
         p,
         p.x + h * r.x,
         p.y + h * r.y,
@@ -113,14 +96,9 @@ def _moved(p: Any, h: Any, r: Any, t: Any) -> Impl:
 
 def accumulate(w: Any, r: Any, rest: Any) -> Any:
     """w r + rest, where rest may be None."""
-    return stub()
-
-
-@inline(accumulate)
-def _accumulate(w: Any, r: Any, rest: Any) -> Impl:
-    if isinstance(rest, types.NoneType):
-        return lambda w, r, rest: Rate(w * r.x, w * r.y, w * r.z, w * r.vx, w * r.vy, w * r.vz)
-    return lambda w, r, rest: Rate(
+    if rest is None:
+        return Rate(w * r.x, w * r.y, w * r.z, w * r.vx, w * r.vy, w * r.vz)
+    return Rate(
         rest.x + w * r.x,
         rest.y + w * r.y,
         rest.z + w * r.z,
@@ -132,148 +110,101 @@ def _accumulate(w: Any, r: Any, rest: Any) -> Impl:
 
 def weigh(row: Any, slopes: Any) -> Any:
     """Σ row_j slopes_j, None where the whole row is None."""
-    return stub()
-
-
-@inline(weigh)
-def _weigh(row: Any, slopes: Any) -> Impl:
     if len(row) == 0:
-        return lambda row, slopes: None
-    if isinstance(row[-1], types.NoneType):
-        return lambda row, slopes: weigh(row[:-1], slopes[:-1])
-    return lambda row, slopes: accumulate(row[-1], slopes[-1], weigh(row[:-1], slopes[:-1]))
+        return None
+    if row[-1] is None:
+        return weigh(row[:-1], slopes[:-1])
+    return accumulate(row[-1], slopes[-1], weigh(row[:-1], slopes[:-1]))
 
 
 def displaced(p: Any, h: Any, row: Any, slopes: Any, t: Any) -> Any:
     """The particle moved by h Σ row_j slopes_j, at time t. A single slope costs one multiplication of h."""
-    return stub()
-
-
-@inline(displaced)
-def _displaced(p: Any, h: Any, row: Any, slopes: Any, t: Any) -> Impl:
-    used = [j for j in range(len(row)) if not isinstance(row[j], types.NoneType)]
-    if used == [0]:
-        return lambda p, h, row, slopes, t: moved(p, row[0] * h, slopes[0], t)
+    used = [j for j, weight in enumerate(row) if weight is not None]
     if len(used) == 1:
-        return lambda p, h, row, slopes, t: displaced(p, h, row[1:], slopes[1:], t)
-    return lambda p, h, row, slopes, t: moved(p, h, weigh(row, slopes), t)
+        return moved(p, row[used[0]] * h, slopes[used[0]], t)
+    return moved(p, h, weigh(row, slopes), t)
 
 
 def stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
     """The slopes of all stages: k_i = f(t + c_i h, y + h Σ_j a_ij k_j)."""
-    return stub()
-
-
-@inline(stages)
-def _stages(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Impl:
     if len(a) == 0:
-        return lambda a, c, dynamics, forces, p, h, slopes: slopes
-
-    def more(a: Any, c: Any, dynamics: Any, forces: Any, p: Any, h: Any, slopes: Any) -> Any:
-        q = displaced(p, h, a[0], slopes, p.t + c[0] * h)
-        slope = derivative(dynamics, forces, q)
-        return stages(a[1:], c[1:], dynamics, forces, p, h, (*slopes, slope))
-
-    return more
+        return slopes
+    q = displaced(p, h, a[0], slopes, p.t + c[0] * h)
+    slope = derivative(dynamics, forces, q)
+    return stages(a[1:], c[1:], dynamics, forces, p, h, (*slopes, slope))
 
 
 def kick(fraction: Any, forces: Any, p: Any, h: Any) -> Any:
     """v += fraction h f/m."""
-    return stub()
-
-
-@inline(kick)
-def _kick(fraction: Any, forces: Any, p: Any, h: Any) -> Impl:
-    if isinstance(fraction, types.NoneType):
-        return lambda fraction, forces, p, h: p
-
-    def impl(fraction: Any, forces: Any, p: Any, h: Any) -> Any:
-        fx, fy, fz = force(forces, p)
-        k = fraction * h * p.w
-        return moved_to(p, p.x, p.y, p.z, p.vx + k * fx, p.vy + k * fy, p.vz + k * fz, p.t)
-
-    return impl
+    if fraction is None:
+        return p
+    fx, fy, fz = force(forces, p)
+    k = fraction * h * p.w
+    return moved_to(p, p.x, p.y, p.z, p.vx + k * fx, p.vy + k * fy, p.vz + k * fz, p.t)
 
 
 def drift(fraction: Any, p: Any, h: Any) -> Any:
     """x += fraction h v, t += fraction h."""
-    return stub()
-
-
-@inline(drift)
-def _drift(fraction: Any, p: Any, h: Any) -> Impl:
-    if isinstance(fraction, types.NoneType):
-        return lambda fraction, p, h: p
-
-    def impl(fraction: Any, p: Any, h: Any) -> Any:
-        s = fraction * h
-        return moved_to(p, p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.t + s)
-
-    return impl
+    if fraction is None:
+        return p
+    s = fraction * h
+    return moved_to(p, p.x + s * p.vx, p.y + s * p.vy, p.z + s * p.vz, p.vx, p.vy, p.vz, p.t + s)
 
 
 def compose(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Any:
     """Kick, drift, kick, drift ... in the order of the composition."""
-    return stub()
-
-
-@inline(compose)
-def _compose(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Impl:
     if len(kicks) == 0:
-        return lambda kicks, drifts, forces, p, h: p
+        return p
+    q = drift(drifts[0], kick(kicks[0], forces, p, h), h)
+    return compose(kicks[1:], drifts[1:], forces, q, h)
 
-    def more(kicks: Any, drifts: Any, forces: Any, p: Any, h: Any) -> Any:
-        q = drift(drifts[0], kick(kicks[0], forces, p, h), h)
-        return compose(kicks[1:], drifts[1:], forces, q, h)
 
-    return more
+def composition(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A step of kicks and drifts."""
+    return compose(method.kicks, method.drifts, forces, p, h), memory
+
+
+def runge_kutta(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A step along the weighted mean of the slopes of its stages."""
+    slopes = stages(method.a, method.c, dynamics, forces, p, h, ())
+    return moved(p, h, weigh(method.b, slopes), p.t + h), memory
+
+
+def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A step of the Størmer–Verlet method, which remembers the last displacement over h."""
+    fx, fy, fz = force(forces, p)
+    k = h * p.w
+    ax, ay, az = k * fx, k * fy, k * fz
+    ux, uy, uz, known = memory
+    # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0. A step of no length (h = 0, which ends exactly
+    # at an impact) must not take the 0 of `restart` for its own.
+    go_on = (known == h) & (known > 0)
+    ux = ux if go_on else p.vx - method.half * ax
+    uy = uy if go_on else p.vy - method.half * ay
+    uz = uz if go_on else p.vz - method.half * az
+    ux, uy, uz = ux + ax, uy + ay, uz + az
+    q = moved_to(
+        p,
+        p.x + h * ux,
+        p.y + h * uy,
+        p.z + h * uz,
+        ux + method.half * ax,
+        uy + method.half * ay,
+        uz + method.half * az,
+        p.t + h,
+    )
+    return q, (ux, uy, uz, h)
+
+
+STEPS: dict[type, Callable[..., Any]] = {
+    CompositionRecord: composition,
+    RungeKuttaRecord: runge_kutta,
+    EmbeddedRecord: runge_kutta,
+    VerletRecord: verlet,
+}
+"""For each kind of method its step, a function of (method, dynamics, forces, p, h, memory)."""
 
 
 def advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of h: the particle after it, and the method's memory."""
-    return stub()
-
-
-@inline(advance)
-def _advance(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Impl | None:
-    if method.instance_class is CompositionRecord:
-
-        def composition(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-            return compose(method.kicks, method.drifts, forces, p, h), memory
-
-        return composition
-    if method.instance_class in (RungeKuttaRecord, EmbeddedRecord):
-
-        def runge_kutta(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-            slopes = stages(method.a, method.c, dynamics, forces, p, h, ())
-            return moved(p, h, weigh(method.b, slopes), p.t + h), memory
-
-        return runge_kutta
-    if method.instance_class is not VerletRecord:
-        return None  # implicit methods are in `engine.newton`
-
-    def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-        fx, fy, fz = force(forces, p)
-        k = h * p.w
-        ax, ay, az = k * fx, k * fy, k * fz
-        ux, uy, uz, known = memory
-        # (x_n − x_{n−1})/h, or its value after a (re)start: v_0 − ½ h a_0. A step of no length (h = 0, which ends exactly
-        # at an impact) must not take the 0 of `restart` for its own.
-        go_on = (known == h) & (known > 0)
-        ux = ux if go_on else p.vx - method.half * ax
-        uy = uy if go_on else p.vy - method.half * ay
-        uz = uz if go_on else p.vz - method.half * az
-        ux, uy, uz = ux + ax, uy + ay, uz + az
-        q = moved_to(
-            p,
-            p.x + h * ux,
-            p.y + h * uy,
-            p.z + h * uz,
-            ux + method.half * ax,
-            uy + method.half * ay,
-            uz + method.half * az,
-            p.t + h,
-        )
-        return q, (ux, uy, uz, h)
-
-    return verlet
+    return STEPS[type(method)](method, dynamics, forces, p, h, memory)

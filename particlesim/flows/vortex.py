@@ -17,7 +17,7 @@ from annotated_types import Gt
 from pydantic import field_validator
 
 from particlesim.flows.base import Flow
-from particlesim.laws import Matrix, Particle, Vector, helper, law, velocity, velocity_dx
+from particlesim.laws import Matrix, Particle, Vector, law, velocity, velocity_dx
 from particlesim.units import Metres, SquareMetresPerSecond
 from particlesim.units import Vector as Vector3
 from particlesim.vectors import unit
@@ -75,7 +75,6 @@ class LambOseenRecord(NamedTuple):
     core2: float
 
 
-@helper
 def across(f: RankineRecord | LambOseenRecord, p: Particle) -> tuple[float, float, float, float]:
     """a × d, the direction of turning times the distance from the axis, and that distance squared."""
     dx, dy, dz = p.x - f.cx, p.y - f.cy, p.z - f.cz
@@ -83,7 +82,6 @@ def across(f: RankineRecord | LambOseenRecord, p: Particle) -> tuple[float, floa
     return ux, uy, uz, ux * ux + uy * uy + uz * uz
 
 
-@helper
 def turning(
     f: RankineRecord | LambOseenRecord, p: Particle, rate: float, slope: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:

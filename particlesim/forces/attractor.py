@@ -23,7 +23,6 @@ from particlesim.laws import (
     force,
     force_dv,
     force_dx,
-    helper,
     law,
     potential,
 )
@@ -114,14 +113,12 @@ class PowerLawRecord(NamedTuple):
     half: float
 
 
-@helper
 def offset(f: Any, p: Particle) -> tuple[float, float, float, float]:
     """l = x − c, and l² + ε²."""
     dx, dy, dz = p.x - f.x, p.y - f.y, p.z - f.z
     return dx, dy, dz, dx * dx + dy * dy + dz * dz + f.eps2
 
 
-@helper
 def central_dx(dx: float, dy: float, dz: float, k: float, q: float) -> Matrix:
     """Jacobian of −k l with dk/dl = −q l: −k 1 + q l lᵀ."""
     return (

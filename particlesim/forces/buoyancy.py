@@ -26,7 +26,6 @@ from particlesim.laws import (
     force,
     force_dv,
     force_dx,
-    helper,
     law,
     potential,
 )
@@ -149,7 +148,6 @@ def immersed_sphere_potential(f: ImmersedSphereRecord, p: Particle) -> float:
     return p.r * p.r * p.r * (f.x * p.x + f.y * p.y + f.z * p.z)
 
 
-@helper
 def immersion(f: FloatingSphereRecord, p: Particle) -> float:
     """Depth of the sphere's lowest point below the surface [m], negative above it."""
     return f.surface - (p.x * f.ux + p.y * f.uy + p.z * f.uz) + p.r

@@ -39,7 +39,6 @@ from particlesim.laws import (
     force,
     force_dv,
     force_dx,
-    helper,
     law,
     moved_to,
     velocity,
@@ -155,14 +154,12 @@ class DragRecord(NamedTuple):
     flow: tuple[Any, ...]
 
 
-@helper
 def relative(flow: Any, p: Particle) -> Particle:
     """The particle with its velocity relative to the fluid."""
     wx, wy, wz = velocity(flow, p)
     return moved_to(p, p.x, p.y, p.z, p.vx - wx, p.vy - wy, p.vz - wz, p.t)
 
 
-@helper
 def drag_dv(f: Any, p: Particle) -> Matrix:
     """∂f/∂v of aerodynamic drag."""
     q = relative(f.flow, p)
@@ -183,7 +180,6 @@ def drag_dv(f: Any, p: Particle) -> Matrix:
     )
 
 
-@helper
 def product(a: Matrix, b: Matrix) -> Matrix:
     """Matrix product."""
     return (
@@ -199,7 +195,6 @@ def product(a: Matrix, b: Matrix) -> Matrix:
     )
 
 
-@helper
 @law(force, DragRecord)
 def drag_force(f: DragRecord, p: Particle) -> Vector:
     q = relative(f.flow, p)

@@ -41,7 +41,6 @@ from particlesim.laws import (
     force,
     force_dv,
     force_dx,
-    helper,
     law,
     moved_to,
     potential,
@@ -163,7 +162,6 @@ class PotentialRecord(NamedTuple):
     u: Any
 
 
-@helper
 def along(p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Ray:
     """A particle, and a direction in its position and velocity."""
     return Ray(p, Particle(x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -174,7 +172,6 @@ def field_force(f: FieldRecord, p: Particle) -> Vector:
     return value(f.x, p), value(f.y, p), value(f.z, p)
 
 
-@helper
 def jacobian(f: FieldRecord, x: Ray, y: Ray, z: Ray) -> Matrix:
     """Slopes of the three components along three directions."""
     return (
@@ -206,7 +203,6 @@ def field_dv(f: FieldRecord, p: Particle) -> Matrix:
     return jacobian(f, x, y, z)
 
 
-@helper
 def minus_gradient(u: Any, p: Particle) -> Vector:
     """−∇U."""
     return (
@@ -216,7 +212,6 @@ def minus_gradient(u: Any, p: Particle) -> Vector:
     )
 
 
-@helper
 def shifted(p: Particle, x: float, y: float, z: float) -> Particle:
     """The particle moved by (x, y, z)."""
     return moved_to(p, p.x + x, p.y + y, p.z + z, p.vx, p.vy, p.vz, p.t)

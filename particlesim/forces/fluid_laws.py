@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.laws import Particle, evaluate, generic, helper, law
+from particlesim.laws import Particle, evaluate, generic, law
 
 
 @generic(1)
@@ -88,7 +88,6 @@ T11 = T0 - LAPSE * TROPOPAUSE
 P11 = P0 * (T11 / T0) ** (G0 / (LAPSE * R_DRY))
 
 
-@helper
 def air_density(y: float, offset: float, humidity: float) -> float:
     """Density of air at altitude y [m] with a temperature offset [K] and a relative humidity (0 to 1) [kg/m³].
 
@@ -128,7 +127,6 @@ def standard_atmosphere_slope(f: StandardAtmosphere, p: Particle) -> float:
     return (air_density(y + 1, f.offset, f.humidity) - air_density(y - 1, f.offset, f.humidity)) / 2
 
 
-@helper
 def speed(q: Particle) -> float:
     """|u|."""
     return np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)

@@ -18,7 +18,6 @@ from particlesim.laws import (
     force,
     force_dv,
     force_dx,
-    helper,
     law,
     velocity,
     velocity_dx,
@@ -50,20 +49,17 @@ class LinearDragRecord(NamedTuple):
     flow: tuple[Any, ...]
 
 
-@helper
 def viscous_force(k: float, flow: Any, p: Particle) -> Vector:
     """−k (v − w)."""
     wx, wy, wz = velocity(flow, p)
     return k * (wx - p.vx), k * (wy - p.vy), k * (wz - p.vz)
 
 
-@helper
 def scaled(k: float, a: Matrix) -> Matrix:
     """k times a matrix."""
     return k * a[0], k * a[1], k * a[2], k * a[3], k * a[4], k * a[5], k * a[6], k * a[7], k * a[8]
 
 
-@helper
 def viscous_dv(k: float) -> Matrix:
     """−k times the unit matrix."""
     return -k, 0.0, 0.0, 0.0, -k, 0.0, 0.0, 0.0, -k

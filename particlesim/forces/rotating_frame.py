@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from particlesim.forces.base import Force
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, helper, law, potential
+from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, law, potential
 from particlesim.units import Metres, RadiansPerSecond, RadiansPerSecondSquared
 from particlesim.units import Vector as Vector3
 
@@ -62,7 +62,6 @@ class ChangingFrameRecord(NamedTuple):
     az: float
 
 
-@helper
 def inertial_force(f: Any, p: Particle, wx: float, wy: float, wz: float) -> Vector:
     """Centrifugal and Coriolis force: −m ω × (ω × r + 2 v)."""
     rx, ry, rz = p.x - f.x, p.y - f.y, p.z - f.z
@@ -72,7 +71,6 @@ def inertial_force(f: Any, p: Particle, wx: float, wy: float, wz: float) -> Vect
     return p.m * (wz * uy - wy * uz), p.m * (wx * uz - wz * ux), p.m * (wy * ux - wx * uy)
 
 
-@helper
 def inertial_dx(m: float, wx: float, wy: float, wz: float) -> Matrix:
     """Centrifugal: m (ω² 1 − ω ωᵀ)."""
     w2 = wx * wx + wy * wy + wz * wz
@@ -89,7 +87,6 @@ def inertial_dx(m: float, wx: float, wy: float, wz: float) -> Matrix:
     )
 
 
-@helper
 def inertial_dv(m: float, wx: float, wy: float, wz: float) -> Matrix:
     """Coriolis: −2 m [ω]×."""
     return 0.0, 2 * m * wz, -2 * m * wy, -2 * m * wz, 0.0, 2 * m * wx, 2 * m * wy, -2 * m * wx, 0.0
