@@ -7,18 +7,14 @@ of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from particlesim.bonds.hinge import angle_gradient, dihedral_gradient, wrapped
-from particlesim.engine.cache import kernel
-from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.compiler import kernel, outlined
 from particlesim.forces.sheet_drag import Triangle
 from particlesim.laws import Particle, hinge_energy, hinge_moment, triangle_force
-
-Impl = Callable[..., Any]
 
 
 class AngleColumns(NamedTuple):
@@ -58,89 +54,46 @@ def corners_between(sets: tuple[Corners, ...], first: int, last: int) -> tuple[C
     return tuple(parts)
 
 
-def add_corners(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> Any:
+def add_corners(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
     """Add the forces of all sets on particles [first, last)."""
-    return stub()
+    for each in sets:
+        add_set(each, c, total, first, last, t)
 
 
-@inline(add_corners)
-def _add_corners(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> Impl:
-    if len(sets) == 0:
-        return lambda sets, c, total, first, last, t: None
-
-    def impl(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        add_set(sets[0], c, total, first, last, t)
-        add_corners(sets[1:], c, total, first, last, t)
-
-    return impl
-
-
-def add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> Any:
-    """Add the forces of one set on particles [first, last)."""
-    return stub()
-
-
-@outline(add_set)
-def _add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> Impl:
-    kinds = {AngleColumns: _add_angles, DihedralColumns: _add_dihedrals, TriangleColumns: _add_triangles}
-    return kinds[each.instance_class]
-
-
-def give(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> Any:
+def give(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
     """Add a force to particle i if it is among [first, last)."""
-    return stub()
-
-
-@inline(give)
-def _give(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> Impl:
-    def impl(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
-        if first <= i < last:
-            total[0, i] += x
-            total[1, i] += y
-            total[2, i] += z
-
-    return impl
+    if first <= i < last:
+        total[0, i] += x
+        total[1, i] += y
+        total[2, i] += z
 
 
 def bent(each: Any, c: Any, q: Any) -> Any:
     """Angle or dihedral q: the deviation from its rest angle [rad], and the gradients as `bonds.hinge` gives them."""
-    return stub()
-
-
-@inline(bent)
-def _bent(each: Any, c: Any, q: Any) -> Impl:
-    if each.instance_class is AngleColumns:
-
-        def angle(each: Any, c: Any, q: Any) -> Any:
-            i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
-            g = angle_gradient(
-                c.x[i] - c.x[j],
-                c.y[i] - c.y[j],
-                c.z[i] - c.z[j],
-                c.x[k] - c.x[j],
-                c.y[k] - c.y[j],
-                c.z[k] - c.z[j],
-            )
-            return wrapped(g[0] - each.rest[q]), g
-
-        return angle
-
-    def dihedral(each: Any, c: Any, q: Any) -> Any:
-        i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
-        g = dihedral_gradient(
+    if isinstance(each, AngleColumns):
+        i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
+        g = angle_gradient(
             c.x[i] - c.x[j],
             c.y[i] - c.y[j],
             c.z[i] - c.z[j],
-            c.x[j] - c.x[k],
-            c.y[j] - c.y[k],
-            c.z[j] - c.z[k],
-            c.x[m] - c.x[k],
-            c.y[m] - c.y[k],
-            c.z[m] - c.z[k],
+            c.x[k] - c.x[j],
+            c.y[k] - c.y[j],
+            c.z[k] - c.z[j],
         )
         return wrapped(g[0] - each.rest[q]), g
-
-    return dihedral
+    i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
+    g = dihedral_gradient(
+        c.x[i] - c.x[j],
+        c.y[i] - c.y[j],
+        c.z[i] - c.z[j],
+        c.x[j] - c.x[k],
+        c.y[j] - c.y[k],
+        c.z[j] - c.z[k],
+        c.x[m] - c.x[k],
+        c.y[m] - c.y[k],
+        c.z[m] - c.z[k],
+    )
+    return wrapped(g[0] - each.rest[q]), g
 
 
 def _add_angles(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
@@ -174,7 +127,15 @@ def _add_triangles(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any)
             give(total, each.rows[corner, q], first, last, fx / 3, fy / 3, fz / 3)
 
 
-@inlined
+FORCES = {AngleColumns: _add_angles, DihedralColumns: _add_dihedrals, TriangleColumns: _add_triangles}
+
+
+@outlined
+def add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """Add the forces of one set on particles [first, last)."""
+    FORCES[type(each)](each, c, total, first, last, t)
+
+
 def triangle(each: Any, c: Any, q: Any, t: Any) -> Any:
     """Triangle q as laws see it."""
     i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]

@@ -7,34 +7,28 @@ that results do not depend on how many threads there are. The coefficients are t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from numba import types
-
+from particlesim.compiler import kernel
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import break_bonds
-from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, held, span, type_of
-from particlesim.engine.compile import inline, inlined, spliced, stub
 from particlesim.engine.coupled_contact import collide
 from particlesim.engine.driving import drive
 from particlesim.engine.gathering import Move, all_finite, evaluate, kick_and_drift, look, rates
 from particlesim.engine.independent import BLOCK
 from particlesim.engine.rods import after_contact, after_kicks, hold, places, take_aim
-from particlesim.engine.staging import StagedComposition, StagedRungeKutta, StagedVerlet
+from particlesim.engine.staging import StagedRungeKutta, StagedVerlet
 from particlesim.engine.steppers import Newtonian
 from particlesim.laws import velocity
 
-Impl = Callable[..., Any]
 
-
-@inlined
 def combine(
     target: Any, before: Any, slopes: Any, weights: Any, clock: Any, t: Any, end: Any, h: Any
 ) -> None:
     """target = before + h Σ weights[j] slopes[j] for one column of a block; as many slopes as weights."""
-    target[:] = 0
+    for i in range(target.size):
+        target[i] = 0
     for j in range(weights.size):
         if weights[j] != 0:
             weight, slope = type_of(h, weights[j]), slopes[j]
@@ -45,7 +39,6 @@ def combine(
         target[i] = before[i] + hi * target[i]
 
 
-@inlined
 def stormer(q: Any, gx: Any, gy: Any, gz: Any, t: Any, end: Any, h: Any) -> None:
     """Störmer's rule for all particles of a block with total forces g; remembers the velocity between the steps."""
     ux, uy, uz, known = q.memory
@@ -66,26 +59,6 @@ def stormer(q: Any, gx: Any, gy: Any, gz: Any, t: Any, end: Any, h: Any) -> None
             q.vy[i] = uy[i] + half * ay
             q.vz[i] = uz[i] + half * az
             known[i] = hi
-
-
-def evolve(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Any:
-    """One step of a method for a share of particles, without contacts."""
-    return stub()
-
-
-@inline(evolve)
-def _evolve(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl | None:
-    free = isinstance(share.types[-1], types.NoneType)
-    families: dict[type, Impl] = {
-        StagedComposition: _composition if free else _held_composition,
-        StagedRungeKutta: _runge_kutta,
-        StagedVerlet: _verlet,
-    }
-    return families.get(method.instance_class)
 
 
 def _composition(
@@ -129,7 +102,6 @@ def _held_composition(
     meet(share.gate, share.threads)
 
 
-@inlined
 def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: Any) -> None:
     """All particles of a share go from the beginning of the step by h Σ weights[j] slopes[j]."""
     for lo in range(share.first, share.last, share.chunk):
@@ -140,7 +112,6 @@ def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: A
             combine(target, before, slopes, weights, q.clock, t, end, h)
 
 
-@inlined
 def find_slopes(parts: Any, bonds: Any, c: Any, work: Any, share: Any, stage: Any, t: Any) -> None:
     """Slopes of all particles of a share where they are; positions and velocities of all shares must be in place."""
     evaluate(parts, bonds, c, work, share, t, None)
@@ -170,49 +141,45 @@ def _verlet(
         look(work.before, c, lo, hi, share)
 
 
-def settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Any:
-    """Give particles without inertia the velocity of their place, for the record."""
-    return stub()
+def evolve(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    """One step of a method for a share of particles, without contacts."""
+    if isinstance(method, StagedRungeKutta):
+        _runge_kutta(method, parts, bonds, c, work, share, t, end, h)
+    elif isinstance(method, StagedVerlet):
+        _verlet(method, parts, bonds, c, work, share, t, end, h)
+    elif share.rods is None:
+        _composition(method, parts, bonds, c, work, share, t, end, h)
+    else:
+        _held_composition(method, parts, bonds, c, work, share, t, end, h)
 
 
-@inline(settle)
-def _settle(parts: Any, c: Any, total: Any, share: Any, t: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, total, share, t: None
-    if parts[0].types[0].instance_class is Newtonian:
-        return lambda parts, c, total, share, t: settle(parts[1:], c, total, share, t)
-
-    def impl(parts: Any, c: Any, total: Any, share: Any, t: Any) -> None:
-        g = parts[0].dynamics.gamma
-        for i in range(max(share.first, parts[0].first), min(share.last, parts[0].last)):
-            wx, wy, wz = velocity(parts[0].dynamics.flow, fetch(c, i, t))
-            fixed = held(c.clock, i)
-            c.vx[i] = type_of(c.x[i], 0 if fixed else wx + total[0, i] / g)
-            c.vy[i] = type_of(c.x[i], 0 if fixed else wy + total[1, i] / g)
-            c.vz[i] = type_of(c.x[i], 0 if fixed else wz + total[2, i] / g)
-        settle(parts[1:], c, total, share, t)
-
-    return impl
+def settle(dynamics: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """Give particles [first, last) without inertia the velocity of their place, for the record."""
+    for i in range(first, last):
+        wx, wy, wz = velocity(dynamics.flow, fetch(c, i, t))
+        fixed = held(c.clock, i)
+        c.vx[i] = type_of(c.x[i], 0 if fixed else wx + total[0, i] / dynamics.gamma)
+        c.vy[i] = type_of(c.x[i], 0 if fixed else wy + total[1, i] / dynamics.gamma)
+        c.vz[i] = type_of(c.x[i], 0 if fixed else wz + total[2, i] / dynamics.gamma)
 
 
-def settle_all(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Any:
+def settle_all(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
     """`settle` with the forces at time t; without them where all have inertia."""
-    return stub()
-
-
-@inline(settle_all)
-def _settle_all(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> Impl:
-    if all(part.types[0].instance_class is Newtonian for part in parts):
-        return lambda parts, bonds, c, work, share, t: None
-
-    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+    if inertialess(parts):
         evaluate(parts, bonds, c, work, share, t, None)
-        settle(parts, c, work.force, share, t)
+        for part in parts:
+            if not isinstance(part.dynamics, Newtonian):
+                first, last = max(share.first, part.first), min(share.last, part.last)
+                settle(part.dynamics, c, work.force, first, last, t)
 
-    return impl
+
+def inertialess(parts: Any) -> bool:
+    """Whether some particles have no inertia."""
+    return any(not isinstance(part.dynamics, Newtonian) for part in parts)
 
 
-@inlined
 def save(q: Any, before: Any) -> None:
     """Copy position and velocity of a block to before [6, block]."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
@@ -220,7 +187,6 @@ def save(q: Any, before: Any) -> None:
             before[k, i] = column[i]
 
 
-@inlined
 def restore(q: Any, before: Any) -> None:
     """Undo `save`."""
     for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
@@ -228,64 +194,36 @@ def restore(q: Any, before: Any) -> None:
             column[i] = before[k, i]
 
 
-def keep_beginning(before: Any, c: Any, share: Any) -> Any:
+def keep_beginning(before: Any, c: Any, share: Any) -> None:
     """Keep the state of a share at the beginning of a step, where somebody needs it."""
-    return stub()
+    if before is None:
+        return
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        save(block_of(c, lo, hi), before[:, lo:hi])
 
 
-@inline(keep_beginning)
-def _keep_beginning(before: Any, c: Any, share: Any) -> Impl:
-    if isinstance(before, types.NoneType):
-        return lambda before, c, share: None
-
-    def impl(before: Any, c: Any, share: Any) -> None:
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            save(block_of(c, lo, hi), before[:, lo:hi])
-
-    return impl
-
-
-def look_at_all(before: Any, c: Any, share: Any) -> Any:
+def look_at_all(before: Any, c: Any, share: Any) -> None:
     """Mark the share if a number of its particles is not finite, unless `look` has done so."""
-    return stub()
+    if before is None:
+        return
+    for lo in range(share.first, share.last, share.chunk):
+        if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
+            share.wild[8 * share.number] = 1
 
 
-@inline(look_at_all)
-def _look_at_all(before: Any, c: Any, share: Any) -> Impl:
-    if isinstance(before, types.NoneType):
-        return lambda before, c, share: None
-
-    def impl(before: Any, c: Any, share: Any) -> None:
-        for lo in range(share.first, share.last, share.chunk):
-            if not all_finite(block_of(c, lo, min(lo + share.chunk, share.last))):
-                share.wild[8 * share.number] = 1
-
-    return impl
-
-
-def back_to_beginning(before: Any, c: Any, share: Any) -> Any:
+def back_to_beginning(before: Any, c: Any, share: Any) -> None:
     """Return a share to the beginning of the step, if that has been kept."""
-    return stub()
+    if before is not None:
+        restore(block_of(c, share.first, share.last), before[:, share.first : share.last])
 
 
-@inline(back_to_beginning)
-def _back_to_beginning(before: Any, c: Any, share: Any) -> Impl:
-    if isinstance(before, types.NoneType):
-        return lambda before, c, share: None
-    return lambda before, c, share: restore(
-        block_of(c, share.first, share.last), before[:, share.first : share.last]
-    )
-
-
-@spliced
 def begin_step(c: Any, work: Any, share: Any) -> None:
     """Keep the state at the beginning of a step."""
     keep_beginning(work.before, c, share)
     share.wild[8 * share.number] = 0
 
 
-@spliced
 def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
     """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning if
     that has been kept."""
@@ -302,7 +240,6 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     return good
 
 
-@spliced
 def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
     """Velocities at the end of an interval of those that are led or have no inertia."""
     settle_all(parts, bonds, c, work, share, end)

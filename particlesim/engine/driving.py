@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from particlesim.engine.cache import kernel
-from particlesim.engine.compile import inline, stub
+from particlesim.compiler import kernel
 from particlesim.laws import Particle, path
-
-Impl = Callable[..., Any]
 
 
 class Driven(NamedTuple):
@@ -22,25 +18,13 @@ class Driven(NamedTuple):
     z: Any
 
 
-def drive(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> Any:
+def drive(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> None:
     """Put all driven particles where they are at time t, with their velocities."""
-    return stub()
-
-
-@inline(drive)
-def _drive(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> Impl:
-    if len(motions) == 0:
-        return lambda motions, x, y, z, vx, vy, vz, t: None
-
-    def impl(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> None:
-        each = motions[0]
+    for each in motions:
         for k in range(each.rows.size):
             i = each.rows[k]
             p = Particle(each.x[k], each.y[k], each.z[k], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, t, 1.0)
             x[i], y[i], z[i], vx[i], vy[i], vz[i] = path(each.law, p)
-        drive(motions[1:], x, y, z, vx, vy, vz, t)
-
-    return impl
 
 
 @kernel

@@ -6,69 +6,44 @@ particles. Every thread owns whole chunks of particles, and writes to them alone
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba import types
-
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import add_bonds, chunks_of
-from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch, span
-from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.corners import add_corners
 from particlesim.engine.driving import drive
 from particlesim.engine.independent import BLOCK
-from particlesim.engine.steppers import Newtonian, Overdamped
+from particlesim.engine.steppers import Newtonian
 from particlesim.laws import force, velocity
 
-Impl = Callable[..., Any]
 
-
-def bring(motions: Any, c: Any, share: Any, t: Any) -> Any:
+def bring(motions: Any, c: Any, share: Any, t: Any) -> None:
     """Bring the driven particles of a share to time t; returns when those of all shares are there."""
-    return stub()
-
-
-@inline(bring)
-def _bring(motions: Any, c: Any, share: Any, t: Any) -> Impl:
-    if len(motions) == 0:
-        return lambda motions, c, share, t: None
-
-    def impl(motions: Any, c: Any, share: Any, t: Any) -> None:
+    if len(motions) > 0:
         drive(motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, t)
         meet(share.gate, share.threads)
 
-    return impl
 
-
-def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Any:
+def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
     """Sum of the one-particle forces on particles [lo, hi); sets `total`."""
-    return stub()
-
-
-@inline(add_forces)
-def _add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, total, t, lo, hi: None
-
-    def impl(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
-        part = parts[0]
+    for part in parts:
         first, last = max(lo, part.first), min(hi, part.last)
         if first < last:
-            q = block_of(c, first, last)
-            gx, gy, gz = total[0, first:last], total[1, first:last], total[2, first:last]
-            for i in range(gx.size):
-                fx, fy, fz = force(part.forces, fetch(q, i, t))
-                gx[i] = fx
-                gy[i] = fy
-                gz[i] = fz
-        add_forces(parts[1:], c, total, t, lo, hi)
-
-    return impl
+            _set_forces(part.forces, block_of(c, first, last), total[:, first:last], t)
 
 
-@inlined
+def _set_forces(forces: Any, q: Any, total: Any, t: Any) -> None:
+    """The one-particle forces on the particles of a block."""
+    gx, gy, gz = total[0], total[1], total[2]
+    for i in range(gx.size):
+        fx, fy, fz = force(forces, fetch(q, i, t))
+        gx[i] = fx
+        gy[i] = fy
+        gz[i] = fz
+
+
 def begin_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any, chunk: Any) -> int:
     """Set the total force on particles [lo, hi), chunk after chunk, to the one-particle forces; returns where that ended."""
     while lo < hi:
@@ -77,49 +52,34 @@ def begin_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any, chunk
     return int(lo)
 
 
-def rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Any:
+def rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
     """Time derivative of position and velocity of particles [lo, hi), into slope [6, n]."""
-    return stub()
+    for part in parts:
+        first, last = max(lo, part.first), min(hi, part.last)
+        if first < last:
+            _set_rates(part.dynamics, c, total, slope, t, first, last)
 
 
-@inline(rates)
-def _rates(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, total, slope, t, lo, hi: None
-    dynamics = parts[0].types[0].instance_class
-
-    if dynamics is Newtonian:
-
-        def newtonian(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
-            first, last = max(lo, parts[0].first), min(hi, parts[0].last)
-            if first < last:
-                m = c.m[first:last]
-                for k, v in enumerate((c.vx, c.vy, c.vz)):
-                    own, glide = v[first:last], slope[k, first:last]
-                    f, out = total[k, first:last], slope[3 + k, first:last]
-                    for i in range(m.size):
-                        glide[i] = own[i]
-                        out[i] = f[i] / m[i]
-            rates(parts[1:], c, total, slope, t, lo, hi)
-
-        return newtonian
-    assert dynamics is Overdamped, "tracers are never coupled"
-
-    def overdamped(parts: Any, c: Any, total: Any, slope: Any, t: Any, lo: Any, hi: Any) -> None:
-        g = parts[0].dynamics.gamma
-        for i in range(max(lo, parts[0].first), min(hi, parts[0].last)):
-            wx, wy, wz = velocity(parts[0].dynamics.flow, fetch(c, i, t))
-            slope[0, i] = wx + total[0, i] / g
-            slope[1, i] = wy + total[1, i] / g
-            slope[2, i] = wz + total[2, i] / g
+def _set_rates(dynamics: Any, c: Any, total: Any, slope: Any, t: Any, first: Any, last: Any) -> None:
+    """`rates` for particles of one kind of dynamics; tracers are never coupled."""
+    if isinstance(dynamics, Newtonian):
+        m = c.m[first:last]
+        for k, v in enumerate((c.vx, c.vy, c.vz)):
+            own, glide = v[first:last], slope[k, first:last]
+            f, out = total[k, first:last], slope[3 + k, first:last]
+            for i in range(m.size):
+                glide[i] = own[i]
+                out[i] = f[i] / m[i]
+    else:
+        for i in range(first, last):
+            wx, wy, wz = velocity(dynamics.flow, fetch(c, i, t))
+            slope[0, i] = wx + total[0, i] / dynamics.gamma
+            slope[1, i] = wy + total[1, i] / dynamics.gamma
+            slope[2, i] = wz + total[2, i] / dynamics.gamma
             for k in range(3):
                 slope[3 + k, i] = 0
-        rates(parts[1:], c, total, slope, t, lo, hi)
-
-    return overdamped
 
 
-@inlined
 def kick(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
     """v += weight · h f/m for all particles of a block with total forces g."""
     for i in range(q.x.size):
@@ -130,7 +90,6 @@ def kick(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: An
         q.vz[i] += k * gz[i]
 
 
-@inlined
 def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
     """x += weight · h v for all particles of a block."""
     for i in range(q.x.size):
@@ -141,7 +100,6 @@ def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
         q.z[i] += s * q.vz[i]
 
 
-@inlined
 def all_finite(q: Any) -> bool:
     """Whether all positions and velocities of a block are finite."""
     wild = False
@@ -152,22 +110,11 @@ def all_finite(q: Any) -> bool:
     return not wild
 
 
-def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Any:
+def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
     """Mark the share if a number of particles [lo, hi) is not finite after their last move in a step, while they are in the
     cache; where a step's beginning is kept, `end_step` looks when contacts are done."""
-    return stub()
-
-
-@inline(look)
-def _look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> Impl:
-    if not isinstance(before, types.NoneType):
-        return lambda before, c, lo, hi, share: None
-
-    def impl(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
-        if not all_finite(block_of(c, lo, hi)):
-            share.wild[8 * share.number] = 1
-
-    return impl
+    if before is None and not all_finite(block_of(c, lo, hi)):
+        share.wild[8 * share.number] = 1
 
 
 class Move(NamedTuple):
@@ -182,7 +129,6 @@ class Move(NamedTuple):
     h: Any
 
 
-@inlined
 def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: Any) -> None:
     """A stage of a composition for particles [first, last) of a share."""
     t, end, h = move.t, move.end, move.h
@@ -199,48 +145,32 @@ def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: A
 
 def move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Any:
     """Chunks of a share, from number `done` to `ready` in its order, make a move. Returns how many have made it."""
-    return stub()
+    if move is None:
+        return done
+    for k in range(done, ready):
+        lo = share.order.ready[k]
+        kick_and_drift(move, c, work, share, lo, min(lo + share.chunk, share.last))
+    return int(max(done, ready))
 
 
-@inline(move_on)
-def _move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Impl:
-    if isinstance(move, types.NoneType):
-        return lambda move, c, work, share, done, ready: done
-
-    def impl(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> int:
-        for k in range(done, ready):
-            lo = share.order.ready[k]
-            kick_and_drift(move, c, work, share, lo, min(lo + share.chunk, share.last))
-        return int(max(done, ready))
-
-    return impl
-
-
-def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Any:
+@outlined
+def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> None:
     """Total force on the particles of a share; returns when those of all shares are known.
 
     All positions and velocities must be in place, but for those of driven particles, which are brought to time t. With a
     `Move` particles make it as soon as the forces on them are known and nobody needs them in their old place: then they are
     still in the cache. It is None otherwise.
     """
-    return stub()
-
-
-@outline(evaluate)
-def _evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> Impl:
-    def impl(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> None:
-        bring(share.motions, c, share, t)
-        order, begun, done = share.order, share.first, 0
-        for chunk in range(chunks_of(bonds)):
-            begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)
-            add_bonds(bonds, c, work.force, work.pull, chunk)
-            done = move_on(move, c, work, share, done, order.after[chunk])
-        begin_forces(parts, c, work.force, t, begun, share.last, share.chunk)
-        add_corners(share.corners, c, work.force, share.first, share.last, t)
-        meet(share.gate, share.threads)
-        move_on(move, c, work, share, done, order.ready.size)
-
-    return impl
+    bring(share.motions, c, share, t)
+    order, begun, done = share.order, share.first, 0
+    for chunk in range(chunks_of(bonds)):
+        begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)
+        add_bonds(bonds, c, work.force, work.pull, chunk)
+        done = move_on(move, c, work, share, done, order.after[chunk])
+    begin_forces(parts, c, work.force, t, begun, share.last, share.chunk)
+    add_corners(share.corners, c, work.force, share.first, share.last, t)
+    meet(share.gate, share.threads)
+    move_on(move, c, work, share, done, order.ready.size)
 
 
 @kernel
