@@ -8,13 +8,12 @@ step that a particle would have taken stays in its memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.cache import kernel
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.columns import (
     block_of,
     fetch,
@@ -24,7 +23,6 @@ from particlesim.engine.columns import (
     span,
     type_of,
 )
-from particlesim.engine.compile import inline, inlined, outline, stub
 from particlesim.engine.contact import Simple, meet, overlapped, trace
 from particlesim.engine.desk import (
     AGAIN,
@@ -68,8 +66,6 @@ from particlesim.engine.pace import (
 from particlesim.engine.steppers import Rate, derivative, moved, stages, weigh
 from particlesim.laws import PASS
 
-Impl = Callable[..., Any]
-
 # The log of steps
 
 
@@ -91,7 +87,6 @@ def new_log(room: int = 0) -> Log:
     return Log(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
 
 
-@inlined
 def enter(log: Any, d: Any, k: Any, q: Any, r: Any) -> None:
     """Log the step of particle k of a desk from its state to q, which contact makes r."""
     n = log.number[0]
@@ -105,7 +100,6 @@ def enter(log: Any, d: Any, k: Any, q: Any, r: Any) -> None:
         write(log.states[12:18, n], r)
 
 
-@inlined
 def write(column: Any, p: Any) -> None:
     """Position and velocity of a particle."""
     column[0], column[1], column[2] = p.x, p.y, p.z
@@ -117,74 +111,44 @@ def write(column: Any, p: Any) -> None:
 
 def error_of(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
     """The error of a step from p to q in units of what is allowed: E of `particlesim.integrators.adaptive`."""
-    return stub()
+    sx, sv = scales(method, p, q)
+    first = size2(weigh(method.errors[0], slopes), sx, sv)
+    second = size2(weigh(method.errors[1], slopes), sx, sv) if len(method.errors) > 1 else None
+    return combined(h, first, second)
 
 
-@inline(error_of)
-def _error_of(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Impl:
-    if len(method.types[method.fields.index("errors")]) == 1:
-
-        def one(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
-            sx, sv = scales(method, p, q)
-            return combined(h, size2(weigh(method.errors[0], slopes), sx, sv), None)
-
-        return one
-
-    def two(method: Any, slopes: Any, h: Any, p: Any, q: Any) -> Any:
-        sx, sv = scales(method, p, q)
-        first = size2(weigh(method.errors[0], slopes), sx, sv)
-        return combined(h, first, size2(weigh(method.errors[1], slopes), sx, sv))
-
-    return two
-
-
-def attempt(program: Any, d: Any, n: Any) -> Any:
+def attempt(program: Any, d: Any, n: Any) -> None:
     """Try a step with each of the n particles of a desk. No branches: this loop vectorises."""
-    return stub()
-
-
-@inline(attempt)
-def _attempt(program: Any, d: Any, n: Any) -> Impl:
-    def impl(program: Any, d: Any, n: Any) -> None:
-        method, forces = program.method, program.forces
-        for k in range(n):
-            p = at(d, k, STATE, d.clock[NOW, k])
-            h = type_of(p.x, d.clock[TAKEN, k])
-            dynamics = response(program.dynamics, d, k)
-            slopes = stages(method.a[1:], method.c[1:], dynamics, forces, p, h, (rate_at(d, k, SLOPE),))
-            q = moved(p, h, weigh(method.b, slopes), d.clock[NOW, k] + d.clock[TAKEN, k])
-            last = derivative(dynamics, forces, q)
-            d.clock[ERROR, k] = error_of(method, (*slopes, last), h, p, q)
-            put(d, k, AHEAD, q)
-            put(d, k, BEYOND, last)
-
-    return impl
+    method, forces = program.method, program.forces
+    for k in range(n):
+        p = at(d, k, STATE, d.clock[NOW, k])
+        h = type_of(p.x, d.clock[TAKEN, k])
+        dynamics = response(program.dynamics, d, k)
+        slopes = stages(method.a[1:], method.c[1:], dynamics, forces, p, h, (rate_at(d, k, SLOPE),))
+        q = moved(p, h, weigh(method.b, slopes), d.clock[NOW, k] + d.clock[TAKEN, k])
+        last = derivative(dynamics, forces, q)
+        d.clock[ERROR, k] = error_of(method, (*slopes, last), h, p, q)
+        put(d, k, AHEAD, q)
+        put(d, k, BEYOND, last)
 
 
 # The choice of steps
 
 
+@outlined
 def first_step(program: Any, d: Any, k: Any, most: Any) -> Any:
     """A first step for particle k of a desk [s], at most `most`: from the sizes of state, slope, and change of the slope
     (Hairer, Nørsett, Wanner I, section II.4)."""
-    return stub()
-
-
-@outline(first_step)
-def _first_step(program: Any, d: Any, k: Any, most: Any) -> Impl:
-    def impl(program: Any, d: Any, k: Any, most: Any) -> float:
-        p, a = at(d, k, STATE, d.clock[NOW, k]), rate_at(d, k, SLOPE)
-        sx, sv = scales(program.method, p, p)
-        size, speed = float(np.sqrt(size2(p, sx, sv))), float(np.sqrt(size2(a, sx, sv)))
-        h = min(0.01 * size / speed, most) if size > 0 and speed > 0 else 1e-3 * most
-        q = moved(p, type_of(p.x, h), a, d.clock[NOW, k] + h)
-        b = derivative(response(program.dynamics, d, k), program.forces, q)
-        bend = Rate(b.x - a.x, b.y - a.y, b.z - a.z, b.vx - a.vx, b.vy - a.vy, b.vz - a.vz)
-        curve = max(float(np.sqrt(size2(bend, sx, sv))) / h, speed)
-        wish = min(100 * h, (0.01 / curve) ** program.method.alpha) if curve > 0 else most
-        return min(wish, most) if wish > 0 else most  # a slope that is not finite is found by the first try
-
-    return impl
+    p, a = at(d, k, STATE, d.clock[NOW, k]), rate_at(d, k, SLOPE)
+    sx, sv = scales(program.method, p, p)
+    size, speed = float(np.sqrt(size2(p, sx, sv))), float(np.sqrt(size2(a, sx, sv)))
+    h = min(0.01 * size / speed, most) if size > 0 and speed > 0 else 1e-3 * most
+    q = moved(p, type_of(p.x, h), a, d.clock[NOW, k] + h)
+    b = derivative(response(program.dynamics, d, k), program.forces, q)
+    bend = Rate(b.x - a.x, b.y - a.y, b.z - a.z, b.vx - a.vx, b.vy - a.vy, b.vz - a.vz)
+    curve = max(float(np.sqrt(size2(bend, sx, sv))) / h, speed)
+    wish = min(100 * h, (0.01 / curve) ** program.method.alpha) if curve > 0 else most
+    return min(wish, most) if wish > 0 else most  # a slope that is not finite is found by the first try
 
 
 # Steps of a block
@@ -192,40 +156,31 @@ def _first_step(program: Any, d: Any, k: Any, most: Any) -> Impl:
 
 def sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Any:
     """Put all particles of a block that move between t and end on the desk; returns how many."""
-    return stub()
+    n = 0
+    whole = end - t
+    for i in range(c.x.size):
+        begin, length = span(c.clock, i, t, end, whole)
+        if length > 0:
+            d.row[n] = i
+            d.clock[NOW, n] = begin
+            d.clock[STOP, n] = end if length >= whole else begin + length
+            d.clock[STEP, n] = c.memory[0][i]
+            d.clock[PREVIOUS, n] = c.memory[1][i]
+            d.clock[TRIES, n] = d.clock[AGAIN, n] = 0
+            bring_heat(c.thermal, i, d.clock, n)
+            p = fetch(c, i, begin)
+            put(d, n, STATE, p)
+            d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
+            n += 1
+    for k in range(n):
+        slope_here(program, d, k)
+    for k in range(n):
+        if not d.clock[STEP, k] > 0:
+            d.clock[STEP, k] = first_step(program, d, k, whole)
+        aim(d, k, whole)
+    return n
 
 
-@inline(sit_down)
-def _sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, t: Any, end: Any) -> int:
-        n = 0
-        whole = end - t
-        for i in range(c.x.size):
-            begin, length = span(c.clock, i, t, end, whole)
-            if length > 0:
-                d.row[n] = i
-                d.clock[NOW, n] = begin
-                d.clock[STOP, n] = end if length >= whole else begin + length
-                d.clock[STEP, n] = c.memory[0][i]
-                d.clock[PREVIOUS, n] = c.memory[1][i]
-                d.clock[TRIES, n] = d.clock[AGAIN, n] = 0
-                bring_heat(c.thermal, i, d.clock, n)
-                p = fetch(c, i, begin)
-                put(d, n, STATE, p)
-                d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
-                n += 1
-        for k in range(n):
-            slope_here(program, d, k)
-        for k in range(n):
-            if not d.clock[STEP, k] > 0:
-                d.clock[STEP, k] = first_step(program, d, k, whole)
-            aim(d, k, whole)
-        return n
-
-    return impl
-
-
-@inlined
 def aim(d: Any, k: Any, most: Any) -> None:
     """Settle the length of the next try: what is proposed, or all that is left if that is hardly more."""
     left = d.clock[STOP, k] - d.clock[NOW, k]
@@ -235,124 +190,84 @@ def aim(d: Any, k: Any, most: Any) -> None:
 
 def land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Any:
     """Particle k of a desk has taken its step: contacts, and whether it is done."""
-    return stub()
-
-
-@inline(land)
-def _land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, k: Any, log: Any) -> bool:
-        now, taken = d.clock[NOW, k], d.clock[TAKEN, k]
-        arrived = taken >= d.clock[STOP, k] - now
-        then = d.clock[STOP, k] if arrived else now + taken
-        q = at(d, k, AHEAD, then)
-        touched, r, outcome = touch(program, d, k, q)
-        enter(log, d, k, q, r)
-        d.clock[NOW, k] = then
-        put(d, k, STATE, r)
-        if touched:
-            d.clock[PREVIOUS, k] = 0
-            slope_here(program, d, k)
-        else:
-            for s in range(6):
-                d.body[SLOPE + s, k] = d.body[BEYOND + s, k]
-        note(c.clock, d.row[k], outcome, r.t)
-        return arrived or outcome != PASS
-
-    return impl
+    now, taken = d.clock[NOW, k], d.clock[TAKEN, k]
+    arrived = taken >= d.clock[STOP, k] - now
+    then = d.clock[STOP, k] if arrived else now + taken
+    q = at(d, k, AHEAD, then)
+    touched, r, outcome = touch(program, d, k, q)
+    enter(log, d, k, q, r)
+    d.clock[NOW, k] = then
+    put(d, k, STATE, r)
+    if touched:
+        d.clock[PREVIOUS, k] = 0
+        slope_here(program, d, k)
+    else:
+        for s in range(6):
+            d.body[SLOPE + s, k] = d.body[BEYOND + s, k]
+    note(c.clock, d.row[k], outcome, r.t)
+    return arrived or outcome != PASS
 
 
 def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
     """Contacts of particle k of a desk, whose step ends as q: whether there was one, the particle, the outcome."""
-    return stub()
-
-
-@inline(touch)
-def _touch(program: Any, d: Any, k: Any, q: Any) -> Impl:
-    contacts = program.types[3]
-    if contacts.instance_class is Simple:
-        if len(contacts.types[0]) == 0:
-            return lambda program, d, k, q: (False, q, PASS)
-
-        def simple(program: Any, d: Any, k: Any, q: Any) -> Any:
-            r, outcome = meet(program.contacts.colliders, q)
-            still = (r.x == q.x) & (r.y == q.y) & (r.z == q.z)
-            still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
-            return not still, r, outcome
-
-        return simple
-
-    def careful(program: Any, d: Any, k: Any, q: Any) -> Any:
-        outcome = PASS
-        inside = overlapped(program.contacts, q)
-        if inside:
-            p = at(d, k, STATE, d.clock[NOW, k])
-            h = type_of(p.x, d.clock[TAKEN, k])
-            q, _, outcome = trace(
-                program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
-            )
-        return inside, q, outcome
-
-    return careful
+    if isinstance(program.contacts, Simple):
+        if len(program.contacts.colliders) == 0:
+            return False, q, PASS
+        r, outcome = meet(program.contacts.colliders, q)
+        still = (r.x == q.x) & (r.y == q.y) & (r.z == q.z)
+        still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
+        return not still, r, outcome
+    outcome = PASS
+    inside = overlapped(program.contacts, q)
+    if inside:
+        p = at(d, k, STATE, d.clock[NOW, k])
+        h = type_of(p.x, d.clock[TAKEN, k])
+        q, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
+    return inside, q, outcome
 
 
 def judge(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> Any:
     """Accept or reject the try of particle k of a desk: 0 it goes on, −1 it has arrived, else why it cannot go on."""
-    return stub()
-
-
-@inline(judge)
-def _judge(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, k: Any, most: Any, log: Any) -> int:
-        w, method = d.clock, program.method
-        error, taken = w[ERROR, k], w[TAKEN, k]
-        wish = taken * factor(method, error, w[PREVIOUS, k], w[AGAIN, k] > 0)
-        w[TRIES, k] += 1
-        if error <= 1:
-            w[AGAIN, k] = 0
-            if taken >= w[STEP, k]:
-                w[STEP, k] = wish
-                w[PREVIOUS, k] = max(error, SMALLEST)
-            else:  # a try that was cut short by the end of the grid step says nothing against the step that was meant
-                w[STEP, k] = max(w[STEP, k], wish)
-            if land(program, c, d, k, log):
-                return -1
-        else:
-            w[AGAIN, k], w[STEP, k] = 1, wish
-        if wish < taken and w[STEP, k] < max(method.least, RESOLVED * w[STOP, k]):
-            return why_short(rate_at(d, k, SLOPE))
-        aim(d, k, most)
-        return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
-
-    return impl
+    w, method = d.clock, program.method
+    error, taken = w[ERROR, k], w[TAKEN, k]
+    wish = taken * factor(method, error, w[PREVIOUS, k], w[AGAIN, k] > 0)
+    w[TRIES, k] += 1
+    if error <= 1:
+        w[AGAIN, k] = 0
+        if taken >= w[STEP, k]:
+            w[STEP, k] = wish
+            w[PREVIOUS, k] = max(error, SMALLEST)
+        else:  # a try that was cut short by the end of the grid step says nothing against the step that was meant
+            w[STEP, k] = max(w[STEP, k], wish)
+        if land(program, c, d, k, log):
+            return -1
+    else:
+        w[AGAIN, k], w[STEP, k] = 1, wish
+    if wish < taken and w[STEP, k] < max(method.least, RESOLVED * w[STOP, k]):
+        return why_short(rate_at(d, k, SLOPE))
+    aim(d, k, most)
+    return TOO_MANY if w[TRIES, k] >= MOST_STEPS else 0
 
 
 def step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> Any:
     """All steps of a block from t to `end`. Returns 0, or why a particle cannot go on; moment[0] is then when."""
-    return stub()
-
-
-@inline(step_block)
-def _step_block(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> Impl:
-    def impl(program: Any, c: Any, d: Any, t: Any, end: Any, moment: Any, log: Any) -> int:
-        n = sit_down(program, c, d, t, end)
-        while n > 0:
-            attempt(program, d, n)
-            k = 0
-            while k < n:
-                verdict = judge(program, c, d, k, end - t, log)
-                if verdict > 0:
-                    moment[0] = d.clock[NOW, k]
-                    leave(c, d, k)
-                    return verdict
-                if verdict < 0:
-                    leave(c, d, k)
-                    n -= 1
-                    move(d, k, n)
-                else:
-                    k += 1
-        return 0
-
-    return impl
+    n = sit_down(program, c, d, t, end)
+    while n > 0:
+        attempt(program, d, n)
+        k = 0
+        while k < n:
+            verdict = judge(program, c, d, k, end - t, log)
+            if verdict > 0:
+                moment[0] = d.clock[NOW, k]
+                leave(c, d, k)
+                return verdict
+            if verdict < 0:
+                leave(c, d, k)
+                n -= 1
+                move(d, k, n)
+            else:
+                k += 1
+    return 0
 
 
 @kernel

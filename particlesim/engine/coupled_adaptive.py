@@ -6,17 +6,15 @@ same step, however many they are. Inside a grid step there are as many steps as 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.compiler import kernel
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import break_bonds
-from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, span, type_of
-from particlesim.engine.compile import inline, inlined, stub
 from particlesim.engine.coupled import displace, end_interval, find_slopes, restore, save
 from particlesim.engine.coupled_contact import collide
 from particlesim.engine.pace import (
@@ -31,9 +29,6 @@ from particlesim.engine.pace import (
     why_short,
 )
 from particlesim.engine.steppers import Rate
-
-Impl = Callable[..., Any]
-
 
 PAUSED, BEGAN, ENDED, TAKEN, STEP, PREVIOUS, TRIES, PRESENT = 0, 1, 2, 3, 4, 5, 6, 7
 """What a paused island remembers: whether it is one, when its last step began and ended, its length, the next one [s], the
@@ -65,7 +60,6 @@ def new_pace(threads: int, disturbed: bool, pauses: bool = False) -> Pace:
     return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT))
 
 
-@inlined
 def worst(share: Any, slots: Any, value: Any, row: Any) -> Any:
     """The largest value of all threads and its row; of equal ones the first."""
     slots[8 * share.number], slots[8 * share.number + 1] = value, row
@@ -77,7 +71,6 @@ def worst(share: Any, slots: Any, value: Any, row: Any) -> Any:
     return slots[8 * best], int(slots[8 * best + 1])
 
 
-@inlined
 def six(columns: Any, i: Any) -> Any:
     """Element i of the six rows of an array."""
     return Rate(columns[0, i], columns[1, i], columns[2, i], columns[3, i], columns[4, i], columns[5, i])
@@ -85,42 +78,34 @@ def six(columns: Any, i: Any) -> Any:
 
 def measure(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
     """The largest error of a share's particles in the step from t to `end`, and the row of the particle."""
-    return stub()
+    largest, row = -1.0, share.first
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        q = block_of(c, lo, hi)
+        for estimate in range(len(method.errors)):
+            for k in range(6):
+                estimated(
+                    work.spread[estimate, k, : hi - lo], work.slopes[:, k, lo:hi], method.errors[estimate]
+                )
+        for i in range(hi - lo):
+            _, length = span(q.clock, i, t, end, h)
+            after = Rate(q.x[i], q.y[i], q.z[i], q.vx[i], q.vy[i], q.vz[i])
+            sx, sv = scales(method, six(work.before, lo + i), after)
+            first = size2(six(work.spread[0], i), sx, sv)
+            if len(method.errors) > 1:
+                error = combined(length, first, size2(six(work.spread[1], i), sx, sv))
+            else:
+                error = combined(length, first, None)
+            error = error if error < np.inf else np.inf  # NaN is no error that one may have
+            if error > largest:
+                largest, row = error, lo + i
+    return largest, row
 
 
-@inline(measure)
-def _measure(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
-    def impl(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
-        largest, row = -1.0, share.first
-        for lo in range(share.first, share.last, share.chunk):
-            hi = min(lo + share.chunk, share.last)
-            q = block_of(c, lo, hi)
-            for estimate in range(len(method.errors)):
-                for k in range(6):
-                    estimated(
-                        work.spread[estimate, k, : hi - lo], work.slopes[:, k, lo:hi], method.errors[estimate]
-                    )
-            for i in range(hi - lo):
-                _, length = span(q.clock, i, t, end, h)
-                after = Rate(q.x[i], q.y[i], q.z[i], q.vx[i], q.vy[i], q.vz[i])
-                sx, sv = scales(method, six(work.before, lo + i), after)
-                first = size2(six(work.spread[0], i), sx, sv)
-                if len(method.errors) > 1:
-                    error = combined(length, first, size2(six(work.spread[1], i), sx, sv))
-                else:
-                    error = combined(length, first, None)
-                error = error if error < np.inf else np.inf  # NaN is no error that one may have
-                if error > largest:
-                    largest, row = error, lo + i
-        return largest, row
-
-    return impl
-
-
-@inlined
 def estimated(target: Any, slopes: Any, weights: Any) -> None:
     """target = Σ weights[j] slopes[j] for one column of a block."""
-    target[:] = 0
+    for i in range(target.size):
+        target[i] = 0
     for j in range(weights.size):
         if weights[j] != 0:
             weight, slope = type_of(target[0], weights[j]), slopes[j]
@@ -128,7 +113,6 @@ def estimated(target: Any, slopes: Any, weights: Any) -> None:
                 target[i] += weight * slope[i]
 
 
-@inlined
 def first_step(method: Any, c: Any, work: Any, share: Any, slots: Any, most: Any) -> float:
     """A first step [s]: a hundredth of the time in which some particle's state changes by its own size."""
     haste = 0.0
@@ -144,27 +128,14 @@ def first_step(method: Any, c: Any, work: Any, share: Any, slots: Any, most: Any
 
 def attempt(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Any:
+) -> None:
     """Try a step from t to `end`, whose first slopes are known; leaves the slopes at its end in the last stage."""
-    return stub()
+    for stage in range(1, method.c.size):
+        displace(c, work, method.a[stage, :stage], share, t, end, h)
+        meet(share.gate, share.threads)
+        find_slopes(parts, bonds, c, work, share, stage, t + method.c[stage] * (end - t))
 
 
-@inline(attempt)
-def _attempt(
-    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-) -> Impl:
-    def impl(
-        method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
-    ) -> None:
-        for stage in range(1, method.c.size):
-            displace(c, work, method.a[stage, :stage], share, t, end, h)
-            meet(share.gate, share.threads)
-            find_slopes(parts, bonds, c, work, share, stage, t + method.c[stage] * (end - t))
-
-    return impl
-
-
-@inlined
 def land(
     parts: Any, bonds: Any, c: Any, work: Any, share: Any, disturbed: Any, t: Any, end: Any, h: Any
 ) -> None:
@@ -181,7 +152,6 @@ def land(
             target[i] = source[i]
 
 
-@inlined
 def pause(
     share: Any, present: Any, t: Any, end: Any, taken: Any, step: Any, previous: Any, tries: Any
 ) -> None:
@@ -191,7 +161,6 @@ def pause(
         present[STEP], present[PREVIOUS], present[TRIES] = step, previous, tries
 
 
-@inlined
 def give_up(share: Any, pace: Any, why: Any, t: Any, row: Any) -> None:
     """Report why the island cannot go on."""
     if share.number == 0:
@@ -265,7 +234,7 @@ def step_island_adaptive(
             if tries >= MOST_STEPS:
                 give_up(share, pace, TOO_MANY, now, row)
                 return s
-    c.memory[0][share.first : share.last] = step
-    c.memory[1][share.first : share.last] = previous
+    for i in range(share.first, share.last):
+        c.memory[0][i], c.memory[1][i] = step, previous
     end_interval(parts, bonds, c, work, share, (first_step_number + steps) * dt)
     return steps

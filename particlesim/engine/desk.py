@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
+from particlesim.compiler import on_stack
 from particlesim.engine.columns import KEPT, Thermal, store, temperature
-from particlesim.engine.compile import inline, inlined, stub
-from particlesim.engine.stack import on_stack
-from particlesim.engine.steppers import Rate, derivative
+from particlesim.engine.steppers import RATES, Rate, derivative
 from particlesim.laws import Particle
-
-Impl = Callable[..., Any]
 
 DESK = 264
 """Particles on a desk: a block and a cache line more, so that the same column of all rows does not fall into two sets of the
@@ -48,80 +43,47 @@ class Heated(NamedTuple):
     k: int
 
 
-@inline(derivative)
-def _heated_derivative(dynamics: Any, forces: Any, p: Any) -> Impl | None:
-    if getattr(dynamics, "instance_class", None) is not Heated:
-        return None
+def heated(dynamics: Any, forces: Any, p: Any) -> Rate:
+    """The rate of change of a particle at the temperature that it has at the time of p."""
+    warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
+    q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
+    return derivative(dynamics.dynamics, forces, q)
 
-    def impl(dynamics: Any, forces: Any, p: Any) -> Any:
-        warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
-        q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
-        return derivative(dynamics.dynamics, forces, q)
 
-    return impl
+RATES[Heated] = heated
 
 
 def response(dynamics: Any, d: Any, k: Any) -> Any:
     """How particle k of a desk responds to force; with its temperature if a law reads it."""
-    return stub()
-
-
-@inline(response)
-def _response(dynamics: Any, d: Any, k: Any) -> Impl:
-    if isinstance(d.types[3], types.NoneType):
-        return lambda dynamics, d, k: dynamics
-    return lambda dynamics, d, k: Heated(dynamics, d.thermal, k)
+    return dynamics if d.thermal is None else Heated(dynamics, d.thermal, k)
 
 
 def new_desk(c: Any) -> Any:
     """An empty desk for particles of some columns, on the stack."""
-    return stub()
-
-
-@inline(new_desk)
-def _new_desk(c: Any) -> Impl:
-    def impl(c: Any) -> Any:
-        clock = on_stack(CLOCK, DESK, np.float64)
-        return Desk(
-            on_stack(1, DESK, np.int64)[0],
-            on_stack(BODY, DESK, c.x.dtype),
-            clock,
-            warmth_of(c.thermal, clock),
-            on_stack(KEPT, DESK, np.float64),
-        )
-
-    return impl
+    clock = on_stack(CLOCK, DESK, np.float64)
+    return Desk(
+        on_stack(1, DESK, np.int64)[0],
+        on_stack(BODY, DESK, c.x.dtype),
+        clock,
+        warmth_of(c.thermal, clock),
+        on_stack(KEPT, DESK, np.float64),
+    )
 
 
 def warmth_of(thermal: Any, clock: Any) -> Any:
     """The rows of a desk that hold temperatures at birth, with the law of cooling; None without."""
-    return stub()
+    if thermal is None:
+        return None
+    return Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
 
 
-@inline(warmth_of)
-def _warmth_of(thermal: Any, clock: Any) -> Impl:
-    if isinstance(thermal, types.NoneType):
-        return lambda thermal, clock: None
-    return lambda thermal, clock: Thermal(clock[HEAT], clock[BIRTH], thermal.rate, thermal.ambient)
-
-
-def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Any:
+def bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> None:
     """Temperature at birth and birth of particle i of a block to column k of a desk."""
-    return stub()
+    if thermal is None:
+        return
+    clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
 
 
-@inline(bring_heat)
-def _bring_heat(thermal: Any, i: Any, clock: Any, k: Any) -> Impl:
-    if isinstance(thermal, types.NoneType):
-        return lambda thermal, i, clock, k: None
-
-    def impl(thermal: Any, i: Any, clock: Any, k: Any) -> None:
-        clock[HEAT, k], clock[BIRTH, k] = thermal.start[i], thermal.birth[i]
-
-    return impl
-
-
-@inlined
 def at(d: Any, k: Any, s: Any, t: Any) -> Any:
     """Particle k of a desk with one of its states, as the laws see it at time t."""
     b = d.body
@@ -141,14 +103,12 @@ def at(d: Any, k: Any, s: Any, t: Any) -> Any:
     )
 
 
-@inlined
 def rate_at(d: Any, k: Any, s: Any) -> Any:
     """A slope of particle k of a desk."""
     b = d.body
     return Rate(b[s, k], b[s + 1, k], b[s + 2, k], b[s + 3, k], b[s + 4, k], b[s + 5, k])
 
 
-@inlined
 def put(d: Any, k: Any, s: Any, r: Any) -> None:
     """A state or slope of particle k of a desk."""
     b = d.body
@@ -156,14 +116,12 @@ def put(d: Any, k: Any, s: Any, r: Any) -> None:
     b[s + 3, k], b[s + 4, k], b[s + 5, k] = r.vx, r.vy, r.vz
 
 
-@inlined
 def slope_here(program: Any, d: Any, k: Any) -> None:
     """Set the slope of particle k of a desk at its present state."""
     p = at(d, k, STATE, d.clock[NOW, k])
     put(d, k, SLOPE, derivative(response(program.dynamics, d, k), program.forces, p))
 
 
-@inlined
 def leave(c: Any, d: Any, k: Any) -> None:
     """Write particle k of a desk back to the block."""
     i = d.row[k]
@@ -171,7 +129,6 @@ def leave(c: Any, d: Any, k: Any) -> None:
     c.memory[0][i], c.memory[1][i] = d.clock[STEP, k], d.clock[PREVIOUS, k]
 
 
-@inlined
 def move(d: Any, k: Any, n: Any) -> None:
     """Column n of a desk to column k."""
     d.row[k] = d.row[n]

@@ -5,16 +5,11 @@ The formulas are those of `particlesim.integrators.adaptive`; `method` is a reco
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inline, inlined, stub
-
-Impl = Callable[..., Any]
 
 NOT_FINITE, TOO_SHORT, TOO_MANY = 1, 2, 3
 """Why a particle's steps ended: its force is not finite, the step fell below the least, or there was no end of steps."""
@@ -28,7 +23,6 @@ SMALLEST = 1e-4
 """Errors below this do not count as history (Hairer and Wanner)."""
 
 
-@inlined
 def scales(method: Any, p: Any, q: Any) -> Any:
     """Inverse squares of the errors of position and velocity that a step from p to q may have."""
     x2 = max(p.x * p.x + p.y * p.y + p.z * p.z, q.x * q.x + q.y * q.y + q.z * q.z)
@@ -38,7 +32,6 @@ def scales(method: Any, p: Any, q: Any) -> Any:
     return one / (x * x), one / (v * v)
 
 
-@inlined
 def size2(r: Any, sx: Any, sv: Any) -> Any:
     """Square of a rate's length in units of the allowed errors."""
     return sx * (r.x * r.x + r.y * r.y + r.z * r.z) + sv * (r.vx * r.vx + r.vy * r.vy + r.vz * r.vz)
@@ -46,22 +39,12 @@ def size2(r: Any, sx: Any, sv: Any) -> Any:
 
 def combined(h: Any, first: Any, second: Any) -> Any:
     """The error of a step from the squared sizes of one estimate, or of two."""
-    return stub()
+    if second is None:
+        return h * np.sqrt(first)
+    below = first + type_of(first, 0.01) * second
+    return h * first / np.sqrt(below if below > 0 else type_of(first, 1))
 
 
-@inline(combined)
-def _combined(h: Any, first: Any, second: Any) -> Impl:
-    if isinstance(second, types.NoneType):
-        return lambda h, first, second: h * np.sqrt(first)
-
-    def two(h: Any, first: Any, second: Any) -> Any:
-        below = first + type_of(first, 0.01) * second
-        return h * first / np.sqrt(below if below > 0 else type_of(first, 1))
-
-    return two
-
-
-@inlined
 def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
     """h_new/h after a try of a certain error; `previous` is 0 where there is no history, `again` after a rejection."""
     if not error < np.inf:
@@ -73,7 +56,6 @@ def factor(method: Any, error: Any, previous: Any, again: Any) -> float:
     return float(min(max(wish, method.shrink), most))
 
 
-@inlined
 def why_short(slope: Any) -> int:
     """Why steps fall below the least: the slope at their beginning is not finite, or the error does not get smaller."""
     drop = (slope.x - slope.x) + (slope.y - slope.y) + (slope.z - slope.z)
