@@ -12,13 +12,13 @@ alone. The lattices of the preconditioner leave hinges and triangles out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from particlesim.bonds.hinge import angle_forms
-from particlesim.engine.compile import inline, inlined, outline, stub
+from particlesim.compiler import outlined
 from particlesim.engine.corners import (
     AngleColumns,
     Corners,
@@ -30,8 +30,6 @@ from particlesim.engine.corners import (
 )
 from particlesim.laws import hinge_moment, hinge_stiffness, triangle_force_dv
 
-Impl = Callable[..., Any]
-
 NUMBERS = {AngleColumns: 12, DihedralColumns: 9, TriangleColumns: 6}
 """What is kept of each: w and p by a and b; w by x₁, x₂ and x₄; a ninth of −∂f/∂v as xx, yy, zz, xy, xz, yz."""
 
@@ -41,40 +39,13 @@ def new_forms(sets: Sequence[Corners], dtype: Any) -> tuple[Any, ...]:
     return tuple(np.zeros((NUMBERS[type(each)], each.rows.shape[1]), dtype) for each in sets)
 
 
-def stiffen(sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> Any:
+def stiffen(sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
     """Find what all sets add at the present state: to the blocks of particles [first, last), and to their residuals what the
     forces of hinges gain from the lead."""
-    return stub()
+    for each, form in zip(sets, forms, strict=True):
+        stiffen_set(each, form, c, s, first, last, t, reach)
 
 
-@inline(stiffen)
-def _stiffen(sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> Impl:
-    if len(sets) == 0:
-        return lambda sets, forms, c, s, first, last, t, reach: None
-
-    def impl(sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
-        stiffen_set(sets[0], forms[0], c, s, first, last, t, reach)
-        stiffen(sets[1:], forms[1:], c, s, first, last, t, reach)
-
-    return impl
-
-
-def stiffen_set(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> Any:
-    """`stiffen` for one set."""
-    return stub()
-
-
-@outline(stiffen_set)
-def _stiffen_set(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> Impl:
-    kinds = {
-        AngleColumns: _stiffen_angles,
-        DihedralColumns: _stiffen_dihedrals,
-        TriangleColumns: _stiffen_triangles,
-    }
-    return kinds[each.instance_class]
-
-
-@inlined
 def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
     """Add w wᵀ to the block of particle i if it is among [first, last)."""
     if first <= i < last:
@@ -86,7 +57,6 @@ def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) ->
         s.block[5, i] += y * z
 
 
-@inlined
 def take(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
     """Subtract a force from the residual of particle i if it is free and among [first, last)."""
     if first <= i < last:
@@ -110,11 +80,9 @@ def _stiffen_angles(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any,
             c.y[k] - c.y[j],
             c.z[k] - c.z[j],
         )
-        for row in range(12):
-            form[row, q] = w[row]
-        for row in range(0, 12, 6):
-            ax, ay, az = w[row], w[row + 1], w[row + 2]
-            bx, by, bz = w[row + 3], w[row + 4], w[row + 5]
+        for row, entry in enumerate(w):
+            form[row, q] = entry
+        for ax, ay, az, bx, by, bz in (w[:6], w[6:]):
             add_square(s, i, first, last, ax, ay, az)
             add_square(s, j, first, last, ax + bx, ay + by, az + bz)
             add_square(s, k, first, last, bx, by, bz)
@@ -131,8 +99,8 @@ def _stiffen_dihedrals(
         i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
         d, g = bent(each, c, q)
         root = np.sqrt(reach * max(hinge_stiffness(each.law, d), d - d))
-        for row in range(9):
-            form[row, q] = root * g[row + 1]
+        for row, entry in enumerate(g[1:]):
+            form[row, q] = root * entry
         w = form[:, q]
         add_square(s, i, first, last, w[0], w[1], w[2])
         add_square(s, j, first, last, w[3], w[4], w[5])
@@ -159,39 +127,25 @@ def _stiffen_triangles(
                     s.block[row, i] += form[row, q]
 
 
-def times_corners(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> Any:
+STIFFEN = {
+    AngleColumns: _stiffen_angles,
+    DihedralColumns: _stiffen_dihedrals,
+    TriangleColumns: _stiffen_triangles,
+}
+
+
+@outlined
+def stiffen_set(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+    """`stiffen` for one set."""
+    STIFFEN[type(each)](each, form, c, s, first, last, t, reach)
+
+
+def times_corners(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> None:
     """Add to y, on particles [first, last), what all sets make of x."""
-    return stub()
+    for each, form in zip(sets, forms, strict=True):
+        times_set(each, form, x, y, first, last)
 
 
-@inline(times_corners)
-def _times_corners(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> Impl:
-    if len(sets) == 0:
-        return lambda sets, forms, x, y, first, last: None
-
-    def impl(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> None:
-        times_set(sets[0], forms[0], x, y, first, last)
-        times_corners(sets[1:], forms[1:], x, y, first, last)
-
-    return impl
-
-
-def times_set(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) -> Any:
-    """`times_corners` for one set."""
-    return stub()
-
-
-@outline(times_set)
-def _times_set(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) -> Impl:
-    kinds = {
-        AngleColumns: _times_angles,
-        DihedralColumns: _times_dihedrals,
-        TriangleColumns: _times_triangles,
-    }
-    return kinds[each.instance_class]
-
-
-@inlined
 def angle_times(each: Any, form: Any, x: Any, q: Any) -> Any:
     """What an angle makes of x [3, particles]: its forces on its first particle and on its third."""
     i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
@@ -210,7 +164,6 @@ def angle_times(each: Any, form: Any, x: Any, q: Any) -> Any:
     )
 
 
-@inlined
 def dihedral_times(each: Any, form: Any, x: Any, q: Any) -> Any:
     """What a dihedral makes of x: its forces on its first, second and fourth particle."""
     i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
@@ -251,3 +204,12 @@ def _times_triangles(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any
         give(y, i, first, last, fx, fy, fz)
         give(y, j, first, last, fx, fy, fz)
         give(y, k, first, last, fx, fy, fz)
+
+
+TIMES = {AngleColumns: _times_angles, DihedralColumns: _times_dihedrals, TriangleColumns: _times_triangles}
+
+
+@outlined
+def times_set(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+    """`times_corners` for one set."""
+    TIMES[type(each)](each, form, x, y, first, last)

@@ -9,17 +9,15 @@ are led.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.cache import kernel
 from particlesim.engine.columns import fetch, recall, span, type_of
-from particlesim.engine.compile import inline, outlined, spliced, stub
 from particlesim.engine.corners import TriangleColumns
-from particlesim.engine.coupled import begin_step, end_interval, end_step
+from particlesim.engine.coupled import begin_step, end_interval, end_step, inertialess
 from particlesim.engine.gathering import evaluate
 from particlesim.engine.krylov import (
     INDEFINITE,
@@ -39,8 +37,6 @@ from particlesim.engine.steppers import Newtonian
 from particlesim.engine.stiffness import linearise
 from particlesim.integrators import ImplicitMethod
 from particlesim.laws import velocity
-
-Impl = Callable[..., Any]
 
 GOING = -1
 """A solution is still looked for."""
@@ -90,7 +86,6 @@ def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | Gene
     )
 
 
-@spliced
 def evolve_implicit(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
@@ -139,7 +134,6 @@ def evolve_implicit(
         s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
 
 
-@spliced
 def solve(
     solver: Any, bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
 ) -> Any:
@@ -159,13 +153,7 @@ def solve(
 
 def only_internal(corners: Any) -> Any:
     """Whether what acts between particles does not care how they move as one: wind on triangles does."""
-    return stub()
-
-
-@inline(only_internal)
-def _only_internal(corners: Any) -> Impl:
-    found = all(each.instance_class is not TriangleColumns for each in corners)
-    return lambda corners: found
+    return all(not isinstance(each, TriangleColumns) for each in corners)
 
 
 @outlined
@@ -205,53 +193,20 @@ def change(c: Any, s: Any, share: Any, taken: Any, reach: Any) -> None:
 
 def history(memory: Any, i: Any) -> Any:
     """x − x₋ and v − v₋ of particle i, and the step for which they hold; zeros for a method without a past."""
-    return stub()
-
-
-@inline(history)
-def _history(memory: Any, i: Any) -> Impl:
     if len(memory) == 0:
-        return lambda memory, i: (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return lambda memory, i: recall(memory, i)
-
-
-def inertialess(parts: Any) -> Any:
-    """Whether some particles have no inertia."""
-    return stub()
-
-
-@inline(inertialess)
-def _inertialess(parts: Any) -> Impl:
-    found = any(part.types[0].instance_class is not Newtonian for part in parts)
-    return lambda parts: found
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return recall(memory, i)
 
 
 def slope_of(dynamics: Any, forces: Any, p: Any, fx: Any, fy: Any, fz: Any) -> Any:
     """Velocity and acceleration of a particle under a force, and which of both the solution begins with."""
-    return stub()
+    if isinstance(dynamics, Newtonian):
+        return p.vx, p.vy, p.vz, p.w * fx, p.w * fy, p.w * fz
+    wx, wy, wz = velocity(dynamics.flow, p)
+    g, zero = dynamics.gamma, p.x - p.x
+    return wx + fx / g, wy + fy / g, wz + fz / g, zero, zero, zero
 
 
-@inline(slope_of)
-def _slope_of(dynamics: Any, forces: Any, p: Any, fx: Any, fy: Any, fz: Any) -> Impl:
-    if dynamics.instance_class is Newtonian:
-        return lambda dynamics, forces, p, fx, fy, fz: (
-            p.vx,
-            p.vy,
-            p.vz,
-            p.w * fx,
-            p.w * fy,
-            p.w * fz,
-        )
-
-    def overdamped(dynamics: Any, forces: Any, p: Any, fx: Any, fy: Any, fz: Any) -> Any:
-        wx, wy, wz = velocity(dynamics.flow, p)
-        g, zero = dynamics.gamma, p.x - p.x
-        return wx + fx / g, wy + fy / g, wz + fz / g, zero, zero, zero
-
-    return overdamped
-
-
-@spliced
 def begin(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
@@ -260,67 +215,47 @@ def begin(
         evaluate(parts, bonds, c, work, share, t, None)
     else:
         clear(work.force, share.first, share.last)
-    begin_parts(method, parts, c, work, share, t, end, h)
+    for part in parts:
+        begin_part(method, part, c, work, share, t, end, h)
     meet(share.gate, share.threads)
 
 
-def begin_parts(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
-    """`begin` for the particles of a share, group after group."""
-    return stub()
+def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """`begin` for the particles of a group that are in a share."""
+    s, force = work.system, work.force
+    past, half = type_of(h, method.past), type_of(h, 0.5)
+    lean, reach = type_of(h, method.slope) * h, type_of(h, method.gamma) * h
+    for i in range(max(share.first, part.first), min(share.last, part.last)):
+        _, hi = span(c.clock, i, t, end, h)
+        s.free[i] = type_of(h, 1 if hi > 0 else 0)
+        p = fetch(c, i, t)
+        ux, uy, uz, ax, ay, az = slope_of(
+            part.dynamics, part.forces, p, force[0, i], force[1, i], force[2, i]
+        )
+        dx, dy, dz, ex, ey, ez, known = history(c.memory, i)
+        if known != h:  # as from a step before under the same force
+            dx, dy, dz = h * (ux - half * h * ax), h * (uy - half * h * ay), h * (uz - half * h * az)
+            ex, ey, ez = h * ax, h * ay, h * az
+        s.base[0, i], s.base[3, i] = p.x + past * dx + lean * ux, p.vx + past * ex + lean * ax
+        s.base[1, i], s.base[4, i] = p.y + past * dy + lean * uy, p.vy + past * ey + lean * ay
+        s.base[2, i], s.base[5, i] = p.z + past * dz + lean * uz, p.vz + past * ez + lean * az
+        if hi > 0:
+            c.vx[i], c.vy[i], c.vz[i] = ux, uy, uz
+            if not method.linear:
+                c.x[i] = s.base[0, i] + reach * ux
+                c.y[i] = s.base[1, i] + reach * uy
+                c.z[i] = s.base[2, i] + reach * uz
+        led = s.free[i] if method.linear else type_of(h, 0)
+        s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
 
 
-@inline(begin_parts)
-def _begin_parts(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Impl:
-    if len(parts) == 0:
-        return lambda method, parts, c, work, share, t, end, h: None
-
-    def impl(method: Any, parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> None:
-        part, s, force = parts[0], work.system, work.force
-        past, half = type_of(h, method.past), type_of(h, 0.5)
-        lean, reach = type_of(h, method.slope) * h, type_of(h, method.gamma) * h
-        for i in range(max(share.first, part.first), min(share.last, part.last)):
-            _, hi = span(c.clock, i, t, end, h)
-            s.free[i] = type_of(h, 1 if hi > 0 else 0)
-            p = fetch(c, i, t)
-            ux, uy, uz, ax, ay, az = slope_of(
-                part.dynamics, part.forces, p, force[0, i], force[1, i], force[2, i]
-            )
-            dx, dy, dz, ex, ey, ez, known = history(c.memory, i)
-            if known != h:  # as from a step before under the same force
-                dx, dy, dz = h * (ux - half * h * ax), h * (uy - half * h * ay), h * (uz - half * h * az)
-                ex, ey, ez = h * ax, h * ay, h * az
-            s.base[0, i], s.base[3, i] = p.x + past * dx + lean * ux, p.vx + past * ex + lean * ax
-            s.base[1, i], s.base[4, i] = p.y + past * dy + lean * uy, p.vy + past * ey + lean * ay
-            s.base[2, i], s.base[5, i] = p.z + past * dz + lean * uz, p.vz + past * ez + lean * az
-            if hi > 0:
-                c.vx[i], c.vy[i], c.vz[i] = ux, uy, uz
-                if not method.linear:
-                    c.x[i] = s.base[0, i] + reach * ux
-                    c.y[i] = s.base[1, i] + reach * uy
-                    c.z[i] = s.base[2, i] + reach * uz
-            led = s.free[i] if method.linear else type_of(h, 0)
-            s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
-        begin_parts(method, parts[1:], c, work, share, t, end, h)
-
-    return impl
-
-
-def recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> Any:
+def recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> None:
     """Remember how far particle i came in the step that has been done."""
-    return stub()
-
-
-@inline(recollect)
-def _recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> Impl:
     if len(memory) == 0:
-        return lambda memory, i, before, c, h: None
-
-    def impl(memory: Any, i: Any, before: Any, c: Any, h: Any) -> None:
-        for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
-            memory[k][i] = column[i] - before[k, i]
-        memory[6][i] = h
-
-    return impl
+        return
+    for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+        memory[k][i] = column[i] - before[k, i]
+    memory[6][i] = h
 
 
 @outlined

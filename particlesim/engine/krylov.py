@@ -10,18 +10,15 @@ Source: Y. Saad, Iterative Methods for Sparse Linear Systems, algorithms 9.1 and
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inlined, outline, outlined, spliced, stub
 from particlesim.engine.multilevel import carry
 from particlesim.engine.stiffness import LANES, multiply
-
-Impl = Callable[..., Any]
 
 SOLVED, UNSOLVED, WILD, INDEFINITE = 0, 1, 2, 3
 """How a solver ended: the residual is small; too many iterations; it is not finite; the matrix is not positive definite."""
@@ -47,7 +44,6 @@ def dot(a: Any, b: Any, lo: Any, hi: Any, lanes: Any) -> float:
     return total
 
 
-@spliced
 def dots(s: Any, row: Any, a: Any, b: Any, share: Any) -> None:
     """Dot product of a share's particles, chunk by chunk, into a row of the partial sums."""
     for lo in range(share.first, share.last, share.chunk):
@@ -72,7 +68,6 @@ def clear(a: Any, lo: Any, hi: Any) -> None:
             u[i] = 0
 
 
-@inlined
 def summed(s: Any, row: Any) -> float:
     """The sum over all chunks, in order; all threads must have met."""
     total = 0.0
@@ -116,7 +111,6 @@ def scale_and_add(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
             u[i] = k * u[i] + v[i]
 
 
-@spliced
 def size2(s: Any, share: Any) -> Any:
     """rᵀ M⁻¹ r of the residual, and M⁻¹ r in `near`; the same number for all threads."""
     precondition(s, s.residual, s.near, share)
@@ -125,7 +119,6 @@ def size2(s: Any, share: Any) -> Any:
     return summed(s, 0)
 
 
-@spliced
 def conjugate_gradients(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
     """Solve for `solution` from zero until rᵀ M⁻¹ r ≤ goal; needs what `size2` left, and `begin`, what it returned.
 
@@ -168,6 +161,7 @@ class General(NamedTuple):
     """Stands for a kernel that solves any equations."""
 
 
+@outlined
 def stabilised(
     solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
 ) -> Any:
@@ -175,63 +169,50 @@ def stabilised(
 
     A kernel of the `Symmetric` kind gives them back: it ends with INDEFINITE.
     """
-    return stub()
-
-
-@outline(stabilised)
-def _stabilised(
-    solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
-) -> Impl:
-    if solver.instance_class is Symmetric:
-        return lambda solver, bonds, s, share, plain, begin, goal, limit: (INDEFINITE, begin, 0)
-
+    if isinstance(solver, Symmetric):
+        return INDEFINITE, begin, 0
     # Preconditioned from the right. `shadow` is the residual at the start, `near` what the preconditioner makes of a vector,
     # `other` A M⁻¹ of the intermediate residual.
-    def impl(
-        solver: Any, bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any
-    ) -> Any:
-        lo, hi = share.first, share.last
-        clear(s.solution, lo, hi)
-        copy(s.residual, s.direction, lo, hi)
-        copy(s.residual, s.shadow, lo, hi)
-        size = begin
+    lo, hi = share.first, share.last
+    clear(s.solution, lo, hi)
+    copy(s.residual, s.direction, lo, hi)
+    copy(s.residual, s.shadow, lo, hi)
+    size = begin
+    dots(s, 1, s.shadow, s.residual, share)
+    meet(share.gate, share.threads)
+    rho = summed(s, 1)
+    for iteration in range(limit):
+        if size <= goal:
+            return SOLVED, size, iteration
+        precondition(s, s.direction, s.near, share)
+        meet(share.gate, share.threads)
+        _free_product(bonds, s, s.product, plain, share)
+        dots(s, 1, s.shadow, s.product, share)
+        meet(share.gate, share.threads)
+        step = rho / summed(s, 1)
+        add_scaled(s.solution, step, s.near, lo, hi)
+        add_scaled(s.residual, -step, s.product, lo, hi)
+        precondition(s, s.residual, s.near, share)
+        meet(share.gate, share.threads)
+        _free_product(bonds, s, s.other, plain, share)
+        dots(s, 1, s.other, s.residual, share)
+        dots(s, 2, s.other, s.other, share)
+        meet(share.gate, share.threads)
+        square = summed(s, 2)
+        weight = summed(s, 1) / square if square > 0 else 0.0
+        add_scaled(s.solution, weight, s.near, lo, hi)
+        add_scaled(s.residual, -weight, s.other, lo, hi)
+        size = size2(s, share)
+        if not size < np.inf:
+            return WILD, size, iteration
         dots(s, 1, s.shadow, s.residual, share)
         meet(share.gate, share.threads)
-        rho = summed(s, 1)
-        for iteration in range(limit):
-            if size <= goal:
-                return SOLVED, size, iteration
-            precondition(s, s.direction, s.near, share)
-            meet(share.gate, share.threads)
-            _free_product(bonds, s, s.product, plain, share)
-            dots(s, 1, s.shadow, s.product, share)
-            meet(share.gate, share.threads)
-            step = rho / summed(s, 1)
-            add_scaled(s.solution, step, s.near, lo, hi)
-            add_scaled(s.residual, -step, s.product, lo, hi)
-            precondition(s, s.residual, s.near, share)
-            meet(share.gate, share.threads)
-            _free_product(bonds, s, s.other, plain, share)
-            dots(s, 1, s.other, s.residual, share)
-            dots(s, 2, s.other, s.other, share)
-            meet(share.gate, share.threads)
-            square = summed(s, 2)
-            weight = summed(s, 1) / square if square > 0 else 0.0
-            add_scaled(s.solution, weight, s.near, lo, hi)
-            add_scaled(s.residual, -weight, s.other, lo, hi)
-            size = size2(s, share)
-            if not size < np.inf:
-                return WILD, size, iteration
-            dots(s, 1, s.shadow, s.residual, share)
-            meet(share.gate, share.threads)
-            after = summed(s, 1)
-            factor = after / rho * step / weight if rho * weight != 0 else 0.0
-            rho = after
-            add_scaled(s.direction, -weight, s.product, lo, hi)
-            scale_and_add(s.direction, factor, s.residual, lo, hi)
-        return (SOLVED if size <= goal else UNSOLVED), size, limit
-
-    return impl
+        after = summed(s, 1)
+        factor = after / rho * step / weight if rho * weight != 0 else 0.0
+        rho = after
+        add_scaled(s.direction, -weight, s.product, lo, hi)
+        scale_and_add(s.direction, factor, s.residual, lo, hi)
+    return (SOLVED if size <= goal else UNSOLVED), size, limit
 
 
 @outlined

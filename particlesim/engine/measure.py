@@ -6,17 +6,16 @@ number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
+from particlesim.compiler import kernel
 from particlesim.engine.bonding import Bonds, pair_of
-from particlesim.engine.cache import kernel
 from particlesim.engine.columns import block_of, fetch
-from particlesim.engine.compile import inline, stub
 from particlesim.laws import bond_force, bond_potential, force, potential
 from particlesim.team import Team
 
@@ -34,21 +33,10 @@ MOTION = (
 """Ledger columns of the motion, in the order of the kernel; potentials follow."""
 
 
-def tally(potentials: Any, p: Any, row: Any, k: Any) -> Any:
+def tally(potentials: Any, p: Any, row: Any, k: Any) -> None:
     """Add the potential energy in each force to row[k], row[k + 1] ..."""
-    return stub()
-
-
-@inline(tally)
-def _tally(potentials: Any, p: Any, row: Any, k: Any) -> Callable[..., Any]:
-    if len(potentials) == 0:
-        return lambda potentials, p, row, k: None
-
-    def impl(potentials: Any, p: Any, row: Any, k: Any) -> None:
-        row[k] += potential(potentials[0], p)
-        tally(potentials[1:], p, row, k + 1)
-
-    return impl
+    for n, each in enumerate(potentials):
+        row[k + n] += potential(each, p)
 
 
 @kernel
@@ -120,22 +108,11 @@ def each_energy(potentials: Any, c: Any, times: Any, out: Any) -> None:
         tally(potentials, p, out[:, i], 1)
 
 
-def tally_power(forces: Any, p: Any, row: Any, k: Any) -> Any:
+def tally_power(forces: Any, p: Any, row: Any, k: Any) -> None:
     """Put the power f·v of each force into row[k], row[k + 1] ..."""
-    return stub()
-
-
-@inline(tally_power)
-def _tally_power(forces: Any, p: Any, row: Any, k: Any) -> Callable[..., Any]:
-    if len(forces) == 0:
-        return lambda forces, p, row, k: None
-
-    def impl(forces: Any, p: Any, row: Any, k: Any) -> None:
-        fx, fy, fz = force(forces[0], p)
-        row[k] = float(fx) * p.vx + float(fy) * p.vy + float(fz) * p.vz
-        tally_power(forces[1:], p, row, k + 1)
-
-    return impl
+    for n, each in enumerate(forces):
+        fx, fy, fz = force(each, p)
+        row[k + n] = float(fx) * p.vx + float(fy) * p.vy + float(fz) * p.vz
 
 
 @kernel

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.columns import type_of
-from particlesim.engine.compile import inlined, outlined
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -152,7 +152,6 @@ def _by_row(entries: tuple[Any, ...], count: int, dtype: Any) -> Links:
     return Links(begin, items[order].astype(np.uint32), weights[order].astype(dtype))
 
 
-@inlined
 def inverse_of(xx: Any, yy: Any, zz: Any, xy: Any, xz: Any, yz: Any) -> Any:
     """Inverse of a symmetric 3 × 3 matrix, and whether it is positive definite."""
     cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
@@ -169,7 +168,6 @@ def inverse_of(xx: Any, yy: Any, zz: Any, xy: Any, xz: Any, yz: Any) -> Any:
     )
 
 
-@inlined
 def nodes_between(s: Any, level: Any, share: Any) -> Any:
     """The nodes of a lattice that a thread owns."""
     begin = s.lattices.first[level]
@@ -230,8 +228,8 @@ def gather_blocks(s: Any, share: Any) -> None:
                 half * m[4] + slope * m[10],
                 half * m[5] + slope * m[11],
             )
-            for row in range(6):
-                g.inverse[row, node] = inverse[row] if good else half - half
+            for row, entry in enumerate(inverse):
+                g.inverse[row, node] = entry if good else half - half
 
 
 @outlined

@@ -20,17 +20,12 @@ Integration, VII.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.cache import kernel
-from particlesim.engine.compile import inline, inlined, outlined, stub
-
-Impl = Callable[..., Any]
 
 TIGHT = 1e-14
 """Part of its length by which a rod may be too long or too short."""
@@ -128,10 +123,6 @@ def places(c: Any) -> Places:
     return Places(c.x, c.y, c.z, c.vx, c.vy, c.vz)
 
 
-inlined(places)
-
-
-@inlined
 def load(rig: Any, bench: Any, c: Any, k: Any) -> float:
     """Positions of a component; returns the largest coordinate."""
     x, y, z = bench.x[0], bench.x[1], bench.x[2]
@@ -143,7 +134,6 @@ def load(rig: Any, bench: Any, c: Any, k: Any) -> float:
     return size
 
 
-@inlined
 def aim(rig: Any, bench: Any, c: Any, k: Any) -> None:
     """Take the present positions of a component, which are loaded, for those before the next drift."""
     x, y, z = bench.x[0], bench.x[1], bench.x[2]
@@ -161,7 +151,6 @@ def aim(rig: Any, bench: Any, c: Any, k: Any) -> None:
         bench.lead[e] = lead
 
 
-@inlined
 def measure(rig: Any, bench: Any, k: Any) -> tuple[float, int]:
     """Set `reach` and the right-hand side ½ (L² − |x₁ − x₂|²); returns the largest misfit of a rod as a part of its length,
     and which."""
@@ -182,7 +171,6 @@ def measure(rig: Any, bench: Any, k: Any) -> tuple[float, int]:
     return worst, at
 
 
-@inlined
 def assemble(rig: Any, bench: Any, a: Any, b: Any, k: Any) -> None:
     """The matrix A M⁻¹ Bᵀ of a component, with rows a and b [3, rods]."""
     low, up = bench.low, bench.up
@@ -202,7 +190,6 @@ def assemble(rig: Any, bench: Any, a: Any, b: Any, k: Any) -> None:
         low[p] += w * (ax[f] * bx[e] + ay[f] * by[e] + az[f] * bz[e])
 
 
-@inlined
 def eliminate(rig: Any, bench: Any, k: Any, judge: bool) -> None:
     """Factors of the matrix of a component in its place; rods that are not kept are left out.
 
@@ -226,7 +213,6 @@ def eliminate(rig: Any, bench: Any, k: Any, judge: bool) -> None:
                 n += 1
 
 
-@inlined
 def solve(rig: Any, bench: Any, k: Any) -> None:
     """Replace the right-hand side of a component by the solution."""
     side, low, up, begin, end = bench.side, bench.low, bench.up, rig.rods[k], rig.rods[k + 1]
@@ -241,7 +227,6 @@ def solve(rig: Any, bench: Any, k: Any) -> None:
         side[e] = y * bench.pivot[e]
 
 
-@inlined
 def move(rig: Any, bench: Any, k: Any) -> None:
     """λ += what has been solved for, x += M⁻¹ Jᵀ of it, with J before the drift."""
     x, y, z = bench.x[0], bench.x[1], bench.x[2]
@@ -254,7 +239,6 @@ def move(rig: Any, bench: Any, k: Any) -> None:
         x[j], y[j], z[j] = x[j] - wj * ax[e], y[j] - wj * ay[e], z[j] - wj * az[e]
 
 
-@inlined
 def push(rig: Any, bench: Any, c: Any, force: Any, scale: Any, k: Any) -> float:
     """v += scale · M⁻¹ Jᵀ λ on the particles of a component, with J before the drift; returns the work on held ends [J]."""
     ax, ay, az = bench.arm[0], bench.arm[1], bench.arm[2]
@@ -272,7 +256,6 @@ def push(rig: Any, bench: Any, c: Any, force: Any, scale: Any, k: Any) -> float:
     return effort
 
 
-@inlined
 def give_back(rig: Any, bench: Any, c: Any, k: Any) -> None:
     """Positions of a component to its particles; what is loaded is rounded likewise."""
     x, y, z = bench.x[0], bench.x[1], bench.x[2]
@@ -364,21 +347,10 @@ def after_kicks(rods: Any, c: Any) -> None:
         level(rods, c, k)
 
 
-def after_contact(rods: Any, c: Any, share: Any) -> Any:
+def after_contact(rods: Any, c: Any, share: Any) -> None:
     """Hold all rods of a thread after contacts at the end of a step; returns when those of all threads are held."""
-    return stub()
-
-
-@inline(after_contact)
-def _after_contact(rods: Any, c: Any, share: Any) -> Impl:
-    if isinstance(rods, types.NoneType):
-        return lambda rods, c, share: None
-
-    def impl(rods: Any, c: Any, share: Any) -> None:
-        if rods.touched:
-            meet(share.gate, share.threads)
-            if not hold(rods, places(c), 0.0, True):
-                share.wild[8 * share.number] = 1
-            meet(share.gate, share.threads)
-
-    return impl
+    if rods is not None and rods.touched:
+        meet(share.gate, share.threads)
+        if not hold(rods, places(c), 0.0, True):
+            share.wild[8 * share.number] = 1
+        meet(share.gate, share.threads)

@@ -15,17 +15,17 @@ Source: D. Baraff, A. Witkin, SIGGRAPH 1998; K.-J. Choi, H.-S. Ko, SIGGRAPH 2002
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bonds.spring import Pair
+from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.bonding import Bonds, chunks_of, of_bond
 from particlesim.engine.columns import cut, fetch, type_of
-from particlesim.engine.compile import inline, inlined, outline, outlined, spliced, stub, times
 from particlesim.engine.corner_stiffness import stiffen, times_corners
 from particlesim.engine.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.runs import (
@@ -39,10 +39,8 @@ from particlesim.engine.runs import (
     SECOND,
     chunk_size,
 )
-from particlesim.engine.steppers import Newtonian, Overdamped
-from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, velocity, velocity_dx
-
-Impl = Callable[..., Any]
+from particlesim.engine.steppers import Newtonian
+from particlesim.laws import bond_force_dv, bond_force_dx, force_dv, force_dx, times, velocity, velocity_dx
 
 GENERAL, COUPLED_AXES = 0, 1
 """Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
@@ -132,12 +130,11 @@ def _lattices(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Lattic
     return new_lattices(place.astype(float), i, j, np.concatenate(stiffness).astype(float), dtype)
 
 
-@inlined
 def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
     """Put down D and G of particle i, and begin its block; returns whether G is unsymmetric, and whether it is not zero."""
     s.inertia[i] = inertia
-    for k in range(9):
-        s.own[k, i] = g[k]
+    for k, entry in enumerate(g):
+        s.own[k, i] = entry
     s.block[0, i] = inertia + g[0]
     s.block[1, i] = inertia + g[4]
     s.block[2, i] = inertia + g[8]
@@ -151,89 +148,73 @@ def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
     return apart > type_of(inertia, 1e-6) * (size + inertia), size + apart > 0
 
 
-def add_own(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> Any:
+def add_own(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> None:
     """D, G and the residual of particles [lo, hi) from the forces on single particles.
 
     `total` are all forces, `reach` is γ; the residual is f − D (V − V₀), and what the forces gain from the lead.
     """
-    return stub()
+    for part in parts:
+        first, last = max(lo, part.first), min(hi, part.last)
+        _add_own(part.dynamics, part.forces, c, s, total, t, reach, first, last, flags)
 
 
-@inline(add_own)
 def _add_own(
-    parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
-) -> Impl:
-    if len(parts) == 0:
-        return lambda parts, c, s, total, t, reach, lo, hi, flags: None
-
-    def impl(
-        parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any
-    ) -> None:
-        part = parts[0]
-        for i in range(max(lo, part.first), min(hi, part.last)):
-            p = fetch(c, i, t)
-            inertia, g, (rx, ry, rz) = equation(
-                part.dynamics, part.forces, p, s.base[3:6, i], reach, s.lead[:, i]
-            )
-            general, coupled = write_own(s, i, type_of(reach, inertia), g)
-            free = s.free[i]
-            flags[GENERAL] |= general & (free > 0)
-            flags[COUPLED_AXES] |= coupled & (free > 0)
-            s.residual[0, i] = free * (total[0, i] + rx)
-            s.residual[1, i] = free * (total[1, i] + ry)
-            s.residual[2, i] = free * (total[2, i] + rz)
-        add_own(parts[1:], c, s, total, t, reach, lo, hi, flags)
-
-    return impl
+    dynamics: Any,
+    forces: Any,
+    c: Any,
+    s: Any,
+    total: Any,
+    t: Any,
+    reach: Any,
+    first: Any,
+    last: Any,
+    flags: Any,
+) -> None:
+    for i in range(first, last):
+        p = fetch(c, i, t)
+        inertia, g, (rx, ry, rz) = equation(dynamics, forces, p, s.base[3:6, i], reach, s.lead[:, i])
+        general, coupled = write_own(s, i, type_of(reach, inertia), g)
+        free = s.free[i]
+        flags[GENERAL] |= general & (free > 0)
+        flags[COUPLED_AXES] |= coupled & (free > 0)
+        s.residual[0, i] = free * (total[0, i] + rx)
+        s.residual[1, i] = free * (total[1, i] + ry)
+        s.residual[2, i] = free * (total[2, i] + rz)
 
 
 def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
-    """D, G, and the residual without the force, of one particle that would move with the velocity that it has."""
-    return stub()
-
-
-@inline(equation)
-def _equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Impl:
-    if dynamics.instance_class is Newtonian:
-
-        def newtonian(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
-            dx, dv = force_dx(forces, p), force_dv(forces, p)
-            inertia = p.m / reach
-            hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
-            g = combined(dx, dv, type_of(reach, 1), reach)
-            return (
-                inertia,
-                g,
-                (
-                    reach * hx - inertia * (p.vx - start[0]),
-                    reach * hy - inertia * (p.vy - start[1]),
-                    reach * hz - inertia * (p.vz - start[2]),
-                ),
-            )
-
-        return newtonian
-    assert dynamics.instance_class is Overdamped, "tracers are never coupled"
-
-    def overdamped(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
-        inertia = dynamics.gamma
-        dx, dw = force_dx(forces, p), velocity_dx(dynamics.flow, p)
-        wx, wy, wz = velocity(dynamics.flow, p)
+    """D, G, and the residual without the force, of one particle that would move with the velocity that it has; tracers are
+    never coupled."""
+    if isinstance(dynamics, Newtonian):
+        dx, dv = force_dx(forces, p), force_dv(forces, p)
+        inertia = p.m / reach
         hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
-        ux, uy, uz = times(dw, lead[0], lead[1], lead[2])
+        g = combined(dx, dv, type_of(reach, 1), reach)
         return (
             inertia,
-            combined(dx, dw, inertia * reach, reach),
+            g,
             (
-                reach * (hx + inertia * ux) - inertia * (p.vx - wx),
-                reach * (hy + inertia * uy) - inertia * (p.vy - wy),
-                reach * (hz + inertia * uz) - inertia * (p.vz - wz),
+                reach * hx - inertia * (p.vx - start[0]),
+                reach * hy - inertia * (p.vy - start[1]),
+                reach * hz - inertia * (p.vz - start[2]),
             ),
         )
+    inertia = dynamics.gamma
+    dx, dw = force_dx(forces, p), velocity_dx(dynamics.flow, p)
+    wx, wy, wz = velocity(dynamics.flow, p)
+    hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
+    ux, uy, uz = times(dw, lead[0], lead[1], lead[2])
+    return (
+        inertia,
+        combined(dx, dw, inertia * reach, reach),
+        (
+            reach * (hx + inertia * ux) - inertia * (p.vx - wx),
+            reach * (hy + inertia * uy) - inertia * (p.vy - wy),
+            reach * (hz + inertia * uz) - inertia * (p.vz - wz),
+        ),
+    )
 
-    return overdamped
 
-
-@inlined
 def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
     """−(γ A + weight · B) for two matrices."""
     return (
@@ -249,7 +230,6 @@ def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
     )
 
 
-@inlined
 def stiff_of(bond: Any, b: Any, reach: Any) -> Any:
     """w and q of a spring, and the share (γ k − q)/w² of its stiffness along itself without damping; none is negative, but
     for the share."""
@@ -275,91 +255,61 @@ def stiff_of(bond: Any, b: Any, reach: Any) -> Any:
     return root * ex, root * ey, root * ez, across, share
 
 
-def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Any:
+def add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> None:
     """w and q of all springs of a thread; adds their blocks and what their forces gain from the lead."""
-    return stub()
+    for chunk in range(chunks_of(bonds)):
+        _stiff_chunk(bonds, springs, c, s, reach, chunk)
 
 
-@inline(add_springs)
-def _add_springs(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> Impl:
-    def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any) -> None:
-        for chunk in range(chunks_of(bonds)):
-            _stiff_chunk(bonds, springs, c, s, reach, chunk)
-
-    return impl
+def _stiff_chunk(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> None:
+    for bond, spring in zip(bonds, springs, strict=True):
+        for piece in range(bond.begin[chunk], bond.begin[chunk + 1]):
+            _stiff_piece(bond, spring, c, s, reach, bond.table[piece])
 
 
-def _stiff_chunk(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> Any:
-    return stub()
-
-
-@inline(_stiff_chunk)
-def _stiff_sets(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> Impl:
-    if len(bonds) == 0:
-        return lambda bonds, springs, c, s, reach, chunk: None
-
-    def impl(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: Any) -> None:
-        for piece in range(bonds[0].begin[chunk], bonds[0].begin[chunk + 1]):
-            _stiff_piece(bonds[0], springs[0], c, s, reach, bonds[0].table[piece])
-        _stiff_chunk(bonds[1:], springs[1:], c, s, reach, chunk)
-
-    return impl
-
-
-def _stiff_piece(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> Any:
-    return stub()
-
-
-@outline(_stiff_piece)
-def _stiff_run(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> Impl:
-    def impl(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> None:
-        a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
-        first, last = piece[OFFSET], piece[OFFSET] + n
-        xa, ya, za = c.x[a : a + n], c.y[a : a + n], c.z[a : a + n]
-        xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
-        ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
-        ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
-        lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
-        lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
-        ks = cut(bond.k, first, last)[0]
-        cs = cut(bond.c, first, last)[0]
-        rests = cut(bond.rest, first, last)[0]
-        w0, w1, w2, w3, w4 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n], s.pull[4, :n]
-        g0, g1, g2 = s.pull[5, :n], s.pull[6, :n], s.pull[7, :n]
-        for k in range(n):
-            pair = Pair(
-                xa[k] - xb[k],
-                ya[k] - yb[k],
-                za[k] - zb[k],
-                ua[k] - ub[k],
-                va[k] - vb[k],
-                wa[k] - wb[k],
-                of_bond(ks, k),
-                of_bond(cs, k),
-                of_bond(rests, k),
-            )
-            w0[k], w1[k], w2[k], w3[k], w4[k] = stiff_of(bond, pair, reach)
-        for k in range(
-            n
-        ):  # a loop of its own: the compiler does not compare any number of arrays before it vectorises
-            ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
-            gain = w4[k] * (ux * w0[k] + uy * w1[k] + uz * w2[k])
-            g0[k] = w3[k] * ux + gain * w0[k]
-            g1[k] = w3[k] * uy + gain * w1[k]
-            g2[k] = w3[k] * uz + gain * w2[k]
-        for hole in bond.holes[piece[HOLES] : piece[HOLES_END]]:
-            for row in range(8):
-                s.pull[row, hole - first] = 0
-        if piece[OWNS_FIRST]:
-            for row in range(4):
-                out, found = spring[row, first:last], s.pull[row, :n]
-                for k in range(n):
-                    out[k] = found[k]
-            _add_blocks(s, a, b, n, type_of(reach, -1))
-        if piece[OWNS_SECOND]:
-            _add_blocks(s, b, a, n, type_of(reach, 1))
-
-    return impl
+@outlined
+def _stiff_piece(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> None:
+    a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+    first, last = piece[OFFSET], piece[OFFSET] + n
+    xa, ya, za = c.x[a : a + n], c.y[a : a + n], c.z[a : a + n]
+    xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
+    ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
+    ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
+    lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
+    lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
+    ks, cs, rests = cut(bond.k, first, last), cut(bond.c, first, last), cut(bond.rest, first, last)
+    w0, w1, w2, w3, w4 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n], s.pull[4, :n]
+    g0, g1, g2 = s.pull[5, :n], s.pull[6, :n], s.pull[7, :n]
+    for k in range(n):
+        pair = Pair(
+            xa[k] - xb[k],
+            ya[k] - yb[k],
+            za[k] - zb[k],
+            ua[k] - ub[k],
+            va[k] - vb[k],
+            wa[k] - wb[k],
+            of_bond(ks, k),
+            of_bond(cs, k),
+            of_bond(rests, k),
+        )
+        w0[k], w1[k], w2[k], w3[k], w4[k] = stiff_of(bond, pair, reach)
+    for k in range(n):  # a loop of its own: only so many arrays are compared before it is vectorised
+        ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
+        gain = w4[k] * (ux * w0[k] + uy * w1[k] + uz * w2[k])
+        g0[k] = w3[k] * ux + gain * w0[k]
+        g1[k] = w3[k] * uy + gain * w1[k]
+        g2[k] = w3[k] * uz + gain * w2[k]
+    for q in range(piece[HOLES], piece[HOLES_END]):
+        for row in range(8):
+            s.pull[row, bond.holes[q] - first] = 0
+    if piece[OWNS_FIRST]:
+        for row in range(4):
+            out, found = spring[row, first:last], s.pull[row, :n]
+            for k in range(n):
+                out[k] = found[k]
+        _add_blocks(s, a, b, n, type_of(reach, -1))
+    if piece[OWNS_SECOND]:
+        _add_blocks(s, b, a, n, type_of(reach, 1))
 
 
 @outlined
@@ -393,91 +343,66 @@ def _add_blocks(s: Any, at: Any, other: Any, n: Any, sign: Any) -> None:
             residual[k] += free[k] * (sign * gain[k])
 
 
-def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Any:
+@outlined
+def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> None:
     """y = (D + G + B) x on the particles of a share; `plain` says that G is zero. All of x must be in place."""
-    return stub()
-
-
-@outline(multiply)
-def _multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> Impl:
-    def impl(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> None:
-        lo, hi = share.first, share.last
-        d = s.inertia[lo:hi]
-        ax, ay, az = x[0, lo:hi], x[1, lo:hi], x[2, lo:hi]
-        bx, by, bz = y[0, lo:hi], y[1, lo:hi], y[2, lo:hi]
-        if plain:
+    lo, hi = share.first, share.last
+    d = s.inertia[lo:hi]
+    ax, ay, az = x[0, lo:hi], x[1, lo:hi], x[2, lo:hi]
+    bx, by, bz = y[0, lo:hi], y[1, lo:hi], y[2, lo:hi]
+    if plain:
+        for i in range(d.size):
+            bx[i] = d[i] * ax[i]
+            by[i] = d[i] * ay[i]
+            bz[i] = d[i] * az[i]
+    else:
+        for row, out in enumerate((bx, by, bz)):
+            gx, gy, gz = s.own[3 * row, lo:hi], s.own[3 * row + 1, lo:hi], s.own[3 * row + 2, lo:hi]
+            own = x[row, lo:hi]
             for i in range(d.size):
-                bx[i] = d[i] * ax[i]
-                by[i] = d[i] * ay[i]
-                bz[i] = d[i] * az[i]
-        else:
-            for row, out in enumerate((bx, by, bz)):
-                gx, gy, gz = s.own[3 * row, lo:hi], s.own[3 * row + 1, lo:hi], s.own[3 * row + 2, lo:hi]
-                own = x[row, lo:hi]
-                for i in range(d.size):
-                    out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
-        for chunk in range(chunks_of(bonds)):
-            _times_chunk(bonds, springs, s.pull, x, y, chunk)
-        times_corners(share.corners, s.corners, x, y, lo, hi)
-
-    return impl
+                out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
+    for chunk in range(chunks_of(bonds)):
+        _times_chunk(bonds, springs, s.pull, x, y, chunk)
+    times_corners(share.corners, s.corners, x, y, lo, hi)
 
 
-def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> Any:
-    return stub()
+def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:
+    for bond, spring in zip(bonds, springs, strict=True):
+        for piece in range(bond.begin[chunk], bond.begin[chunk + 1]):
+            _times_piece(bond.table[piece], spring, pull, x, y)
 
 
-@inline(_times_chunk)
-def _times_sets(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> Impl:
-    if len(bonds) == 0:
-        return lambda bonds, springs, pull, x, y, chunk: None
-
-    def impl(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:
-        for piece in range(bonds[0].begin[chunk], bonds[0].begin[chunk + 1]):
-            _times_piece(bonds[0].table[piece], springs[0], pull, x, y)
-        _times_chunk(bonds[1:], springs[1:], pull, x, y, chunk)
-
-    return impl
-
-
-def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> Any:
-    return stub()
-
-
-@outline(_times_piece)
-def _times_run(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> Impl:
-    def impl(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
-        a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
-        first, last = piece[OFFSET], piece[OFFSET] + n
-        xa, ya, za = x[0, a : a + n], x[1, a : a + n], x[2, a : a + n]
-        xb, yb, zb = x[0, b : b + n], x[1, b : b + n], x[2, b : b + n]
-        wx, wy, wz, q = (
-            spring[0, first:last],
-            spring[1, first:last],
-            spring[2, first:last],
-            spring[3, first:last],
-        )
-        px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
+@outlined
+def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
+    a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+    first, last = piece[OFFSET], piece[OFFSET] + n
+    xa, ya, za = x[0, a : a + n], x[1, a : a + n], x[2, a : a + n]
+    xb, yb, zb = x[0, b : b + n], x[1, b : b + n], x[2, b : b + n]
+    wx, wy, wz, q = (
+        spring[0, first:last],
+        spring[1, first:last],
+        spring[2, first:last],
+        spring[3, first:last],
+    )
+    px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
+    for k in range(n):
+        dx, dy, dz = xa[k] - xb[k], ya[k] - yb[k], za[k] - zb[k]
+        along = wx[k] * dx + wy[k] * dy + wz[k] * dz
+        px[k] = q[k] * dx + along * wx[k]
+        py[k] = q[k] * dy + along * wy[k]
+        pz[k] = q[k] * dz + along * wz[k]
+    if piece[OWNS_FIRST]:
+        gx, gy, gz = y[0, a : a + n], y[1, a : a + n], y[2, a : a + n]
         for k in range(n):
-            dx, dy, dz = xa[k] - xb[k], ya[k] - yb[k], za[k] - zb[k]
-            along = wx[k] * dx + wy[k] * dy + wz[k] * dz
-            px[k] = q[k] * dx + along * wx[k]
-            py[k] = q[k] * dy + along * wy[k]
-            pz[k] = q[k] * dz + along * wz[k]
-        if piece[OWNS_FIRST]:
-            gx, gy, gz = y[0, a : a + n], y[1, a : a + n], y[2, a : a + n]
-            for k in range(n):
-                gx[k] += px[k]
-                gy[k] += py[k]
-                gz[k] += pz[k]
-        if piece[OWNS_SECOND]:
-            gx, gy, gz = y[0, b : b + n], y[1, b : b + n], y[2, b : b + n]
-            for k in range(n):
-                gx[k] -= px[k]
-                gy[k] -= py[k]
-                gz[k] -= pz[k]
-
-    return impl
+            gx[k] += px[k]
+            gy[k] += py[k]
+            gz[k] += pz[k]
+    if piece[OWNS_SECOND]:
+        gx, gy, gz = y[0, b : b + n], y[1, b : b + n], y[2, b : b + n]
+        for k in range(n):
+            gx[k] -= px[k]
+            gy[k] -= py[k]
+            gz[k] -= pz[k]
 
 
 @outlined
@@ -491,9 +416,9 @@ def invert(s: Any, lo: Any, hi: Any) -> None:
             s.block[0, i], s.block[1, i], s.block[2, i], s.block[3, i], s.block[4, i], s.block[5, i]
         )
         instead = type_of(s.free[i], 1) / s.inertia[i]
-        for k in range(6):
+        for k, entry in enumerate(inverse):
             otherwise = instead if k < 3 else instead - instead
-            s.block[k, i] = s.free[i] * (inverse[k] if good else otherwise)
+            s.block[k, i] = s.free[i] * (entry if good else otherwise)
 
 
 @outlined
@@ -509,7 +434,6 @@ def of_rounding(s: Any, c: Any, lo: Any, hi: Any, reach: Any) -> float:
     return total
 
 
-@spliced
 def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
     """The equations at the present state, under the total forces at time t; ready when all threads have met.
 
@@ -517,7 +441,8 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
     errors of the size of all positions and velocities would leave.
     """
     flags = s.flags[FLAGS * share.number : FLAGS * (share.number + 1)]
-    flags[:] = 0
+    for k in range(FLAGS):
+        flags[k] = 0
     for lo in range(share.first, share.last, share.chunk):
         add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
     add_springs(bonds, s.springs, c, s, reach)
