@@ -14,7 +14,7 @@ import numpy as np
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper
 from particlesim.digest import state_digest
-from particlesim.engine.compiling import compiling_seconds
+from particlesim.compiler import compiling_seconds
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import Interrupted

@@ -17,7 +17,7 @@ from particlesim.scenario.dump import dump
 from particlesim.scenario.scenario import Scenario
 from particlesim.version import __version__
 
-PACKAGES = ("numpy", "numba", "h5py", "pydantic")
+PACKAGES = ("numpy", "llvmlite", "h5py", "pydantic")
 GIT_TIMEOUT = 2.0
 
 

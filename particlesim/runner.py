@@ -16,7 +16,7 @@ from particlesim.bounds import check_fits, needs
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper, Saving
 from particlesim.course import Course
-from particlesim.engine import cache
+from particlesim.compiler import store
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES
@@ -254,7 +254,7 @@ def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:
 
 def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result:
     simulation, log = course.simulation, course.log
-    problems = (cache.problem,) if cache.problem is not None else ()
+    problems = (store.problem,) if store.problem is not None else ()
     return Result(
         scenario=simulation.scenario,
         final=frame_of(simulation, len(log.times) - 1),

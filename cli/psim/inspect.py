@@ -89,6 +89,7 @@ def _show(found: dict[str, Any]) -> None:
         "psim",
         "python",
         "numpy",
+        "llvmlite",
         "numba",
         "overrides",
     )

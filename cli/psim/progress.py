@@ -28,7 +28,7 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
         with _told_when_long(name):
             yield _plain_run(name)
     else:
-        from particlesim.engine.compiling import told_of_compiling
+        from particlesim.compiler import told_of_compiling
 
         with _bar(name, remaining=False) as bar:
             task = bar.add_task(plain(name), total=None, note="preparing")
@@ -148,7 +148,7 @@ def _told_when_long(name: str) -> Iterator[None]:
     """A line when kernels have been compiled for a while."""
     import threading
 
-    from particlesim.engine.compiling import told_of_compiling
+    from particlesim.compiler import told_of_compiling
 
     waiting: list[threading.Timer] = []
     told: list[None] = []

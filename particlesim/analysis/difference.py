@@ -303,7 +303,7 @@ def _notes(a: Trajectory, b: Trajectory, compared: int, precision: Precision) ->
         notes.append(f"stored in different precision; compared in {precision} precision")
     if compared < max(len(a), len(b)):
         notes.append(f"compared {compared} frames, of {len(a)} and {len(b)}")
-    for what in ("psim", "numba", "numpy", "python", "platform"):
+    for what in ("psim", "llvmlite", "numba", "numpy", "python", "platform"):
         versions = [str(t.provenance.get(what, "unknown")) for t in (a, b)]
         if versions[0] != versions[1]:
             notes.append(f"{what}: {versions[0]} and {versions[1]}")

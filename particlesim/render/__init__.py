@@ -22,7 +22,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What needs Numba is imported when it is first asked for."""
+    """What needs the compiler is imported when it is first asked for."""
     if name in ("RenderReport", "render_frame", "render_video"):
         from particlesim.render import video
 

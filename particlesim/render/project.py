@@ -6,7 +6,7 @@ from math import floor, isfinite, sqrt
 
 import numpy as np
 
-from particlesim.engine.cache import kernel, maker, part
+from particlesim.compiler import kernel
 from particlesim.render.stage import Array, Axes, Float32s, Ints, Planes, View
 
 BAND = 16
@@ -29,7 +29,6 @@ def to_scene(position: Array, start: int, stop: int, center: Array, scale: float
     return bad
 
 
-@part
 def _behind_a_plane(x: float, y: float, z: float, radius: float, planes: Planes) -> bool:
     for k in range(len(planes.point)):
         if not planes.facing[k]:
@@ -112,27 +111,36 @@ def to_map(
             box[i, 2], box[i, 3] = max(int(v - r), 0), min(int(v + r), size - 1)
 
 
-@maker
 def bin_bands(box: Ints, order: Ints, height: int) -> tuple[Array, Ints]:
     """Which particles touch which band: `items[first[b]:first[b + 1]]`, in the sequence of `order` (empty:
     by index)."""
-    bands = (height + BAND - 1) // BAND
-    first = np.zeros(bands + 1, np.int64)
+    first = np.zeros((height + BAND - 1) // BAND + 1, np.int64)
+    count_in_bands(box, first)
+    items = np.empty(first[-1], np.int32)
+    sort_into_bands(box, order, first[:-1].copy(), items)
+    return first, items
+
+
+@kernel
+def count_in_bands(box: Ints, first: Array) -> None:
+    """Where the items of each band begin: `first` comes as zeros."""
     for i in range(len(box)):
         if box[i, 0] <= box[i, 1]:
             for b in range(box[i, 2] // BAND, box[i, 3] // BAND + 1):
                 first[b + 1] += 1
-    for b in range(bands):
+    for b in range(len(first) - 1):
         first[b + 1] += first[b]
-    cursor = first[:-1].copy()
-    items = np.empty(first[-1], np.int32)
+
+
+@kernel
+def sort_into_bands(box: Ints, order: Ints, cursor: Array, items: Ints) -> None:
+    """Write the items of each band; `cursor` is where the next one of each goes."""
     for k in range(len(box)):
-        i = order[k] if len(order) else k
+        i = order[k] if len(order) > 0 else k
         if box[i, 0] <= box[i, 1]:
             for b in range(box[i, 2] // BAND, box[i, 3] // BAND + 1):
                 items[cursor[b]] = i
                 cursor[b] += 1
-    return first, items
 
 
 @kernel
@@ -144,25 +152,31 @@ def gather(table: Float32s, items: Array, rows: Float32s) -> None:
             rows[k, c] = table[i, c]
 
 
-@maker
+DEPTHS = 65536
+"""Steps of depth by which particles are sorted."""
+
+
 def far_to_near(sphere: Float32s, box: Ints) -> Ints:
     """Indices by falling view depth: a stable counting sort of the depth in 65 536 steps."""
+    order = np.empty(len(box), np.int32)
+    sort_by_depth(sphere, box, np.zeros(DEPTHS + 1, np.int64), np.zeros(len(box), np.uint16), order)
+    return order
+
+
+@kernel
+def sort_by_depth(sphere: Float32s, box: Ints, count: Array, key: Array, order: Ints) -> None:
+    """Write `order`; `count` and `key` come as zeros."""
     low, high = np.inf, -np.inf
     for i in range(len(box)):
         if box[i, 0] <= box[i, 1]:
             low, high = min(low, sphere[i, 2]), max(high, sphere[i, 2])
-    steps = 65536
-    factor = (steps - 1) / max(high - low, 1e-30)
-    count = np.zeros(steps + 1, np.int64)
-    key = np.zeros(len(box), np.uint16)
+    factor = (DEPTHS - 1) / max(high - low, 1e-30)
     for i in range(len(box)):
         if box[i, 0] <= box[i, 1]:
             key[i] = int((high - sphere[i, 2]) * factor)
         count[key[i] + 1] += 1
-    for k in range(steps):
+    for k in range(DEPTHS):
         count[k + 1] += count[k]
-    order = np.empty(len(box), np.int32)
     for i in range(len(box)):
         order[count[key[i]]] = i
         count[key[i]] += 1
-    return order

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from particlesim.engine.cache import kernel, maker
+from particlesim.compiler import kernel
 from particlesim.render.project import BAND
 from particlesim.render.stage import Array, Float32s, Ints, Layers, View
 
@@ -78,43 +78,43 @@ def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> N
                         depth[y, x] = d
 
 
-@kernel
 def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Float32s) -> None:
     """Heights above `base` (0 where nothing stands) and their squares, both blurred twice by a box of 2 k +
     1 texels."""
+    size = len(depth)
+    heights(depth, base, mean, square)
+    copy, total = np.empty_like(mean), np.empty(size)
+    for image in (mean, square):
+        for _ in range(2):
+            blur(image, k, copy, total)
+
+
+@kernel
+def heights(depth: Float32s, base: float, mean: Float32s, square: Float32s) -> None:
+    """Heights above `base`, and their squares."""
     size = len(depth)
     for y in range(size):
         for x in range(size):
             h = max(-depth[y, x] - base, 0.0)
             mean[y, x] = h
             square[y, x] = h * h
-    for _ in range(2):
-        _blur_rows(mean, k)
-        _blur_rows(square, k)
-        _blur_columns(mean, k)
-        _blur_columns(square, k)
 
 
-@maker
-def _blur_rows(image: Float32s, k: int) -> None:
+@kernel
+def blur(image: Float32s, k: int, copy: Float32s, total: Array) -> None:
+    """Mean over 2 k + 1 texels along rows, then along columns; `copy` (like the image) and `total` (a row) are scratch."""
     size = len(image)
-    line = np.empty(size, np.float32)
     for y in range(size):
+        line = copy[y]
         line[:] = image[y]
-        total = line[0] * np.float64(k)
+        along = line[0] * np.float64(k)
         for x in range(k):
-            total += line[min(x, size - 1)]
+            along += line[min(x, size - 1)]
         for x in range(size):
-            total += line[min(x + k, size - 1)]
-            image[y, x] = total / (2 * k + 1)
-            total -= line[max(x - k, 0)]
-
-
-@maker
-def _blur_columns(image: Float32s, k: int) -> None:
-    size = len(image)
-    copy = image.copy()
-    total = np.empty(size, np.float64)
+            along += line[min(x + k, size - 1)]
+            image[y, x] = along / (2 * k + 1)
+            along -= line[max(x - k, 0)]
+    copy[:] = image
     for x in range(size):
         total[x] = copy[0, x] * np.float64(k)
     for y in range(k):

@@ -11,7 +11,7 @@ from math import sqrt
 
 import numpy as np
 
-from particlesim.engine.cache import kernel, part
+from particlesim.compiler import kernel
 from particlesim.render.project import BAND
 from particlesim.render.solids import on_screen
 from particlesim.render.stage import Array, Float32s, Ints, Samples, Solids, Triple, View
@@ -29,7 +29,6 @@ def clear_samples(samples: Samples) -> None:
     samples.id[:] = -1
 
 
-@part
 def _edge(p: Triple, q: Triple, sign: float) -> Triple:
     """a, b, c of the function a x + b y + c that is 0 on the line from p to q and positive to one side."""
     a, b = sign * (p[1] - q[1]), sign * (q[0] - p[0])

@@ -6,7 +6,7 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
-from particlesim.engine.cache import kernel, part
+from particlesim.compiler import kernel
 from particlesim.render.project import BAND
 from particlesim.render.stage import (
     Array,
@@ -25,18 +25,15 @@ from particlesim.render.stage import (
 RGB = Triple
 
 
-@part
 def row_of(array: Float32s, k: int) -> Triple:
     """A row of three as scalars: a slice would count references, in an atomic that the threads share."""
     return array[k, 0], array[k, 1], array[k, 2]
 
 
-@part
 def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
     return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
 
 
-@part
 def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
     3."""
@@ -59,7 +56,6 @@ def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     return total * (1.0 / 9.0)
 
 
-@part
 def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     """Share of the sky that a point sees.
 
@@ -92,7 +88,6 @@ def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     return 1.0 - shaded
 
 
-@part
 def _lines(x: float, footprint: float, width: float) -> float:
     """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference
     quotient."""
@@ -103,7 +98,6 @@ def _lines(x: float, footprint: float, width: float) -> float:
     return (ia - ib) / w
 
 
-@part
 def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
     """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
     and down."""
@@ -124,7 +118,6 @@ def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple
     return min(0.42 * fine + 0.5 * bold, 1.0)
 
 
-@part
 def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     """A vertical gradient that darkens a little towards the corners."""
     sx, sy = (x + 0.5) / view.width - 0.5, (y + 0.5) / view.height
@@ -138,7 +131,6 @@ def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     )
 
 
-@part
 def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[int, float]:
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
@@ -153,7 +145,6 @@ def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[
     return best, t_best
 
 
-@part
 def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
     """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the
     others."""
@@ -173,7 +164,6 @@ def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple)
     return min(max(cover, 0.0), 1.0), crease
 
 
-@part
 def behind(
     view: View,
     planes: Planes,
@@ -230,7 +220,6 @@ def behind(
     return rgb[0] + cover * (r - rgb[0]), rgb[1] + cover * (g - rgb[1]), rgb[2] + cover * (b - rgb[2])
 
 
-@part
 def shade_sphere(
     view: View,
     light: Light,
@@ -370,7 +359,6 @@ def shade_band(
             image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
 
 
-@part
 def mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from particlesim.engine.cache import kernel, part
+from particlesim.compiler import kernel
 from particlesim.render.project import BAND
 from particlesim.render.samples import SUBSAMPLES
 from particlesim.render.shade import (
@@ -36,7 +36,6 @@ CLOTH_GLOW = 0.30
 """Share of the light on its other side that shines through a cloth."""
 
 
-@part
 def _to_world(view: View, x: float, y: float, z: float) -> Triple:
     a = view.axes
     return (
@@ -46,23 +45,19 @@ def _to_world(view: View, x: float, y: float, z: float) -> Triple:
     )
 
 
-@part
 def _dot(a: Triple, b: Triple) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@part
 def _cross(a: Triple, b: Triple) -> Triple:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@part
 def _unit(a: Triple) -> Triple:
     s = 1.0 / sqrt(max(a[0] * a[0] + a[1] * a[1] + a[2] * a[2], 1e-60))
     return a[0] * s, a[1] * s, a[2] * s
 
 
-@part
 def _lit_point(
     light: Light,
     shadow: ShadowMap,
@@ -112,7 +107,6 @@ def _lit_point(
     )
 
 
-@part
 def _shade_triangle(
     view: View,
     light: Light,
@@ -169,7 +163,6 @@ def _shade_triangle(
     )
 
 
-@part
 def _shade_tube(
     view: View,
     light: Light,
@@ -226,7 +219,6 @@ def _shade_tube(
     )
 
 
-@part
 def _together(samples: Samples, y: int, x: int, s: int, q: int, first: int, last: int, gap: float) -> bool:
     """Whether two points of a sample see the same thing: one number, or triangles first … last − 1 at nearly one depth."""
     i, j = samples.id[y, x, s], samples.id[y, x, q]

@@ -6,7 +6,7 @@ from math import floor, isfinite, sqrt
 
 import numpy as np
 
-from particlesim.engine.cache import kernel, part
+from particlesim.compiler import kernel
 from particlesim.render.project import NEAR
 from particlesim.render.stage import Array, Float32s, Ints, Planes, Triple, View
 
@@ -35,7 +35,6 @@ def smooth_normals(face: Float32s, first: Array, fan: Ints, start: int, stop: in
         normal[k, 0], normal[k, 1], normal[k, 2] = x * inv, y * inv, z * inv
 
 
-@part
 def on_screen(sphere: Float32s, i: int, view: View) -> Triple:
     """Column, row and inverse depth of a particle; the depth must be positive."""
     inv = 1.0 / np.float64(sphere[i, 2])
@@ -46,7 +45,6 @@ def on_screen(sphere: Float32s, i: int, view: View) -> Triple:
     )
 
 
-@part
 def _clip(box: Ints, k: int, low: Triple, high: Triple, width: int, height: int) -> None:
     """Write the samples between two corners that lie inside the picture."""
     if high[0] < 0 or low[0] > width or high[1] < 0 or low[1] > height:
@@ -55,7 +53,6 @@ def _clip(box: Ints, k: int, low: Triple, high: Triple, width: int, height: int)
     box[k, 2], box[k, 3] = int(max(floor(low[1]), 0)), int(min(floor(high[1]), height - 1))
 
 
-@part
 def _hidden(world: Float32s, i: int, planes: Planes) -> bool:
     """Whether a plane that faces the camera lies before a point."""
     for k in range(len(planes.point)):

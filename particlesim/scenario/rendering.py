@@ -1,6 +1,6 @@
 """What a scenario's `[render]` table may say.
 
-Plain data: importing this module loads neither Numba nor Pillow. Colours are sRGB components between 0 and 1.
+Plain data: importing this module loads neither the compiler nor Pillow. Colours are sRGB components between 0 and 1.
 """
 
 from __future__ import annotations

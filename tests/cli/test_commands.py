@@ -70,7 +70,7 @@ def test_help_imports_nothing_heavy():
     for heavy in (
         "pydantic",
         "numpy",
-        "numba",
+        "llvmlite",
         "h5py",
         "scipy",
         "pint",

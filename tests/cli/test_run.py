@@ -111,32 +111,13 @@ def test_shortened_step_is_told(psim):
 
 
 def test_warnings_are_shown(psim, monkeypatch):
-    from particlesim.engine import cache
+    from particlesim.compiler import store
 
-    monkeypatch.setattr(cache, "problem", "kernels are compiled anew in every process")
+    monkeypatch.setattr(store, "problem", "kernels are compiled anew in every process")
     ended = psim("run", "tiny.toml")
     assert ended.code == 0
     assert "warning: kernels are compiled anew" in ended.err
-    assert psim("run", "tiny.toml", "-f", "--json").json["warnings"] == [cache.problem]
-
-
-def test_kernels_that_do_not_fit_on_the_disk_are_done_without(monkeypatch):
-    from numba.core.caching import IndexDataCacheFile
-
-    from particlesim.engine import cache
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(cache, "problem", None)
-    monkeypatch.setattr(IndexDataCacheFile, "_save_data", full)
-
-    @cache.kernel
-    def twice(x):
-        return 2 * x
-
-    assert twice(3) == 6
-    assert "No space left on device" in cache.problem
+    assert psim("run", "tiny.toml", "-f", "--json").json["warnings"] == [store.problem]
 
 
 def test_divergence_keeps_what_was_computed(psim):

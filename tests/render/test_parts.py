@@ -48,7 +48,7 @@ def test_wrong_settings_are_refused(wrong):
 
 
 def test_settings_need_no_compiler():
-    code = "import sys, particlesim.render; sys.exit('numba' in sys.modules or 'PIL' in sys.modules)"
+    code = "import sys, particlesim.render; sys.exit('llvmlite' in sys.modules or 'PIL' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -138,6 +138,6 @@ def test_provenance(tmp_path) -> None:
         assert facts["overrides"] == "simulation.dt=0.02"
         assert facts["seed"] == 3
         assert ps.loads(str(facts["scenario"])).simulation.dt == 0.02
-        for name in ("psim", "python", "numba", "numpy", "h5py", "platform", "host", "command", "started"):
+        for name in ("psim", "python", "llvmlite", "numpy", "h5py", "platform", "host", "command", "started"):
             assert facts[name], name
     assert state_digest(result.final) == state_digest(ps.run(run).final)

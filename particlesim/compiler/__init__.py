@@ -1,0 +1,20 @@
+"""A compiler of our own scale for our own kernels: scalar Python to machine code, through LLVM.
+
+`docs/compiler.md` teaches it. Kernels are ordinary functions: `k.python` is one that runs uncompiled.
+"""
+
+from particlesim.compiler.intrinsics import atomic_add, atomic_load, exact, let_others_run, on_stack, outlined
+from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling
+
+__all__ = [
+    "Kernel",
+    "atomic_add",
+    "atomic_load",
+    "compiling_seconds",
+    "exact",
+    "kernel",
+    "let_others_run",
+    "on_stack",
+    "outlined",
+    "told_of_compiling",
+]

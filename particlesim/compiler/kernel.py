@@ -1,0 +1,291 @@
+"""`@kernel`: what Python calls. Compiled when it is first called with arguments of a new structure, kept on disk."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import inspect
+import os
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import store
+from particlesim.compiler.values import ELEMENTS, KINDS, Array, Number, Unsupported, form_of, kinds_in, value_of
+
+_CALL = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_char_p)  # releases the GIL
+_LOCK = threading.RLock()
+_BUSY: list[Callable[[bool], None]] = []
+_spent = 0.0
+_began = 0.0
+ENTRY = "kernel"
+
+
+# Arguments
+
+
+def _array(x: np.ndarray[Any, Any], key: list[Any], numbers: list[Any]) -> None:
+    shape = x.shape
+    numbers.append(x.__array_interface__["data"][0])
+    numbers += shape
+    if x.flags.c_contiguous:
+        key.append((x.dtype, len(shape)))
+    else:
+        size = x.dtype.itemsize
+        key.append((x.dtype, len(shape), True))
+        for stride in x.strides:
+            if stride % size:
+                raise TypeError("kernels take arrays whose strides are whole elements")
+            numbers.append(stride // size)
+
+
+def _number(kind: str) -> Callable[[Any, list[Any], list[Any]], None]:
+    def put(x: Any, key: list[Any], numbers: list[Any]) -> None:
+        key.append(kind)
+        numbers.append(x)
+
+    return put
+
+
+_TAKE: dict[type, Callable[[Any, list[Any], list[Any]], None]] = {
+    np.ndarray: _array,
+    float: _number("double"),
+    np.float64: _number("double"),
+    np.float32: _number("float"),
+    bool: _number("i1"),
+    np.bool_: _number("i1"),
+    int: _number("i64"),
+    **{getattr(np, name): _number("i64") for name in ELEMENTS if name.startswith(("int", "uint"))},
+}
+
+
+def _take(x: Any, key: list[Any], numbers: list[Any]) -> None:
+    """The structure of an argument as a key, and the numbers in it."""
+    cls = x.__class__
+    take = _TAKE.get(cls)
+    if take is not None:
+        take(x, key, numbers)
+    elif isinstance(x, tuple):
+        key.append((cls, len(x)))
+        for each in x:
+            _take(each, key, numbers)
+    elif isinstance(x, np.ndarray):
+        _array(x, key, numbers)
+    elif x is None or isinstance(x, str | type) or callable(x):
+        key.append(x)
+    else:
+        raise TypeError(f"kernels take numbers, arrays, None, functions, and tuples of them, not {cls.__name__}")
+
+
+def _value(x: Any, registers: Iterator[Number], w: Any) -> Any:
+    """An argument as the walker sees it."""
+    if isinstance(x, np.ndarray):
+        element = x.dtype.name
+        if element not in ELEMENTS or not x.dtype.isnative:
+            raise TypeError(f"kernels do not take arrays of {x.dtype}")
+        data = next(registers)
+        lengths = tuple(next(registers) for _ in x.shape)
+        if not x.flags.c_contiguous:
+            return Array(data, element, lengths, tuple(next(registers) for _ in x.shape))
+        strides: tuple[Any, ...] = (1,) if lengths else ()
+        for length in lengths[:0:-1]:
+            strides = (w.binary("Mult", length, strides[0]), *strides)
+        return Array(data, element, lengths, strides)
+    if isinstance(x, tuple):
+        parts = [_value(each, registers, w) for each in x]
+        return tuple(parts) if type(x) is tuple else tuple.__new__(type(x), parts)
+    return next(registers) if x.__class__ in _TAKE else x
+
+
+def _kinds(x: Any) -> list[str]:
+    if isinstance(x, np.ndarray):
+        return ["ptr"] + ["i64"] * (x.ndim if x.flags.c_contiguous else 2 * x.ndim)
+    if isinstance(x, tuple):
+        return [kind for each in x for kind in _kinds(each)]
+    if x.__class__ not in _TAKE:
+        return []
+    key: list[Any] = []
+    _take(x, key, [])
+    return key
+
+
+_FORMAT = {"ptr": "P", "i64": "q", "double": "d", "float": "d", "i1": "q"}
+"""Every argument and result takes eight bytes; single precision comes as double."""
+
+
+@dataclass
+class Compiled:
+    """A kernel for arguments of one structure."""
+
+    call: Callable[[bytes, Any], None]
+    pack: Callable[..., bytes]
+    results: list[str]
+    form: Any
+    code: Any  # keeps the machine code
+
+    def __call__(self, numbers: list[Any]) -> Any:
+        if not self.results:
+            self.call(self.pack(*numbers), None)
+            return value_of(self.form, iter(()))
+        room = ctypes.create_string_buffer(8 * len(self.results))
+        self.call(self.pack(*numbers), room)
+        got = struct.unpack("".join(_FORMAT[kind] for kind in self.results), room)
+        return value_of(self.form, iter([KINDS[kind](n) if kind != "double" else n for n, kind in zip(got, self.results, strict=True)]))
+
+
+# Compilation
+
+
+def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any, Any]:
+    """The module of a kernel for such arguments: its text, the form of its result, and the unit with what went in.
+
+    Raises CompileError with file, line and reason.
+    """
+    from particlesim.compiler.walker import Again, Unit
+
+    unit = Unit()
+    while True:
+        try:
+            return _write(function, arguments, unit)
+        except Again:
+            unit = unit.fresh()
+
+
+def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) -> tuple[str, Any, Any]:
+    from particlesim.compiler.walker import CompileError, Frame
+    from particlesim.compiler.writer import Writer
+
+    w = Writer(unit.declared, unit.constants)
+    registers = []
+    for k, kind in enumerate(kind for each in arguments for kind in _kinds(each)):
+        place = w.emit(f"getelementptr inbounds i64, ptr %arguments, i64 {k}")
+        held = {"float": "double", "i1": "i64"}.get(kind, kind)
+        number = Number(w.emit(f"load {held}, ptr {place}"), held)
+        registers.append(w.cast(number, kind) if held != kind else number)
+    taken = iter(registers)
+    try:
+        values = [_value(each, taken, w) for each in arguments]
+        result = Frame(unit, w, function, values, {}).walk()
+    except Unsupported as error:
+        code = function.__code__
+        raise CompileError(str(error), [(code.co_filename, code.co_firstlineno, 0, function.__name__)]) from error
+    numbers: list[Any] = []
+    form = form_of(result, numbers)
+    kinds = kinds_in(form)
+    if "ptr" in kinds:
+        raise TypeError(f"{function.__name__} returns an array: kernels return numbers")
+    for k, (number, kind) in enumerate(zip(numbers, kinds, strict=True)):
+        held = {"float": "double", "i1": "i64"}.get(kind, kind)
+        place = w.emit(f"getelementptr inbounds i64, ptr %results, i64 {k}")
+        w.do(f"store {held} {w.ref(w.cast(number, kind), held)}, ptr {place}")
+    w.finish("ret void")
+    body = f"define void @{ENTRY}(ptr noalias %arguments, ptr noalias %results) nounwind {{\n{w.text()}\n}}"
+    constants = [
+        f'{name} = private unnamed_addr constant [{len(text) // 3} x i8] c"{text}", align 64'
+        for text, name in unit.constants.items()
+    ]
+    return "\n\n".join([*unit.declared.values(), *constants, *unit.bodies, body]), form, unit
+
+
+class Kernel:
+    """A compiled function; `python` is the same in plain Python."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.python = function
+        self._made: dict[Any, Compiled] = {}
+        self._parameters = inspect.signature(function)
+        self._count = len(self._parameters.parameters)
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        """Run compiled; arrays are changed in place. Raises CompileError, and TypeError for what kernels do not take."""
+        if keywords or len(arguments) != self._count:
+            bound = self._parameters.bind(*arguments, **keywords)
+            bound.apply_defaults()
+            arguments = bound.args
+        if PLAIN:
+            with np.errstate(all="ignore"):
+                return self.python(*arguments)
+        key: list[Any] = []
+        numbers: list[Any] = []
+        for each in arguments:
+            _take(each, key, numbers)
+        made = self._made.get(found := tuple(key))
+        if made is None:
+            made = self._compile(found, arguments)
+        return made(numbers)
+
+    def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled:
+        with _LOCK, _timed():
+            if key not in self._made:
+                self._made[key] = _compiled(self.python, key, arguments)
+            return self._made[key]
+
+
+def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled:
+    from particlesim.compiler import machine
+
+    entry = store.entry(function, key, machine.identity())
+    kept = store.read(entry)
+    if kept is None:
+        text, form, unit = write(function, arguments)
+        code = machine.object_code(text)
+        store.write(entry, code, form, unit)
+    else:
+        code, form = kept
+    loaded = machine.Code(code, ENTRY)
+    kinds = [kind for each in arguments for kind in _kinds(each)]
+    pack = struct.Struct("".join(_FORMAT[kind] for kind in kinds)).pack
+    return Compiled(_CALL(loaded.address), pack, kinds_in(form), form, loaded)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Decorator: compile a function for the hot path. It releases the GIL and is kept on disk.
+
+    It takes numbers, arrays, None, functions and (named) tuples of them, and returns numbers. It cannot make arrays:
+    whoever calls it brings room.
+    """
+    return Kernel(function)
+
+
+PLAIN = os.environ.get("PSIM_KERNELS") == "python"
+"""Whether kernels run as plain Python: slow, for finding mistakes."""
+
+
+# How long it takes
+
+
+@contextmanager
+def _timed() -> Iterator[None]:
+    global _spent, _began
+    _began = time.perf_counter()
+    for listener in tuple(_BUSY):
+        listener(True)
+    try:
+        yield
+    finally:
+        _spent += time.perf_counter() - _began
+        _began = 0.0
+        for listener in tuple(_BUSY):
+            listener(False)
+
+
+def compiling_seconds() -> float:
+    """Wall-clock time that this process has spent on compiling so far [s]."""
+    return _spent + (time.perf_counter() - _began if _began else 0.0)
+
+
+@contextmanager
+def told_of_compiling(listener: Callable[[bool], None]) -> Iterator[None]:
+    """Calls `listener` with True when this process begins to compile and with False when it ends, in whatever thread."""
+    _BUSY.append(listener)
+    try:
+        yield
+    finally:
+        _BUSY.remove(listener)

@@ -1,0 +1,69 @@
+"""From the text of a module to machine code for the processor at hand, and from there into this process."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+_LOCK = threading.Lock()
+
+
+@functools.cache
+def processor() -> tuple[str, str]:
+    """Name and features of the processor, as LLVM tells them.
+
+    With AVX-512, vectors of 512 bits are asked for: LLVM prefers 256 on Intel's, where they are a third slower for kernels.
+    """
+    features = llvm.get_host_cpu_features()
+    text = features.flatten() if features else ""
+    return llvm.get_host_cpu_name(), f"{text},-prefer-256-bit" if "+avx512f" in text else text
+
+
+def identity() -> str:
+    """What machine code depends on beside its source: LLVM, its binding, and the processor."""
+    return " ".join([llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), llvm.get_process_triple(), *processor()])
+
+
+@functools.cache
+def _initialised() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+def _target(optimise: int = 3) -> Any:
+    _initialised()
+    name, features = processor()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(cpu=name, features=features, opt=optimise, reloc="default", codemodel="jitdefault")
+
+
+def object_code(text: str) -> bytes:
+    """Optimise a module and translate it. Raises RuntimeError when LLVM refuses it."""
+    with _LOCK:
+        machine = _target()
+        module = llvm.parse_assembly(text)
+        module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
+        module.verify()
+        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options.loop_vectorization = options.loop_interleaving = options.loop_unrolling = True
+        options.slp_vectorization = False
+        builder = llvm.create_pass_builder(machine, options)
+        builder.getModulePassManager().run(module, builder)
+        return bytes(machine.emit_object(module))
+
+
+class Code:
+    """Machine code in memory; keeps what it needs alive."""
+
+    def __init__(self, code: bytes, name: str) -> None:
+        with _LOCK:
+            self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target(0))
+            self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+            self.engine.finalize_object()
+            self.address = self.engine.get_function_address(name)
+        if not self.address:
+            raise RuntimeError(f"machine code without {name}")

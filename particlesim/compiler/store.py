@@ -1,0 +1,197 @@
+"""Machine code kept on disk: one file for each kernel and structure of its arguments.
+
+The name of a file is a digest of the kernel's name, its arguments, LLVM, and the processor. Inside is what else went in: the
+digests of the modules whose functions it holds, and the numbers that they took from their modules. All of it is compared
+before the code is used, so an edit compiles anew what it concerns and nothing else.
+
+Machine code is trusted as programs are: the folder and its files belong to the user and nobody else may write there, or
+they are not used. Nothing is unpickled.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler.values import TupleForm, KnownForm
+
+VERSION = 1
+
+problem: str | None = None
+"""Why kernels are not kept on disk, or None when they are."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where the code of a kernel is kept, and what its file must say of itself."""
+
+    path: Path
+    name: str
+
+
+def cache_root() -> Path:
+    """Where kernels are kept: $PSIM_CACHE_DIR, else the user's cache directory."""
+    if chosen := os.environ.get("PSIM_CACHE_DIR"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "psim"
+
+
+@functools.cache
+def folder() -> Path | None:
+    """The folder of kernels, made if need be; None (and `problem` set) when it cannot be written or is not the user's own."""
+    try:
+        path = cache_root() / "kernels"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        if not _own(path.lstat(), stat.S_ISDIR):
+            _trouble(f"{path} belongs to, or can be written by, somebody else")
+            return None
+        if not os.access(path, os.W_OK):
+            _trouble(f"{path} cannot be written")
+            return None
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home directory
+        _trouble(str(error))
+        return None
+    return path
+
+
+def _trouble(why: str) -> None:
+    global problem
+    problem = f"kernels are compiled anew in every process: {why}; set PSIM_CACHE_DIR to a folder of your own"
+
+
+def _own(status: os.stat_result, kind: Callable[[int], bool]) -> bool:
+    """Whether a file is of this kind, the user's, and closed to others' writing."""
+    if not kind(status.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
+
+
+def entry(function: Callable[..., Any], key: Any, identity: str) -> Entry | None:
+    """Where a kernel for such arguments is kept; None where it is not."""
+    home = folder()
+    if home is None or _module_digest(function.__module__) is None:
+        return None
+    name = f"{function.__module__}.{function.__qualname__}"
+    text = f"{VERSION} {name} {identity} {' '.join(map(_text, key))}"
+    return Entry(home / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.kernel", name)
+
+
+def _text(part: Any) -> str:
+    """A part of a key in words that mean the same in every process."""
+    if isinstance(part, tuple):
+        return "(" + " ".join(map(_text, part)) + ")"
+    if isinstance(part, type):
+        return f"{part.__module__}.{part.__qualname__}{getattr(part, '_fields', '')}"
+    if callable(part):
+        return f"{part.__module__}.{part.__qualname__}"
+    return repr(part)
+
+
+@functools.cache
+def _module_digest(name: str) -> str | None:
+    """SHA-256 of a module's source; None for one that has no file."""
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if name == "__main__" or file is None:
+        return None
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def read(entry: Entry | None) -> tuple[bytes, Any] | None:
+    """The code and the form of the result; None when nothing is kept, or what is kept does not hold any more."""
+    if entry is None:
+        return None
+    try:
+        with open(entry.path, "rb", opener=_opened) as file:
+            if not _own(os.fstat(file.fileno()), stat.S_ISREG):
+                return None
+            head, code = file.readline(), file.read()
+        facts = json.loads(head)
+        good = (
+            facts["kernel"] == entry.name
+            and facts["code"] == hashlib.sha256(code).hexdigest()
+            and all(_module_digest(name) == digest for name, digest in facts["modules"].items())
+            and all(_number(module, name) == text for module, name, text in facts["numbers"])
+        )
+        return (code, _form(facts["result"])) if good else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _opened(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
+def write(entry: Entry | None, code: bytes, form: Any, unit: Any) -> None:
+    """Keep the code of a kernel; a disk that is full or read-only does without, and `problem` says so."""
+    result = _plain(form)
+    if entry is None or result is Ellipsis:
+        return
+    modules = {name: _module_digest(name) for name in sorted(unit.modules)}
+    if None in modules.values():
+        return
+    head = {
+        "kernel": entry.name,
+        "code": hashlib.sha256(code).hexdigest(),
+        "modules": modules,
+        "numbers": [[module, name, _number(module, name)] for module, name in sorted(unit.numbers)],
+        "result": result,
+    }
+    try:
+        with tempfile.NamedTemporaryFile(dir=entry.path.parent, prefix=".", delete=False) as file:
+            try:
+                file.write(json.dumps(head).encode() + b"\n" + code)
+                file.flush()
+                os.replace(file.name, entry.path)
+            except BaseException:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+    except OSError as error:
+        _trouble(f"{error.strerror} in {entry.path.parent}")
+
+
+@functools.cache
+def _number(module: str, name: str) -> str | None:
+    """A number of a module, or an array of them, in words that tell it from every other."""
+    value = getattr(sys.modules.get(module), name, None)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+    return f"{type(value).__name__} {value!r}"
+
+
+def _plain(form: Any) -> Any:
+    """The form of a result as JSON; Ellipsis when it holds more than numbers, None and tuples."""
+    if isinstance(form, str):
+        return form
+    if isinstance(form, KnownForm):
+        return None if form[0] is None else Ellipsis
+    if isinstance(form, TupleForm) and form[0] is tuple:
+        parts = [_plain(each) for each in form[1]]
+        return Ellipsis if Ellipsis in parts else parts
+    return Ellipsis
+
+
+def _form(plain: Any) -> Any:
+    if isinstance(plain, list):
+        return TupleForm((tuple, tuple(_form(each) for each in plain)))
+    return KnownForm((None,)) if plain is None else plain
