@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,7 +19,6 @@ from support import columns as plain_columns
 
 from particlesim.colliders.bounds_laws import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.engine.cache import _KERNEL
 from particlesim.engine.contact import MAX_HALVINGS, MAX_STALLS, Careful, Simple
 from particlesim.engine.independent import BLOCK, new_room, step_range
 from particlesim.forces import Gravity
@@ -367,10 +365,8 @@ def test_a_ball_settles_in_a_few_impacts_far_from_the_origin(monkeypatch: pytest
     c = columns([[0, -5 + height, 0]], [[0, 0, 0]])
     asked = np.zeros(1, np.int64)
     floor = continuous(plane((0, 1, 0), -5.0, restitution=0.5))
-    # Not kept on disk, where other processes would look for a record of this file.
-    step = numba.njit(**_KERNEL)(step_range.py_func)
     counting = program("velocity_verlet", (CountedRecord(asked),), floor)
-    step(counting, c, 0, steps, dt, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
+    step_range(counting, c, 0, steps, dt, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
     assert c.y[0] == pytest.approx(-5, abs=1e-14)
     assert c.vy[0] == 0
     assert asked[0] < 6 * steps + (10 + 14 + MAX_STALLS) * 2 * MAX_HALVINGS
