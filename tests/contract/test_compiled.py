@@ -111,6 +111,7 @@ def contacts_with(records: Any, p: Any) -> Any:
 def test_contacts() -> None:
     records = tuple(COLLIDER_RECORDS.values())
     outcomes = set()
+    found = np.empty((len(records), 12))
     for p in PARTICLES:
         for record, (*q, outcome) in zip(records, contacts_with(records, p), strict=True):
             expected, what = contact(record, p)
