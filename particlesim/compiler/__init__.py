@@ -1,0 +1,1 @@
+"""Compiles the kernels: scalar Python to machine code."""

@@ -1,0 +1,76 @@
+"""What the compiler turns into single instructions, as ordinary functions: the same bits without a compiler.
+
+All are operations of IEEE 754, exact or rounded once, so they mean the same on every machine. Here they are functions of
+the C library, since Python's own raise errors where IEEE 754 gives infinity or NaN.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import struct
+from collections.abc import Callable
+from typing import TypeVar
+
+F = TypeVar("F", bound=Callable[..., object])
+
+_LIBRARY = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+
+
+def _of_library(name: str, count: int) -> Callable[..., float]:
+    """A function of the C library that takes and returns float64."""
+    function = _LIBRARY[name]
+    function.restype = ctypes.c_double
+    function.argtypes = [ctypes.c_double] * count
+    return function
+
+
+_fma = _of_library("fma", 3)
+_rint = _of_library("rint", 1)
+_sqrt = _of_library("sqrt", 1)
+_floor = _of_library("floor", 1)
+_copysign = _of_library("copysign", 2)
+
+
+def exact(function: F) -> F:
+    """Marks a function in which, with all it calls, every operation is rounded as it is written.
+
+    Elsewhere the compiler may fuse a·b + c, turn a division into a product, or forget the sign of a zero.
+    """
+    function.exact = True  # type: ignore[attr-defined]
+    return function
+
+
+def fma(a: float, b: float, c: float) -> float:
+    """a·b + c, rounded once."""
+    return _fma(a, b, c)
+
+
+def nearest(x: float) -> float:
+    """The nearest integer, the even one of two; keeps the sign of zero."""
+    return _rint(x)
+
+
+def floor(x: float) -> float:
+    """The largest integer that is not above x."""
+    return _floor(x)
+
+
+def sqrt(x: float) -> float:
+    """Square root; NaN for x < 0."""
+    return _sqrt(x)
+
+
+def copysign(x: float, y: float) -> float:
+    """|x| with the sign of y, that of a zero too."""
+    return _copysign(x, y)
+
+
+def bits_of(x: float) -> int:
+    """The 64 bits of a float64 as a signed integer."""
+    return int(struct.unpack("<q", struct.pack("<d", x))[0])
+
+
+def number_of(bits: int) -> float:
+    """The float64 that has these 64 bits; higher ones, which a signed 64-bit integer has no room for, are cut off."""
+    return float(struct.unpack("<d", struct.pack("<Q", bits & 0xFFFF_FFFF_FFFF_FFFF))[0])
