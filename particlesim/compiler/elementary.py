@@ -14,14 +14,14 @@ end and rounded in one last sum: this is why errors stay near the half ulp that 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
-
-import math
 
 import numpy as np
 
 from particlesim.compiler.intrinsics import bits_of, copysign, exact, floor, fma, nearest, number_of, sqrt
+from particlesim.compiler.polynomials import ASIN, ATAN, ATANH, COS, EXP, SIN, SINH
 
 INF = math.inf
 NAN = math.nan
@@ -50,6 +50,13 @@ def two_product(a: float, b: float) -> Pair:
     """a·b as its rounded value and the error of that."""
     product = a * b
     return product, fma(a, b, -product)
+
+
+def horner_pair(c: Pair, x: Pair, total: Pair) -> Pair:
+    """c + x·total, a step of Horner's scheme in pairs, for |c| ≥ |x·total|."""
+    product, lost = two_product(x[0], total[0])
+    high, rest = fast_two_sum(c[0], product)
+    return high, rest + (c[1] + fma(x[0], total[1], fma(x[1], total[0], lost)))
 
 
 def quotient(a: float, a_rest: float, b: float, b_rest: float) -> Pair:
@@ -82,40 +89,28 @@ def scaled(x: float, k: float) -> float:
     return x * two_to(half) * two_to(k - half)
 
 
-# Exponential functions: x = k ln 2 + r with |r| ≤ ln 2 / 2, and eˣ = 2ᵏ (1 + r + r² EXP(r)).
+# Exponential functions: x = k ln 2 + r with |r| ≤ ln 2 / 2, and eˣ = 2ᵏ (1 + r + r²/2 + r³ EXP(r)).
 
 LOG2_E = 1.4426950408889634
 LN2_HIGH = 0.6931471805598903  # 42 bits: k·LN2_HIGH is exact for every exponent k
 LN2_LOW = 5.497923018708371e-14
-EXP = (
-    2.091468233750756e-09,
-    2.510520642590017e-08,
-    2.755727365335771e-07,
-    2.7557255425621654e-06,
-    2.4801587325540817e-05,
-    0.0001984126987480059,
-    0.001388888888888375,
-    0.008333333333326141,
-    0.04166666666666667,
-    0.1666666666666667,
-    0.5,
-)
-# relative error 2^-61.4
 
 
 def exponential(x: float, rest: float) -> tuple[float, float, float]:
-    """k, r and q of e^(x + rest) = 2ᵏ (1 + r + q), with a small rest."""
+    """k, g and q of e^(x + rest) = 2ᵏ (1 + g + q), where g is r + r²/2 rounded, and q small. The rest is small too."""
     k = nearest(x * LOG2_E)
-    coarse = fma(-k, LN2_HIGH, x)
-    r = fma(-k, LN2_LOW, coarse)
-    return k, r, fma(r * r, polynomial(r, EXP), fma(-k, LN2_LOW, coarse - r) + rest)
+    r, r_rest = fast_two_sum(fma(-k, LN2_HIGH, x), fma(-k, LN2_LOW, rest))
+    half = 0.5 * r
+    g = fma(half, r, r)
+    lost = fma(half, r, r - g) + fma(r_rest, r, r_rest)
+    return k, g, fma(r * r * r, polynomial(r, EXP), lost)
 
 
 def exp_of_sum(x: float, rest: float) -> float:
     """e^(x + rest), also where it overflows or vanishes."""
     x = 710.0 if x > 710.0 else (-746.0 if x < -746.0 else x)
-    k, r, q = exponential(x, rest)
-    one, lost = fast_two_sum(1.0, r)
+    k, g, q = exponential(x, rest)
+    one, lost = fast_two_sum(1.0, g)
     return scaled(one + (lost + q), k)
 
 
@@ -127,33 +122,23 @@ def exp(x: float) -> float:
 
 @exact
 def expm1(x: float) -> float:
-    """eˣ − 1, to the last digits for small x too: the half of it is (s − ½) + s r + s q with s = 2ᵏ⁻¹."""
-    k, r, q = exponential(710.0 if x > 710.0 else (-60.0 if x < -60.0 else x), 0.0)
+    """eˣ − 1, to the last digits for small x too: half of it is (s − ½) + s g + s q with s = 2ᵏ⁻¹."""
+    k, g, q = exponential(710.0 if x > 710.0 else (-60.0 if x < -60.0 else x), 0.0)
     s = two_to(k - 1.0)
     a, a_rest = two_sum(s, -0.5)
-    b, b_rest = two_sum(a, s * r)
+    b, b_rest = two_sum(a, s * g)
     y = 2.0 * (b + (b_rest + (a_rest + s * q)))
     return x if abs(x) < 2.0**-54 else y
 
 
 # Logarithms: x = 2ᵉ m with √½ ≤ m < √2, f = m − 1, s = f / (2 + f), and
-# ln m = 2 artanh s = 2 s (1 + z/3 + z² ATANH(z)) with z = s²  (as Tang 1990 and many before).
+# ln m = 2 artanh s = 2 s (1 + z/3 + z²/5 + z³ ATANH(z)) with z = s²  (as Tang 1990 and many before).
 
 ONE_BITS = 1023 << 52
 ROOT_HALF_BITS = bits_of(math.sqrt(0.5))
 FRACTION_BITS = (1 << 52) - 1
-THIRD_HIGH, THIRD_LOW = 0.3333333333333333, 1.850371707708594e-17
-ATANH = (
-    0.05861526730911215,
-    0.05853124154103312,
-    0.06667402123457475,
-    0.0769229748536785,
-    0.09090909167657948,
-    0.11111111110828112,
-    0.14285714285714682,
-    0.2,
-)
-# relative error 2^-66.4
+THIRD = (0.3333333333333333, 1.850371707708594e-17)
+FIFTH = (0.2, -1.1102230246251566e-17)
 
 
 def exponent_and_mantissa(x: float) -> Pair:
@@ -175,7 +160,8 @@ def log(x: float) -> float:
     a = fma(-half_f, f, f)
     a_rest = fma(-half_f, f, f - a)
     b, b_rest = fast_two_sum(e * LN2_HIGH, a)
-    tail = fma(s, fma(half_f, f, 2.0 * z * fma(z, polynomial(z, ATANH), THIRD_HIGH)), a_rest)
+    t = fma(z, fma(z, polynomial(z, ATANH), FIFTH[0]), THIRD[0])
+    tail = fma(s, fma(half_f, f, 2.0 * z * t), a_rest)
     y = b + (fma(e, LN2_LOW, b_rest) + tail)
     y = y if x < INF else x
     return y if x > 0.0 else (-INF if x == 0.0 else NAN)
@@ -188,15 +174,14 @@ def log_pair(x: float) -> Pair:
     d, d_rest = fast_two_sum(1.0, m)
     s, s_rest = quotient(f, 0.0, d, d_rest)
     z, z_rest = two_product(s, s)
-    z_rest = fma(2.0 * s, s_rest, z_rest)
-    a, a_rest = fast_two_sum(THIRD_HIGH, z * polynomial(z, ATANH))
-    b, b_rest = two_product(z, a)
-    b_rest += fma(z, a_rest + THIRD_LOW, z_rest * a)
-    c, c_rest = two_product(s, b)
-    c_rest += fma(s, b_rest, s_rest * b)
-    half, half_rest = fast_two_sum(s, c)
+    square = z, fma(2.0 * s, s_rest, z_rest)
+    series = horner_pair(FIFTH, square, (polynomial(z, ATANH), 0.0))
+    series = horner_pair(THIRD, square, series)
+    series = horner_pair((1.0, 0.0), square, series)
+    half, half_rest = two_product(s, series[0])
+    half_rest += fma(s, series[1], s_rest * series[0])
     high, rest = fast_two_sum(e * LN2_HIGH, 2.0 * half)
-    return fast_two_sum(high, rest + fma(e, LN2_LOW, 2.0 * (half_rest + (c_rest + s_rest))))
+    return fast_two_sum(high, rest + fma(e, LN2_LOW, 2.0 * half_rest))
 
 
 @exact
@@ -211,12 +196,12 @@ def power(x: float, y: float) -> float:
     r = exp_of_sum(product, rest)
     rises = y > 0.0
     r = (0.0 if rises else INF) if a == 0.0 else ((INF if rises else 0.0) if a == INF else r)
-    whole = nearest(y) == y
-    odd = (nearest(0.5 * y) != 0.5 * y) if whole else False
+    broken = nearest(y) != y
+    odd = (nearest(y) == y) & (nearest(0.5 * y) != 0.5 * y)
     r = copysign(r, x) if odd else r
-    r = NAN if (-INF < x < 0.0) and not whole else r
-    r = r if x == x and y == y else NAN
-    return 1.0 if y == 0.0 or x == 1.0 else r
+    r = NAN if (x < 0.0) & (a < INF) & broken else r
+    r = r if (x == x) & (y == y) else NAN
+    return 1.0 if (y == 0.0) | (x == 1.0) else r
 
 
 # Circular functions: x = n π/2 + r + rest with |r| ≤ π/4. π/2 in three parts of 53 bits; fma makes the first difference
@@ -226,25 +211,6 @@ TWO_OVER_PI = 0.6366197723675814
 PI_2 = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 TURNS = 1.5 * 2.0**52  # adding it leaves n in the lowest bits
 FAR = 2.0**50
-SIN = (
-    -7.586697060262141e-13,
-    1.6058531618011648e-10,
-    -2.505210623244143e-08,
-    2.755731921933915e-06,
-    -0.00019841269841265065,
-    0.008333333333333331,
-    -0.16666666666666666,
-)
-# sin r = r + r³ SIN(r²), relative error 2^-57.1
-COS = (
-    -1.1382632341807564e-11,
-    2.087614626724125e-09,
-    -2.755731727172422e-07,
-    2.4801587298765676e-05,
-    -0.0013888888888887398,
-    0.041666666666666664,
-)
-# cos r = 1 − r²/2 + r⁴ COS(r²), relative error 2^-59.5
 
 
 def quadrant(x: float) -> tuple[int, float, float]:
@@ -314,38 +280,6 @@ def tan(x: float) -> float:
 PI_4_HIGH = 0.7853981633974483  # its last three bits are 0: multiples up to π are exact
 PI_4_LOW = 3.061616997868383e-17
 DIAGONAL = math.sqrt(2.0) - 1.0  # tan π/8
-ATAN = (
-    0.016285743676588738,
-    -0.0345705500898307,
-    0.04551592758242537,
-    -0.052304541692843966,
-    0.05878928984071753,
-    -0.06666424884541261,
-    0.07692296374965497,
-    -0.09090908753498572,
-    0.111111111051554,
-    -0.14285714285659828,
-    0.19999999999999804,
-    -0.3333333333333333,
-)
-# atan u = u + u³ ATAN(u²) for |u| ≤ tan π/8, relative error 2^-58.2
-ASIN = (
-    0.029612011265156984,
-    -0.019241671747082863,
-    0.019554513336377578,
-    0.0030448799093443393,
-    0.009319560794799116,
-    0.009621842970094148,
-    0.011566459612122493,
-    0.013963780012203492,
-    0.0173528165403255,
-    0.02237215744350722,
-    0.03038194447553234,
-    0.044642857142551895,
-    0.07500000000000118,
-    0.16666666666666666,
-)
-# asin s = s + s³ ASIN(s²) for 0 ≤ s ≤ ½, relative error 2^-58.6
 
 
 def added_eighths(k: float, v: float, rest: float) -> float:
@@ -365,7 +299,7 @@ def atan2(y: float, x: float) -> float:
     steep = a > b
     big, small = (a if steep else b), (b if steep else a)
     small = (1.0 if small == INF else 0.0) if big == INF else small
-    big = 1.0 if big == INF or big == 0.0 else big
+    big = 1.0 if (big == INF) | (big == 0.0) else big
     scale = 2.0**-200 if big > 2.0**900 else (2.0**200 if big < 2.0**-800 else 1.0)
     big, small = big * scale, small * scale
     tilted = small > DIAGONAL * big
@@ -377,13 +311,15 @@ def atan2(y: float, x: float) -> float:
         down if tilted else big,
         down_rest if tilted else 0.0,
     )
-    rest = fma(u * (u * u), polynomial(u * u, ATAN), u_rest)
-    k, sign = (1.0 if tilted else 0.0), 1.0
-    k, sign = (2.0 - k if steep else k), (-sign if steep else sign)
+    z = u * u
+    rest = fma(u * z, polynomial(z, ATAN), fma(-z, u_rest, u_rest))
+    k = 1.0 if tilted else 0.0
+    k = 2.0 - k if steep else k
     left = copysign(1.0, x) < 0.0
-    k, sign = (4.0 - k if left else k), (-sign if left else sign)
+    k = 4.0 - k if left else k
+    sign = 1.0 if steep == left else -1.0
     angle = copysign(added_eighths(k, sign * u, sign * rest), y)
-    return angle if x == x and y == y else NAN
+    return angle if (x == x) & (y == y) else NAN
 
 
 @exact
@@ -400,7 +336,7 @@ def half_arc(x: float) -> tuple[bool, float, float]:
     root = sqrt(z)
     s = a if near else root
     lost = 0.0 if near else fma(-root, root, z) / (2.0 * root if root > 0.0 else 1.0)
-    return near, s, fma(s * z, polynomial(z, ASIN), lost)
+    return near, s, fma(s * z, polynomial(z, ASIN), fma(0.5 * z, lost, lost))
 
 
 @exact
@@ -421,24 +357,13 @@ def acos(x: float) -> float:
     return added_eighths(k, factor * s, factor * rest)
 
 
-# Hyperbolic functions: from e^|x| as a pair and its reciprocal, sinh for |x| < 1 as x + x³ SINH(x²).
-
-SINH = (
-    7.746178593018927e-13,
-    1.6057679623801635e-10,
-    2.5052117695907823e-08,
-    2.7557319191381816e-06,
-    0.00019841269841324198,
-    0.008333333333333299,
-    0.16666666666666666,
-)
-# relative error 2^-56.6
+# Hyperbolic functions: from e^|x| as a pair and its reciprocal, sinh for |x| < ½ by its polynomial.
 
 
 def half_hyperbolic(a: float) -> tuple[Pair, Pair]:
     """½ sinh a and ½ cosh a for a ≥ 0, as pairs."""
-    k, r, q = exponential(710.6 if a > 710.6 else a, 0.0)
-    one, lost = fast_two_sum(1.0, r)
+    k, g, q = exponential(710.6 if a > 710.6 else a, 0.0)
+    one, lost = fast_two_sum(1.0, g)
     e, e_rest = fast_two_sum(one, lost + q)
     i, i_rest = quotient(1.0, 0.0, e, e_rest)
     up, down = two_to(k - 2.0), two_to(-2.0 - (1000.0 if k > 1000.0 else k))
@@ -448,7 +373,7 @@ def half_hyperbolic(a: float) -> tuple[Pair, Pair]:
     half = 0.5 * a
     z = a * a
     p, p_rest = fast_two_sum(half, half * z * polynomial(z, SINH))
-    small = a < 1.0
+    small = a < 0.5
     s, s_rest = (p if small else s), (p_rest if small else s_rest + (rest - down * i_rest))
     return (s, s_rest), (c, c_rest + (rest + down * i_rest))
 
@@ -478,7 +403,43 @@ def tanh(x: float) -> float:
 
 @exact
 def modulo(x: float, y: float) -> float:
-    """x − y ⌊x/y⌋ with the sign of y, exact for |x/y| < 2⁵³; 0 beyond."""
-    q = floor(x / y)
-    r = fma(-q, y, x)
-    return r
+    """x − y ⌊x/y⌋, with the sign of y: exact, or rounded once where it crosses 0; 0 for |x/y| ≥ 2⁵³; NaN for y = 0."""
+    q = floor(x / (NAN if y == 0.0 else y))
+    r = x if (abs(y) == INF) & (abs(x) < INF) else fma(-q, y, x)
+    r = r + y if r * copysign(1.0, y) < 0.0 else r
+    r = copysign(r, y) if r == 0.0 else r
+    return x - x if abs(q) >= 2.0**53 else r
+
+
+ELEMENTARY: dict[Any, Callable[..., Any]] = {
+    np.exp: exp,
+    np.expm1: expm1,
+    np.log: log,
+    np.sin: sin,
+    np.cos: cos,
+    np.tan: tan,
+    np.arcsin: asin,
+    np.arccos: acos,
+    np.arctan: atan,
+    np.arctan2: atan2,
+    np.sinh: sinh,
+    np.cosh: cosh,
+    np.tanh: tanh,
+    np.power: power,
+    np.mod: modulo,
+    math.exp: exp,
+    math.expm1: expm1,
+    math.log: log,
+    math.sin: sin,
+    math.cos: cos,
+    math.tan: tan,
+    math.asin: asin,
+    math.acos: acos,
+    math.atan: atan,
+    math.atan2: atan2,
+    math.sinh: sinh,
+    math.cosh: cosh,
+    math.tanh: tanh,
+    math.pow: power,
+}
+"""What compiled kernels call instead of the functions of NumPy and of the C library."""

@@ -1,10 +1,10 @@
-"""The coefficients of particlesim/compiler/elementary.py, from nothing but the functions themselves.
+"""Writes particlesim/compiler/polynomials.py, from nothing but the functions themselves.
 
-Each function f is written as a known beginning plus a smooth rest, and the rest is interpolated in Chebyshev's points in
-60 digits, then rounded to float64. What is printed beside is the largest error over the interval of the whole function
-with the rounded coefficients, relative to f, in powers of two: float64 itself rounds with 2⁻⁵³.
+Each function is written as a known beginning plus a smooth rest. The rest is interpolated in Chebyshev's points in 60
+digits, and its coefficients are rounded to float64. The error stated beside is the largest over the interval of the whole
+function with the rounded coefficients, relative to the function; float64 itself rounds with 2⁻⁵³.
 
-    python tests/bench/derive_polynomials.py
+    python tests/bench/derive_polynomials.py > particlesim/compiler/polynomials.py
 """
 
 from __future__ import annotations
@@ -12,31 +12,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from mpmath import (
-    acos,
-    asin,
-    atan,
-    atanh,
-    chebyfit,
-    cos,
-    exp,
-    log,
-    mp,
-    mpf,
-    polyval,
-    sin,
-    sinh,
-    sqrt,
-    workdps,
-)
+from mpmath import asin, atan, atanh, chebyfit, cos, exp, log, mp, mpf, polyval, sin, sinh, sqrt, workdps
 
 Function = Callable[[mpf], mpf]
+
+HEAD = '''\
+"""The polynomials of the elementary functions, highest power first, with the largest relative errors of the functions.
+
+Written by tests/bench/derive_polynomials.py.
+"""
+'''
 
 
 class Fit(NamedTuple):
     """A rest to approximate on an interval, the number of its coefficients, and how it enters the function."""
 
     name: str
+    meaning: str
     rest: Function
     interval: tuple[mpf, mpf]
     count: int
@@ -46,85 +38,108 @@ class Fit(NamedTuple):
 
 def odd(f: Function, *known: mpf) -> Function:
     """(f(u)/u − the known beginning of its series in z = u²) / zⁿ as a function of z."""
-
-    def rest(z: mpf) -> mpf:
-        u = sqrt(z)
-        return (f(u) / u - polyval(known[::-1], z)) / z ** len(known)
-
-    return rest
-
-
-def at_root(f: Function) -> Function:
-    return lambda z: f(sqrt(z))
+    return lambda z: (f(sqrt(z)) / sqrt(z) - polyval(known[::-1], z)) / z ** len(known)
 
 
 def fits() -> list[Fit]:
     """The rests of all functions; for odd and even functions the variable is z = u²."""
-    half = log(mpf(2)) / 2
-    quarter = (mp.pi / 4) ** 2 * (1 + mpf(2) ** -20)
-    root = (sqrt(mpf(2)) - 1) ** 2 * (1 + mpf(2) ** -20)
+    one = mpf(1)
+    more = 1 + mpf(2) ** -20  # a reduced argument may leave its interval by a rounding
     nothing = mpf(10) ** -12
-    turn = mpf(1)
+    half = log(mpf(2)) / 2
+    quarter = (nothing, (mp.pi / 4) ** 2 * more)
+    eighth = (sqrt(mpf(2)) - 1) ** 2 * more
+
+    def cube(z: mpf) -> mpf:
+        return z * sqrt(z)
+
+    def of_root(f: Function) -> Function:
+        return lambda z: f(sqrt(z))
+
     return [
         Fit(
             "EXP",
-            lambda r: (exp(r) - 1 - r) / r**2,
-            (-half, half * (1 + mpf(2) ** -20)),
-            11,
+            "eʳ = 1 + r + r²/2 + r³ EXP(r) for |r| ≤ ln 2 / 2",
+            lambda r: (exp(r) - 1 - r - r**2 / 2) / r**3,
+            (-half, half * more),
+            10,
             exp,
-            lambda r: r**2,
+            lambda r: r**3,
         ),
         Fit(
             "ATANH",
-            odd(atanh, turn, turn / 3),
-            (nothing, root**2),
-            8,
-            at_root(atanh),
-            lambda z: z**2 * sqrt(z),
+            "artanh s = s + s³/3 + s⁵/5 + s⁷ ATANH(s²) for |s| ≤ (√2 − 1)²",
+            odd(atanh, one, one / 3, one / 5),
+            (nothing, eighth**2),
+            7,
+            of_root(atanh),
+            lambda z: z**3 * sqrt(z),
         ),
-        Fit("SIN", odd(sin, turn), (nothing, quarter), 7, at_root(sin), lambda z: z * sqrt(z)),
+        Fit("SIN", "sin r = r + r³ SIN(r²) for |r| ≤ π/4", odd(sin, one), quarter, 7, of_root(sin), cube),
         Fit(
             "COS",
+            "cos r = 1 − r²/2 + r⁴ COS(r²) for |r| ≤ π/4",
             lambda z: (cos(sqrt(z)) - 1 + z / 2) / z**2,
-            (nothing, quarter),
+            quarter,
             6,
-            at_root(cos),
+            of_root(cos),
             lambda z: z**2,
         ),
-        Fit("ATAN", odd(atan, turn), (nothing, root), 12, at_root(atan), lambda z: z * sqrt(z)),
-        Fit("ASIN", odd(asin, turn), (nothing, turn / 4), 14, at_root(asin), lambda z: z * sqrt(z)),
-        Fit("SINH", odd(sinh, turn), (nothing, turn), 7, at_root(sinh), lambda z: z * sqrt(z)),
+        Fit(
+            "ATAN",
+            "atan u = u + u³ ATAN(u²) for |u| ≤ tan π/8",
+            odd(atan, one),
+            (nothing, eighth),
+            12,
+            of_root(atan),
+            cube,
+        ),
+        Fit(
+            "ASIN",
+            "asin s = s + s³ ASIN(s²) for |s| ≤ ½",
+            odd(asin, one),
+            (nothing, one / 4 * more),
+            14,
+            of_root(asin),
+            cube,
+        ),
+        Fit(
+            "SINH",
+            "sinh a = a + a³ SINH(a²) for |a| ≤ ½",
+            odd(sinh, one),
+            (nothing, one / 4 * more),
+            6,
+            of_root(sinh),
+            cube,
+        ),
     ]
 
 
-def error(fit: Fit, coefficients: list[float]) -> mpf:
+def coefficients(fit: Fit) -> tuple[float, ...]:
+    """Highest power first."""
+    return tuple(float(c) for c in chebyfit(fit.rest, list(fit.interval), fit.count))
+
+
+def error(fit: Fit, polynomial: tuple[float, ...]) -> float:
     """Largest relative error over a grid, as a power of two."""
     low, high = fit.interval
-    points = [low + (high - low) * (mpf(k) + mpf("0.37")) / 2000 for k in range(2000)]
+    points = (low + (high - low) * (mpf(k) + mpf("0.37")) / 2000 for k in range(2000))
     return max(
-        log(abs(fit.weight(z) * (polyval(coefficients, z) - fit.rest(z)) / fit.function(z)), 2)
+        float(log(abs(fit.weight(z) * (polyval(polynomial, z) - fit.rest(z)) / fit.function(z)), 2))
         for z in points
     )
 
 
-def main() -> None:
+def module() -> str:
+    """The text of the module."""
+    parts = [HEAD]
     with workdps(60):
         for fit in fits():
-            coefficients = [float(c) for c in chebyfit(fit.rest, list(fit.interval), fit.count)]
-            print(f"{fit.name}: 2^{float(error(fit, coefficients)):.1f}")
-            print("".join(f"    {c!r},\n" for c in coefficients))
-        for name, number in {
-            "LN2": log(mpf(2)),
-            "PI_2": mp.pi / 2,
-            "PI_4": mp.pi / 4,
-            "THIRD": mpf(1) / 3,
-        }.items():
-            parts = []
-            for _ in range(3):
-                parts.append(float(number))
-                number -= parts[-1]
-            print(name, parts)
+            found = coefficients(fit)
+            lines = "".join(f"    {c!r},\n" for c in found)
+            parts.append(f'{fit.name} = (\n{lines})\n"""{fit.meaning}: 2^{error(fit, found):.1f}."""\n')
+    return "\n".join(parts)
 
 
 if __name__ == "__main__":
-    main()
+    print(module(), end="")
