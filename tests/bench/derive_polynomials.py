@@ -9,10 +9,11 @@ function with the rounded coefficients, relative to the function; float64 itself
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import NamedTuple
 
-from mpmath import asin, atan, atanh, chebyfit, cos, exp, log, mp, mpf, polyval, sin, sinh, sqrt, workdps
+from mpmath import asin, atan, atanh, cos, exp, log, lu_solve, matrix, mp, mpf, sin, sinh, sqrt, workdps
 
 Function = Callable[[mpf], mpf]
 
@@ -36,9 +37,14 @@ class Fit(NamedTuple):
     weight: Function  # the factor of the rest in the function
 
 
+def polynomial(z: mpf, highest_first: Sequence[float]) -> mpf:
+    """Horner's scheme."""
+    return reduce(lambda total, c: total * z + c, highest_first, mpf(0))
+
+
 def odd(f: Function, *known: mpf) -> Function:
     """(f(u)/u − the known beginning of its series in z = u²) / zⁿ as a function of z."""
-    return lambda z: (f(sqrt(z)) / sqrt(z) - polyval(known[::-1], z)) / z ** len(known)
+    return lambda z: (f(sqrt(z)) / sqrt(z) - polynomial(z, known[::-1])) / z ** len(known)
 
 
 def fits() -> list[Fit]:
@@ -75,7 +81,15 @@ def fits() -> list[Fit]:
             of_root(atanh),
             lambda z: z**3 * sqrt(z),
         ),
-        Fit("SIN", "sin r = r + r³ SIN(r²) for |r| ≤ π/4", odd(sin, one), quarter, 7, of_root(sin), cube),
+        Fit(
+            "SIN",
+            "sin r = r − r³/6 + r⁵ SIN(r²) for |r| ≤ π/4",
+            odd(sin, one, -one / 6),
+            quarter,
+            6,
+            of_root(sin),
+            lambda z: z**2 * sqrt(z),
+        ),
         Fit(
             "COS",
             "cos r = 1 − r²/2 + r⁴ COS(r²) for |r| ≤ π/4",
@@ -116,16 +130,20 @@ def fits() -> list[Fit]:
 
 
 def coefficients(fit: Fit) -> tuple[float, ...]:
-    """Highest power first."""
-    return tuple(float(c) for c in chebyfit(fit.rest, list(fit.interval), fit.count))
+    """Highest power first, of the polynomial through the values at Chebyshev's points."""
+    low, high = fit.interval
+    angles = [(2 * k + 1) * mp.pi / (2 * fit.count) for k in range(fit.count)]
+    points = [(low + high + (high - low) * mp.cos(angle)) / 2 for angle in angles]
+    powers = matrix([[z**k for k in reversed(range(fit.count))] for z in points])
+    return tuple(float(c) for c in lu_solve(powers, matrix([fit.rest(z) for z in points])))
 
 
-def error(fit: Fit, polynomial: tuple[float, ...]) -> float:
+def error(fit: Fit, found: tuple[float, ...]) -> float:
     """Largest relative error over a grid, as a power of two."""
     low, high = fit.interval
-    points = (low + (high - low) * (mpf(k) + mpf("0.37")) / 2000 for k in range(2000))
+    points = [low + (high - low) * (mpf(k) + mpf("0.37")) / 500 for k in range(500)]
     return max(
-        float(log(abs(fit.weight(z) * (polyval(polynomial, z) - fit.rest(z)) / fit.function(z)), 2))
+        float(log(abs(fit.weight(z) * (polynomial(z, found) - fit.rest(z)) / fit.function(z)), 2))
         for z in points
     )
 
