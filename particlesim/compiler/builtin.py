@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import intrinsics
+from particlesim.compiler import elementary, intrinsics
 from particlesim.compiler.values import ELEMENTS, FLOATS, KINDS, Array, Number, Unsupported, is_number, kind_of
 from particlesim.compiler.walker import Frame, Method, Sequence
 
@@ -194,41 +194,22 @@ def _number_of(frame: Frame, bits: Any) -> Any:
     return Number(frame.w.emit(f"bitcast i64 {bits.ref} to double"), "double")
 
 
-def _from_library(name: str, function: Callable[..., Any]) -> Rule:
+def _elementary(function: Callable[..., float], other: Any) -> None:
+    """Calls of a function of NumPy or Python are those of ours, in double precision: the same bits on every machine."""
+
     def emit(frame: Frame, *values: Any) -> Any:
         if not any(isinstance(each, Number) for each in values):
-            with np.errstate(all="ignore"):
-                return function(*values)
+            return function(*(float(each) for each in values))
         single = all(kind_of(each) == "float" for each in values)
-        w = frame.w
-        w.declared[name] = f"declare double @{name}({', '.join(['double'] * len(values))}) nounwind memory(none)"
-        arguments = ", ".join(f"double {w.ref(each, 'double')}" for each in values)
-        got = Number(w.emit(f"call {w.fast}double @{name}({arguments})"), "double")
-        return w.cast(got, "float") if single else got
+        result = frame.inline(function, [frame.w.cast(each, "double") for each in values], {})
+        return frame.w.cast(result, "float") if single else result
 
-    return emit
+    RULES[other] = emit
 
 
-for _name, _functions in {
-    "exp": (np.exp, math.exp),
-    "expm1": (np.expm1, math.expm1),
-    "log": (np.log, math.log),
-    "sin": (np.sin, math.sin),
-    "cos": (np.cos, math.cos),
-    "tan": (np.tan, math.tan),
-    "asin": (np.arcsin, math.asin),
-    "acos": (np.arccos, math.acos),
-    "atan": (np.arctan, math.atan),
-    "atan2": (np.arctan2, math.atan2),
-    "sinh": (np.sinh, math.sinh),
-    "cosh": (np.cosh, math.cosh),
-    "tanh": (np.tanh, math.tanh),
-    "pow": (pow, math.pow, np.power),
-    "hypot": (np.hypot, math.hypot),
-    "cbrt": (np.cbrt,),
-}.items():
-    for _each in _functions:
-        RULES[_each] = _from_library(_name, _each)
+for _other, _function in elementary.ELEMENTARY.items():
+    _elementary(_function, _other)
+_elementary(elementary.power, pow)
 
 
 # Memory

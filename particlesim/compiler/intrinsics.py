@@ -1,10 +1,12 @@
-"""What kernels can say that Python cannot: each is an instruction of the machine, and an ordinary function here."""
+"""What the compiler turns into single instructions, as ordinary functions: the same bits without a compiler.
+
+Those of numbers are operations of IEEE 754, exact or rounded once, so they mean the same on every machine. Here they are
+functions of the C library, since Python's own raise errors where IEEE 754 gives infinity or NaN.
+"""
 
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
-import math
 import os
 import struct
 import sys
@@ -14,21 +16,42 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-F = TypeVar("F", bound=Callable[..., Any])
+F = TypeVar("F", bound=Callable[..., object])
 
 LINE = 64
 """Arrays on the stack begin at a cache line [bytes]."""
 YIELD = "SwitchToThread" if sys.platform == "win32" else "sched_yield"
+"""The system's function that gives the core to another thread."""
+
+_LIBRARY = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+
+
+def _of_library(name: str, count: int) -> Callable[..., float]:
+    """A function of the C library that takes and returns float64."""
+    function = _LIBRARY[name]
+    function.restype = ctypes.c_double
+    function.argtypes = [ctypes.c_double] * count
+    return function
+
+
+_fma = _of_library("fma", 3)
+_rint = _of_library("rint", 1)
+_sqrt = _of_library("sqrt", 1)
+_floor = _of_library("floor", 1)
+_copysign = _of_library("copysign", 2)
 
 
 def exact(function: F) -> F:
-    """Decorator: every operation in this function, and in those it calls, is rounded as it is written."""
+    """Marks a function in which, with all it calls, every operation is rounded as it is written.
+
+    Elsewhere the compiler may fuse a·b + c, turn a division into a product, or forget the sign of a zero.
+    """
     function.exact = True  # type: ignore[attr-defined]
     return function
 
 
 def outlined(function: F) -> F:
-    """Decorator: kernels call this function instead of having its instructions, for what is long or called in many places."""
+    """Marks a function that kernels call instead of holding its instructions: what is long, or called in many places."""
     function.outlined = True  # type: ignore[attr-defined]
     return function
 
@@ -59,49 +82,36 @@ def let_others_run() -> None:
         os.sched_yield()
 
 
-def sqrt(x: float) -> float:
-    """√x."""
-    return math.sqrt(x)
+def fma(a: float, b: float, c: float) -> float:
+    """a·b + c, rounded once."""
+    return _fma(a, b, c)
+
+
+def nearest(x: float) -> float:
+    """The nearest integer, the even one of two; keeps the sign of zero."""
+    return _rint(x)
 
 
 def floor(x: float) -> float:
     """The largest integer that is not above x."""
-    return float(np.floor(x))
+    return _floor(x)
 
 
-def nearest(x: float) -> float:
-    """The nearest integer, the even one of two."""
-    return float(np.rint(x))
+def sqrt(x: float) -> float:
+    """Square root; NaN for x < 0."""
+    return _sqrt(x)
 
 
 def copysign(x: float, y: float) -> float:
-    """|x| with the sign of y."""
-    return math.copysign(x, y)
-
-
-def _library_fma() -> Callable[[float, float, float], float]:
-    library = ctypes.CDLL(ctypes.util.find_library("m") or None)
-    function = library.fma
-    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * 3
-    return function  # type: ignore[no-any-return]
-
-
-def fma(a: float, b: float, c: float) -> float:
-    """a b + c in one rounding."""
-    global _fma
-    if _fma is None:
-        _fma = getattr(math, "fma", None) or _library_fma()
-    return _fma(a, b, c)
-
-
-_fma: Callable[[float, float, float], float] | None = None
+    """|x| with the sign of y, that of a zero too."""
+    return _copysign(x, y)
 
 
 def bits_of(x: float) -> int:
-    """The 64 bits of a float64, as a signed integer."""
+    """The 64 bits of a float64 as a signed integer."""
     return int(struct.unpack("<q", struct.pack("<d", x))[0])
 
 
 def number_of(bits: int) -> float:
-    """The float64 with these 64 bits."""
-    return float(struct.unpack("<d", struct.pack("<q", bits))[0])
+    """The float64 that has these 64 bits; higher ones, which a signed 64-bit integer has no room for, are cut off."""
+    return float(struct.unpack("<d", struct.pack("<Q", bits & 0xFFFF_FFFF_FFFF_FFFF))[0])

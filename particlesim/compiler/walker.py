@@ -17,6 +17,7 @@ import numpy as np
 
 from particlesim.compiler.source import Source, source_of
 from particlesim.compiler.values import (
+    FLOATS,
     Array,
     ArrayForm,
     Number,
@@ -28,6 +29,7 @@ from particlesim.compiler.values import (
     kind_of,
     kinds_in,
     value_of,
+    wider,
     words,
 )
 from particlesim.compiler.writer import FOLDED, Block, Writer
@@ -516,6 +518,8 @@ class Frame:
             if name == "Pow" and (isinstance(a, Number) or isinstance(b, Number)):
                 if type(b) is not int or abs(b) > 64:
                     return self.call(pow, [a, b], {})
+            if name == "Mod" and wider(kind_of(a), kind_of(b)) in FLOATS:
+                return self.call(np.mod, [a, b], {})
             return self.w.binary(name, a, b)
         if isinstance(a, tuple) and isinstance(b, tuple) and name == "Add":
             return (*a, *b)
@@ -682,12 +686,13 @@ class Frame:
         if getattr(function, "outlined", False) and self.function is not function:
             return self._call_outlined(function, arguments)
         if hasattr(function, "__code__"):
-            return self._inline(function, arguments, keywords)
+            return self.inline(function, arguments, keywords)
         if any(isinstance(each, Number | Array) for each in (*arguments, *keywords.values())):
             raise Unsupported(f"{getattr(function, '__name__', function)!r} is not in the language of kernels")
         return function(*arguments, **keywords)
 
-    def _inline(self, function: Any, arguments: list[Any], keywords: dict[str, Any]) -> Any:
+    def inline(self, function: Any, arguments: list[Any], keywords: dict[str, Any]) -> Any:
+        """The result of a function whose instructions are written here."""
         if self.depth >= DEEPEST:
             raise Unsupported(f"calls of {function.__name__} without end")
         fast = self.w.fast

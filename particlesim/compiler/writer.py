@@ -205,16 +205,7 @@ class Writer:
 
     def _floored(self, name: str, x: str, y: str, kind: str, divisor: Any) -> Number:
         if kind in FLOATS:
-            rest = self.emit(f"frem {kind} {x}, {y}")
-            zero = constant(0, kind)
-            other = self.emit(f"xor i1 {self.emit(f'fcmp olt {kind} {rest}, {zero}')}, {self.emit(f'fcmp olt {kind} {y}, {zero}')}")
-            off = self.emit(f"and i1 {other}, {self.emit(f'fcmp one {kind} {rest}, {zero}')}")
-            if name == "Mod":
-                moved = self.emit(f"fadd {kind} {rest}, {y}")
-                return Number(self.emit(f"select i1 {off}, {kind} {moved}, {kind} {rest}"), kind)
-            quotient = self.emit(f"fdiv {kind} {self.emit(f'fsub {kind} {x}, {rest}')}, {y}")
-            less = self.emit(f"fsub {kind} {quotient}, {constant(1, kind)}")
-            return self.intrinsic("rint", [Number(self.emit(f"select i1 {off}, {kind} {less}, {kind} {quotient}"), kind)])
+            raise Unsupported("// of floats: np.floor(a / b)")
         rest = self.emit(f"srem {kind} {x}, {y}")
         if isinstance(divisor, int) and divisor > 0:
             off = self.emit(f"icmp slt {kind} {rest}, 0")
