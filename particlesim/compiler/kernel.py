@@ -7,6 +7,7 @@ import functools
 import inspect
 import os
 import struct
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -147,14 +148,19 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
 
     Raises CompileError with file, line and reason.
     """
-    from particlesim.compiler.walker import Again, Unit
+    from particlesim.compiler.walker import DEEPEST, Again, Unit
 
     unit = Unit()
-    while True:
-        try:
-            return _write(function, arguments, unit)
-        except Again:
-            unit = unit.fresh()
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
+    try:
+        while True:
+            try:
+                return _write(function, arguments, unit)
+            except Again:
+                unit = unit.fresh()
+    finally:
+        sys.setrecursionlimit(limit)
 
 
 def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) -> tuple[str, Any, Any]:
@@ -162,6 +168,8 @@ def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) 
     from particlesim.compiler.writer import Writer
 
     w = Writer(unit.declared, unit.constants)
+    if getattr(function, "exact", False):
+        w.fast = ""
     registers = []
     for k, kind in enumerate(kind for each in arguments for kind in _kinds(each)):
         place = w.emit(f"getelementptr inbounds i64, ptr %arguments, i64 {k}")

@@ -90,19 +90,32 @@ def entry(function: Callable[..., Any], key: Any, identity: str) -> Entry | None
     if home is None or _module_digest(function.__module__) is None:
         return None
     name = f"{function.__module__}.{function.__qualname__}"
-    text = f"{VERSION} {name} {identity} {' '.join(map(_text, key))}"
+    closed_over = tuple(cell.cell_contents for cell in function.__closure__ or ())
+    try:
+        text = f"{VERSION} {name} {identity} {_text(closed_over)} {_text(key)}"
+    except _Nameless:
+        return None
     return Entry(home / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.kernel", name)
 
 
+class _Nameless(Exception):
+    """Something in a key has no name that means the same in every process."""
+
+
 def _text(part: Any) -> str:
-    """A part of a key in words that mean the same in every process."""
+    """A part of a key in words that mean the same in every process. Raises _Nameless where there are none."""
     if isinstance(part, tuple):
-        return "(" + " ".join(map(_text, part)) + ")"
+        return f"{_text(type(part)) if type(part) is not tuple else ''}({' '.join(map(_text, part))})"
     if isinstance(part, type):
         return f"{part.__module__}.{part.__qualname__}{getattr(part, '_fields', '')}"
-    if callable(part):
-        return f"{part.__module__}.{part.__qualname__}"
-    return repr(part)
+    if part is None or isinstance(part, bool | int | float | str | np.number | np.dtype):
+        return repr(part)
+    code = getattr(part, "__code__", None)
+    if code is not None and not part.__closure__:
+        return f"{part.__module__}.{part.__qualname__}:{code.co_firstlineno}"
+    if hasattr(part, "python"):
+        return _text(part.python)
+    raise _Nameless
 
 
 @functools.cache
@@ -145,7 +158,7 @@ def _opened(path: str, flags: int) -> int:
 def write(entry: Entry | None, code: bytes, form: Any, unit: Any) -> None:
     """Keep the code of a kernel; a disk that is full or read-only does without, and `problem` says so."""
     result = _plain(form)
-    if entry is None or result is Ellipsis:
+    if entry is None or result is Ellipsis or unit.nameless:
         return
     modules = {name: _module_digest(name) for name in sorted(unit.modules)}
     if None in modules.values():

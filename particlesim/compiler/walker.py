@@ -78,6 +78,7 @@ class Unit:
     learned: dict[Any, Any] = field(default_factory=dict)
     modules: set[str] = field(default_factory=set)
     numbers: set[tuple[str, str]] = field(default_factory=set)
+    nameless: bool = False  # functions took something from around them, that no name tells to other processes
 
     def learn(self, key: Any, value: Any) -> None:
         """Remember for the next walk, and begin it."""
@@ -196,6 +197,7 @@ class Frame:
             return self._read(value) if isinstance(value, Cells) else value
         code, closure = self.function.__code__, self.function.__closure__
         if closure and name in code.co_freevars:
+            self.unit.nameless |= self.caller is not None
             return closure[code.co_freevars.index(name)].cell_contents
         if name in self.function.__globals__:
             value = self.function.__globals__[name]
@@ -223,7 +225,10 @@ class Frame:
 
     def body(self, statements: list[Any]) -> bool:
         """Walk statements; whether nothing after them is reached."""
-        return any(self.statement(each) for each in statements)
+        for each in statements:  # no any(): calls through C take room on the stack of the thread
+            if self.statement(each):
+                return True
+        return False
 
     def statement(self, node: Any) -> bool:
         """Walk a statement; whether nothing after it is reached."""
@@ -341,8 +346,7 @@ class Frame:
                 self._count(node, over, key)
                 return
             over = tuple(range(*over))
-        if isinstance(over, Array):
-            raise Unsupported("a loop over an array: use its indices")
+        _check_known(over)
         after = self.w.block("after")
         for part in over:
             following = self.w.block("next")
@@ -648,7 +652,8 @@ class Frame:
         (one,) = node.generators
         over = self.eval(one.iter)
         if isinstance(over, Sequence):
-            over = range(*over)
+            over = tuple(range(*over))
+        _check_known(over)
         outer = dict(self.names)
         values = []
         for part in over:
@@ -834,6 +839,11 @@ class _NeedsKnown(Unsupported):
     def __init__(self, number: Number) -> None:
         self.number = number
         super().__init__("a part of a tuple is chosen by a number that is only known when the kernel runs")
+
+
+def _check_known(over: Any) -> None:
+    if isinstance(over, Number | Array) or not hasattr(over, "__iter__"):
+        raise Unsupported("a loop goes over a range, or over what is known, such as a tuple")
 
 
 def _same(a: Any, b: Any) -> bool:
