@@ -14,7 +14,6 @@ a result is a large part and a small one, a *pair*, and only their last sum is r
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -420,7 +419,7 @@ def modulo(x: float, y: float) -> float:
 
 
 NAMED_ALIKE = (exp, expm1, log, sin, cos, tan, sinh, cosh, tanh)
-ELEMENTARY: dict[Any, Callable[..., Any]] = (
+ELEMENTARY: dict[Any, Any] = (
     {getattr(library, f.__name__): f for library in (np, math) for f in NAMED_ALIKE}
     | {math.asin: asin, math.acos: acos, math.atan: atan, math.atan2: atan2, math.pow: power}
     | {np.arcsin: asin, np.arccos: acos, np.arctan: atan, np.arctan2: atan2, np.power: power, np.mod: modulo}
