@@ -256,7 +256,7 @@ def circle(n: int, r: float, rest: float) -> float:
 
 @exact
 def sin(x: float) -> float:
-    """Sine within 0.71 ulp; for large x see `quadrant`."""
+    """Sine within 0.72 ulp; for large x see `quadrant`."""
     n, r, rest = quadrant(x)
     y = circle(n, r, rest)
     return x if abs(x) < TINY else y
@@ -264,7 +264,7 @@ def sin(x: float) -> float:
 
 @exact
 def cos(x: float) -> float:
-    """Cosine within 0.71 ulp; for large x see `quadrant`."""
+    """Cosine within 0.72 ulp; for large x see `quadrant`."""
     n, r, rest = quadrant(x)
     return circle(n + 1, r, rest)
 
