@@ -66,6 +66,27 @@ def circle(s: Source) -> Iterator[Sample]:
     yield Sample("up to 2^30, all magnitudes", (s.wide(-1074, 30),))
     yield Sample("up to 2^30", (s.uniform(-(2.0**30), 2.0**30),))
     yield Sample("beside multiples of pi/2", (s.quarter_turns(2**29),))
+    yield Sample("nearest to multiples of pi/2 of all", (hardest_quarter_turns(30),))
+
+
+def hardest_quarter_turns(limit: int) -> Numbers:
+    """The numbers below 2**limit that are nearest to multiples of π/2 of all.
+
+    x = m 2^(e − 52) is near k π/2 where k/m is near 2^(e − 52)/(π/2): the convergents of its continued fraction, with
+    multiples that fill the 53 bits of m.
+    """
+    found = []
+    with mpmath.workdps(80):
+        for e in range(limit):
+            ratio = mpmath.mpf(2) ** (e - 52) / (mpmath.pi / 2)
+            m_before, m, rest = 1, 0, ratio
+            while m < 2**53:
+                if m > 0:
+                    found.append(math.ldexp(m * ((2**53 - 1) // m), e - 52))
+                whole = int(mpmath.floor(rest))
+                m_before, m = m, whole * m + m_before
+                rest = 1 / (rest - whole)
+    return np.array(found)
 
 
 def arc(s: Source) -> Iterator[Sample]:
@@ -151,8 +172,8 @@ CASES = [
     Case("log", 0.65, logarithm, mpmath.log),
     Case("power", 0.55, powers, mpmath.power),
     Case("power", 0.76, subnormal_power, mpmath.power),
-    Case("sin", 0.71, circle, mpmath.sin),
-    Case("cos", 0.71, circle, mpmath.cos),
+    Case("sin", 0.72, circle, mpmath.sin),
+    Case("cos", 0.72, circle, mpmath.cos),
     Case("tan", 0.90, circle, mpmath.tan),
     Case("asin", 0.67, arc, mpmath.asin),
     Case("acos", 0.67, arc, mpmath.acos),
