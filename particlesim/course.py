@@ -13,8 +13,8 @@ import numpy as np
 
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper
-from particlesim.digest import state_digest
 from particlesim.compiler import compiling_seconds
+from particlesim.digest import state_digest
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state import CAUSES
 from particlesim.errors import Interrupted

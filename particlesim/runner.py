@@ -15,8 +15,8 @@ from particlesim.advice import advice
 from particlesim.bounds import check_fits, needs
 from particlesim.checking import Checks
 from particlesim.checkpoints import Keeper, Saving
-from particlesim.course import Course
 from particlesim.compiler import store
+from particlesim.course import Course
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import suspects
 from particlesim.engine.state import CAUSES

@@ -10,8 +10,19 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import elementary, intrinsics
-from particlesim.compiler.values import ELEMENTS, FLOATS, KINDS, Array, Number, Unsupported, is_number, kind_of
-from particlesim.compiler.walker import Frame, Method, Sequence
+from particlesim.compiler.calls import Method
+from particlesim.compiler.expressions import Sequence
+from particlesim.compiler.values import (
+    ELEMENTS,
+    FLOATS,
+    KINDS,
+    Array,
+    Number,
+    Unsupported,
+    is_number,
+    kind_of,
+)
+from particlesim.compiler.walker import Frame
 
 Rule = Callable[..., Any]
 RULES: dict[Any, Rule] = {}
@@ -80,8 +91,6 @@ def _isinstance(frame: Frame, value: Any, classes: Any) -> bool:
     return isinstance(value, classes)
 
 
-
-
 def _folded(name: str, nothing: bool) -> Rule:
     def combine(frame: Frame, values: Any) -> Any:
         result: Any = nothing
@@ -144,16 +153,17 @@ def _by_llvm(name: str, function: Callable[..., Any]) -> Rule:
     return emit
 
 
-for _name, _functions in {
+_BY_LLVM: dict[str, tuple[Any, ...]] = {
     "sqrt": (np.sqrt, math.sqrt, intrinsics.sqrt),
     "floor": (np.floor, intrinsics.floor),
     "ceil": (np.ceil,),
     "rint": (np.rint, intrinsics.nearest),
     "copysign": (np.copysign, math.copysign, intrinsics.copysign),
     "fma": (intrinsics.fma,),
-}.items():
-    for _each in _functions:
-        RULES[_each] = _by_llvm(_name, _each)
+}
+for _name, _functions in _BY_LLVM.items():
+    for _function in _functions:
+        RULES[_function] = _by_llvm(_name, _function)
 
 
 @rule(math.floor)
@@ -207,8 +217,8 @@ def _elementary(function: Callable[..., float], other: Any) -> None:
     RULES[other] = emit
 
 
-for _other, _function in elementary.ELEMENTARY.items():
-    _elementary(_function, _other)
+for _other, _own in elementary.ELEMENTARY.items():
+    _elementary(_own, _other)
 _elementary(elementary.power, pow)
 
 
@@ -227,7 +237,9 @@ def _on_stack(frame: Frame, rows: Any, columns: Any, dtype: Any) -> Array:
 @rule(intrinsics.atomic_add)
 def _atomic_add(frame: Frame, array: Array, index: Any, value: Any) -> Number:
     w = frame.w
-    return Number(w.emit(f"atomicrmw add ptr {w.offset(array, [index]).ref}, i64 {w.whole(value)} seq_cst"), "i64")
+    return Number(
+        w.emit(f"atomicrmw add ptr {w.offset(array, [index]).ref}, i64 {w.whole(value)} seq_cst"), "i64"
+    )
 
 
 @rule(intrinsics.atomic_load)

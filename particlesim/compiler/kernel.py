@@ -18,7 +18,16 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import store
-from particlesim.compiler.values import ELEMENTS, KINDS, Array, Number, Unsupported, form_of, kinds_in, value_of
+from particlesim.compiler.values import (
+    ELEMENTS,
+    KINDS,
+    Array,
+    Number,
+    Unsupported,
+    form_of,
+    kinds_in,
+    value_of,
+)
 
 _CALL = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_char_p)  # releases the GIL
 _LOCK = threading.RLock()
@@ -81,7 +90,9 @@ def _take(x: Any, key: list[Any], numbers: list[Any]) -> None:
     elif x is None or isinstance(x, str | type) or callable(x):
         key.append(x)
     else:
-        raise TypeError(f"kernels take numbers, arrays, None, functions, and tuples of them, not {cls.__name__}")
+        raise TypeError(
+            f"kernels take numbers, arrays, None, functions, and tuples of them, not {cls.__name__}"
+        )
 
 
 def _value(x: Any, registers: Iterator[Number], w: Any) -> Any:
@@ -137,7 +148,12 @@ class Compiled:
         room = ctypes.create_string_buffer(8 * len(self.results))
         self.call(self.pack(*numbers), room)
         got = struct.unpack("".join(_FORMAT[kind] for kind in self.results), room)
-        return value_of(self.form, iter([KINDS[kind](n) if kind != "double" else n for n, kind in zip(got, self.results, strict=True)]))
+        return value_of(
+            self.form,
+            iter(
+                [KINDS[kind](n) if kind != "double" else n for n, kind in zip(got, self.results, strict=True)]
+            ),
+        )
 
 
 # Compilation
@@ -148,7 +164,8 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
 
     Raises CompileError with file, line and reason.
     """
-    from particlesim.compiler.walker import DEEPEST, Again, Unit
+    from particlesim.compiler.calls import DEEPEST
+    from particlesim.compiler.unit import Again, Unit
 
     unit = Unit()
     limit = sys.getrecursionlimit()
@@ -164,7 +181,8 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
 
 
 def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) -> tuple[str, Any, Any]:
-    from particlesim.compiler.walker import CompileError, Frame
+    from particlesim.compiler.unit import CompileError
+    from particlesim.compiler.walker import Frame
     from particlesim.compiler.writer import Writer
 
     w = Writer(unit.declared, unit.constants)
@@ -182,7 +200,9 @@ def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) 
         result = Frame(unit, w, function, values, {}).walk()
     except Unsupported as error:
         code = function.__code__
-        raise CompileError(str(error), [(code.co_filename, code.co_firstlineno, 0, function.__name__)]) from error
+        raise CompileError(
+            str(error), [(code.co_filename, code.co_firstlineno, 0, function.__name__)]
+        ) from error
     numbers: list[Any] = []
     form = form_of(result, numbers)
     kinds = kinds_in(form)

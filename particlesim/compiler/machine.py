@@ -25,7 +25,14 @@ def processor() -> tuple[str, str]:
 
 def identity() -> str:
     """What machine code depends on beside its source: LLVM, its binding, and the processor."""
-    return " ".join([llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), llvm.get_process_triple(), *processor()])
+    return " ".join(
+        [
+            llvmlite.__version__,
+            ".".join(map(str, llvm.llvm_version_info)),
+            llvm.get_process_triple(),
+            *processor(),
+        ]
+    )
 
 
 @functools.cache
@@ -38,7 +45,9 @@ def _target(optimise: int = 3) -> Any:
     _initialised()
     name, features = processor()
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(cpu=name, features=features, opt=optimise, reloc="default", codemodel="jitdefault")
+    return target.create_target_machine(
+        cpu=name, features=features, opt=optimise, reloc="default", codemodel="jitdefault"
+    )
 
 
 def object_code(text: str) -> bytes:

@@ -51,9 +51,15 @@ def _source(code: CodeType) -> Source:
     found = _file(code.co_filename)[1].get((code.co_firstlineno, code.co_name), [])
     if len(found) > 1:  # lambdas of one line: the one that holds what the code was compiled from
         columns = [column for _, _, column, _ in code.co_positions() if column]
-        found = [each for each in found if columns and each.body.col_offset <= columns[0] < each.body.end_col_offset]
+        found = [
+            each
+            for each in found
+            if columns and each.body.col_offset <= columns[0] < each.body.end_col_offset
+        ]
     if len(found) != 1:
-        raise Unsupported(f"the source of {code.co_name} is not at line {code.co_firstlineno} of {code.co_filename}")
+        raise Unsupported(
+            f"the source of {code.co_name} is not at line {code.co_firstlineno} of {code.co_filename}"
+        )
     return Source(found[0], code.co_filename, _cells(found[0]))
 
 
@@ -134,7 +140,9 @@ class _Uses(ast.NodeVisitor):
 
     def visit_GeneratorExp(self, node: Any) -> None:
         """Names of a comprehension are its own; what it uses of others counts."""
-        own = {each.id for one in node.generators for each in ast.walk(one.target) if isinstance(each, ast.Name)}
+        own = {
+            each.id for one in node.generators for each in ast.walk(one.target) if isinstance(each, ast.Name)
+        }
         for each in ast.walk(node):
             if isinstance(each, ast.Name) and each.id not in own:
                 self._note(each.id, False)
@@ -145,7 +153,9 @@ class _Uses(ast.NodeVisitor):
 def _cells(tree: Any) -> frozenset[str]:
     uses = _Uses()
     uses.visit(tree)
-    return frozenset(name for name, events in uses.events.items() if not all(_plain(load, events) for load in events))
+    return frozenset(
+        name for name, events in uses.events.items() if not all(_plain(load, events) for load in events)
+    )
 
 
 def _plain(load: Any, events: list[Any]) -> bool:

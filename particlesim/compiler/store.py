@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler.values import TupleForm, KnownForm
+from particlesim.compiler.values import KnownForm, TupleForm
 
 VERSION = 1
 
@@ -55,7 +55,7 @@ def cache_root() -> Path:
 
 @functools.cache
 def folder() -> Path | None:
-    """The folder of kernels, made if need be; None (and `problem` set) when it cannot be written or is not the user's own."""
+    """The folder of kernels, made if need be; None, with `problem` set, when it is not the user's own to write."""
     try:
         path = cache_root() / "kernels"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -175,7 +175,7 @@ def write(entry: Entry | None, code: bytes, form: Any, unit: Any) -> None:
             try:
                 file.write(json.dumps(head).encode() + b"\n" + code)
                 file.flush()
-                os.replace(file.name, entry.path)
+                Path(file.name).replace(entry.path)
             except BaseException:
                 Path(file.name).unlink(missing_ok=True)
                 raise
@@ -188,7 +188,9 @@ def _number(module: str, name: str) -> str | None:
     """A number of a module, or an array of them, in words that tell it from every other."""
     value = getattr(sys.modules.get(module), name, None)
     if isinstance(value, np.ndarray):
-        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+        return (
+            f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+        )
     return f"{type(value).__name__} {value!r}"
 
 

@@ -113,11 +113,15 @@ def form_of(value: Any, registers: list[Any]) -> Any:
         return kind_of(value)
     if isinstance(value, Array):
         registers.append(value.data)
-        for each in (*value.lengths, *value.strides):
-            if isinstance(each, Number):
-                registers.append(each)
+        registers += (each for each in (*value.lengths, *value.strides) if isinstance(each, Number))
         return ArrayForm(
-            (value.element, *(tuple(None if isinstance(n, Number) else n for n in part) for part in (value.lengths, value.strides)))
+            (
+                value.element,
+                *(
+                    tuple(None if isinstance(n, Number) else n for n in part)
+                    for part in (value.lengths, value.strides)
+                ),
+            )
         )
     if isinstance(value, tuple):
         return TupleForm((type(value), tuple(form_of(each, registers) for each in value)))
@@ -184,4 +188,3 @@ def words(form: Any) -> str:
     if isinstance(form, TupleForm):
         return form[0].__name__ if form[0] is not tuple else f"a tuple of {len(form[1])}"
     return repr(form[0])
-

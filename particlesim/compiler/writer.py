@@ -14,7 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler.values import ELEMENTS, FLOATS, Array, Number, Unsupported, is_number, kind_of, wider
+from particlesim.compiler.values import (
+    ELEMENTS,
+    FLOATS,
+    Array,
+    Number,
+    Unsupported,
+    is_number,
+    kind_of,
+    wider,
+)
 
 # contract: a·b + c in one rounding; nsz: −0 may become 0; arcp: x/m, y/m, z/m share one reciprocal.
 # Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
@@ -152,7 +161,9 @@ class Writer:
         own = value.kind
         if kind == "i1":
             zero = constant(0, own)
-            return self.emit(f"fcmp une {own} {value.ref}, {zero}" if own in FLOATS else f"icmp ne {own} {value.ref}, 0")
+            return self.emit(
+                f"fcmp une {own} {value.ref}, {zero}" if own in FLOATS else f"icmp ne {own} {value.ref}, 0"
+            )
         if own in FLOATS:
             if kind in FLOATS:
                 return self.emit(f"{'fpext' if kind == 'double' else 'fptrunc'} {own} {value.ref} to {kind}")
@@ -244,7 +255,10 @@ class Writer:
         if not isinstance(condition, Number):
             return a if condition else b
         kind = wider(kind_of(a), kind_of(b))
-        return Number(self.emit(f"select i1 {condition.ref}, {kind} {self.ref(a, kind)}, {kind} {self.ref(b, kind)}"), kind)
+        return Number(
+            self.emit(f"select i1 {condition.ref}, {kind} {self.ref(a, kind)}, {kind} {self.ref(b, kind)}"),
+            kind,
+        )
 
     def extreme(self, how: str, values: Iterable[Any]) -> Any:
         """The smallest ("Lt") or largest ("Gt") number, the first of equal ones as in Python."""
@@ -289,7 +303,9 @@ class Writer:
         if not isinstance(total, Number) and total == 0:
             return array.data
         kind = ELEMENTS[array.element][0]
-        return Number(self.emit(f"getelementptr inbounds {kind}, ptr {array.data.ref}, i64 {self.whole(total)}"), "ptr")
+        return Number(
+            self.emit(f"getelementptr inbounds {kind}, ptr {array.data.ref}, i64 {self.whole(total)}"), "ptr"
+        )
 
     def load(self, array: Array, indices: list[Any]) -> Number:
         """An element; integers come as int64."""
@@ -299,14 +315,20 @@ class Writer:
             return Number(self.emit(f"trunc i8 {got} to i1"), "i1")
         if kind in FLOATS or kind == "i64":
             return Number(got, kind)
-        return Number(self.emit(f"{'zext' if array.element[0] == 'u' else 'sext'} {kind} {got} to i64"), "i64")
+        return Number(
+            self.emit(f"{'zext' if array.element[0] == 'u' else 'sext'} {kind} {got} to i64"), "i64"
+        )
 
     def store(self, array: Array, indices: list[Any], value: Any) -> None:
         """Set an element; the number is cast to what the array holds."""
         kind, size = ELEMENTS[array.element]
         target = self.offset(array, indices).ref
         if array.element == "bool":
-            text = self.emit(f"zext i1 {self.ref(value, 'i1')} to i8") if isinstance(value, Number) else str(int(bool(value)))
+            text = (
+                self.emit(f"zext i1 {self.ref(value, 'i1')} to i8")
+                if isinstance(value, Number)
+                else str(int(bool(value)))
+            )
         elif kind in FLOATS or kind == "i64":
             text = self.ref(value, kind)
         elif isinstance(value, Number):

@@ -82,7 +82,7 @@ def bent(each: Any, c: Any, q: Any) -> Any:
         )
         return wrapped(g[0] - each.rest[q]), g
     i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
-    g = dihedral_gradient(
+    fold = dihedral_gradient(
         c.x[i] - c.x[j],
         c.y[i] - c.y[j],
         c.z[i] - c.z[j],
@@ -93,7 +93,7 @@ def bent(each: Any, c: Any, q: Any) -> Any:
         c.y[m] - c.y[k],
         c.z[m] - c.z[k],
     )
-    return wrapped(g[0] - each.rest[q]), g
+    return wrapped(fold[0] - each.rest[q]), fold
 
 
 def _add_angles(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:

@@ -31,7 +31,7 @@ def value(f: Any, p: Particle) -> float:
 @generic(1)
 def slope(f: Any, p: Ray) -> float:
     """Derivative of an expression along a direction."""
-    return evaluate(slope, f, p)  # type: ignore[arg-type]
+    return evaluate(slope, f, p)
 
 
 class Constant(NamedTuple):

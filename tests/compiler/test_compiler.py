@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from particlesim.compiler import elementary, exact, kernel, on_stack, outlined, store
-from particlesim.compiler.walker import CompileError
+from particlesim.compiler.unit import CompileError
 
 _NUMBERS = itertools.count()
 
@@ -165,7 +165,9 @@ def test_precision_is_numpys() -> None:
     assert (compiled[1:] == plain[1:]).all()
 
 
-@pytest.mark.parametrize("name", ["exp", "expm1", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"])
+@pytest.mark.parametrize(
+    "name", ["exp", "expm1", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"]
+)
 def test_elementary_functions_have_the_same_bits_compiled(name: str) -> None:
     function = getattr(elementary, name)
 
@@ -175,11 +177,15 @@ def test_elementary_functions_have_the_same_bits_compiled(name: str) -> None:
             y[i] = function(x[i])
 
     low, high = {"log": (0.0, 800.0), "asin": (-1, 1), "acos": (-1, 1)}.get(name, (-800.0, 800.0))
-    x = np.concatenate([np.random.default_rng(3).uniform(low, high, 3000), [0.0, -0.0, 1.0, math.inf, -math.inf, math.nan]])
+    x = np.concatenate(
+        [np.random.default_rng(3).uniform(low, high, 3000), [0.0, -0.0, 1.0, math.inf, -math.inf, math.nan]]
+    )
     y = np.empty_like(x)
     each(x, y)
     plain = np.array([function(float(t)) for t in x])
-    assert y.tobytes() == plain.tobytes() or (np.isnan(y) == np.isnan(plain)).all() and (y == plain)[~np.isnan(y)].all()
+    assert y.tobytes() == plain.tobytes() or (
+        (np.isnan(y) == np.isnan(plain)).all() and (y == plain)[~np.isnan(y)].all()
+    )
 
 
 def test_powers_have_the_same_bits_compiled() -> None:
@@ -272,7 +278,17 @@ def test_integers_of_all_sizes_come_and_go() -> None:
         for i in range(x.size):
             y[i] = x[i] + 1
 
-    for dtype in (np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint32, np.int64, np.float32, np.bool_):
+    for dtype in (
+        np.int8,
+        np.uint8,
+        np.int16,
+        np.uint16,
+        np.int32,
+        np.uint32,
+        np.int64,
+        np.float32,
+        np.bool_,
+    ):
         x = np.array([0, 1, 100], dtype)
         y = np.zeros(3, np.float64)
         shift(x, y)
@@ -361,8 +377,14 @@ def test_room_on_the_stack() -> None:
         ("def f(x):\n    return x.shift\n", "a number has no shift"),
         ("def f(x):\n    y = x\n    return [z for z in y]\n", "a loop goes over"),
         ("def f(x):\n    return missing + x\n", "missing is not set"),
-        ("def f(x):\n    if x > 0:\n        y = (1.0, 2.0)\n    else:\n        y = 1.0\n    return y\n", "in one branch"),
-        ("def f(x):\n    try:\n        return x\n    except ValueError:\n        return 0.0\n", "Try is not in the language"),
+        (
+            "def f(x):\n    if x > 0:\n        y = (1.0, 2.0)\n    else:\n        y = 1.0\n    return y\n",
+            "in one branch",
+        ),
+        (
+            "def f(x):\n    try:\n        return x\n    except ValueError:\n        return 0.0\n",
+            "Try is not in the language",
+        ),
         ("def f(x):\n    return (1.0, 2.0)[int(x)]\n", "a part of a tuple is chosen by a number"),
         ("def f(x):\n    return print(x)\n", "'print' is not in the language"),
         ("def f(x):\n    return f(x)\n", "without end"),
@@ -392,7 +414,7 @@ def test_arguments_that_kernels_do_not_take_are_told() -> None:
 
 # Kept on disk
 
-MODULE = '''
+MODULE = """
 from particlesim.compiler import kernel
 import other
 
@@ -401,7 +423,7 @@ FACTOR = 3
 @kernel
 def times(x):
     return other.grow(x * FACTOR)
-'''
+"""
 PROGRAM = """
 from particlesim.compiler import machine
 compiled = []
@@ -416,9 +438,18 @@ def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     import os
 
     root = Path(__file__).parents[2]
-    environment = {**os.environ, "PSIM_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": f"{root}{os.pathsep}{folder}"}
+    environment = {
+        **os.environ,
+        "PSIM_CACHE_DIR": str(folder / "cache"),
+        "PYTHONPATH": f"{root}{os.pathsep}{folder}",
+    }
     ended = subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment, check=True, cwd=folder
+        [sys.executable, "-c", PROGRAM],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+        cwd=folder,
     )
     return ended.stdout.strip()
 
@@ -443,7 +474,9 @@ def test_code_is_kept_until_what_went_in_changes(tmp_path: Path, monkeypatch: py
     assert run_program(tmp_path, monkeypatch) == "10.0 1"
 
 
-def test_a_folder_that_others_may_write_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_others_may_write_is_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PSIM_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "problem", None)
     store.folder.cache_clear()
@@ -461,7 +494,7 @@ def test_a_disk_that_is_full_does_without(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(store, "problem", None)
-    monkeypatch.setattr(store.os, "replace", full)
+    monkeypatch.setattr(Path, "replace", full)
     entry = store.Entry(tmp_path / "a.kernel", "a")
 
     class Unit:

@@ -105,13 +105,12 @@ def test_gaps() -> None:
 
 @kernel
 def contacts_with(records: Any, p: Any) -> Any:
-    return tuple(tuple(q) + (outcome,) for q, outcome in (contact(each, p) for each in records))
+    return tuple((*q, outcome) for q, outcome in (contact(each, p) for each in records))
 
 
 def test_contacts() -> None:
     records = tuple(COLLIDER_RECORDS.values())
     outcomes = set()
-    found = np.empty((len(records), 12))
     for p in PARTICLES:
         for record, (*q, outcome) in zip(records, contacts_with(records, p), strict=True):
             expected, what = contact(record, p)
