@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def film(
     path: str | Path,
     out: str | Path | None = None,
-    overrides: Overrides = (),
+    overrides: Overrides | None = None,
     *,
     frames: slice | None = None,
     overwrite: bool = False,
