@@ -76,6 +76,9 @@ def for_union(union: Node, raw: Any, suggest: Suggest) -> Words | None:
     known = typewalk.tags(union)
     if isinstance(raw, dict) and known:
         return unknown_tag(union, raw, suggest) if typewalk.tag_key(union) in raw else missing_tag(union, raw)
+    if isinstance(raw, list | tuple) and "choice" in known:
+        hint = 'values that differ are a distribution: { type = "choice", values = [1, 2] }'
+        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, hint)
     words = [str(value) for value in _literals(union)]
     if isinstance(raw, str) and words:
         return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, suggest(raw, words))
