@@ -39,13 +39,16 @@ class Coloring:
     unit: str = ""
 
 
+NOTHING = Coloring("none")
+
+
 def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
     """What `color_by` means for this trajectory. Raises UsageError when it is not recorded."""
     fields = tuple(source.fields)
     if color_by == "auto":
         color_by = "speed" if {"speed", "velocity"} & set(fields) else "none"
     if color_by == "none":
-        return Coloring("none")
+        return NOTHING
     units: dict[str, str] = {**_UNITS, **getattr(source, "units", {})}
     unit = units.get(color_by, "")
     if color_by == "group" and "group" in fields:
