@@ -38,7 +38,9 @@ class Viewpoint:
         forward = self.target - self.eye
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, self.up)
-        if np.linalg.norm(right) < 1e-9 * np.linalg.norm(self.up):  # looking along `up`: as on a map, x to the right
+        if np.linalg.norm(right) < 1e-9 * np.linalg.norm(
+            self.up
+        ):  # looking along `up`: as on a map, x to the right
             along_z = abs(forward[2]) > 0.9
             right = np.cross(forward, [0.0, 1.0, 0.0] if along_z else [0.0, 0.0, -1.0])
             right *= 1.0 if right[0] >= 0 else -1.0
