@@ -208,8 +208,10 @@ def draw(value: float | Distribution, stream: Stream, first: int, count: int) ->
     return np.full(count, float(value))
 
 
-def smallest(value: float | Distribution) -> float:
+def smallest(value: float | tuple[float, ...] | Distribution) -> float:
     """The smallest value that an attribute can have."""
+    if isinstance(value, tuple):
+        return min(value)
     return value.support()[0] if isinstance(value, Distribution) else float(value)
 
 

@@ -11,6 +11,7 @@ from particlesim.render.scene import PlaneShape
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
+from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.reader import Trajectory
 from particlesim.trajectory.target import check_target
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 def film(
     path: str | Path,
     out: str | Path | None = None,
-    overrides: Overrides = (),
+    overrides: Overrides | None = None,
     *,
     frames: slice | None = None,
     overwrite: bool = False,
@@ -48,7 +49,7 @@ def film(
         return render_video(
             trajectory,
             out,
-            scenario.render,
+            look_of(scenario),
             planes=plane_shapes(scenario),
             title=scenario.title,
             frames=frames,
@@ -64,6 +65,12 @@ def check_film(scenario: Scenario, out: Path, *, overwrite: bool) -> None:
     find_ffmpeg()
     grid = scenario.grid
     video_step(grid.duration, grid.frames, scenario.render)
+
+
+def look_of(scenario: Scenario) -> RenderSettings:
+    """The settings of a scenario's pictures: springs that only push are contact, and drawn only where it says so."""
+    contact = {bonds.name: "hidden" for bonds in scenario.bonds if bonds.law.compression_only}
+    return scenario.render.model_copy(update={"styles": {**contact, **scenario.render.styles}})
 
 
 def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:

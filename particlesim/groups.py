@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -25,6 +25,10 @@ from particlesim.model import Model, Name
 from particlesim.selection import Selection, selected
 from particlesim.streams import Streams
 from particlesim.units import Kelvin, Kilograms, KilogramsPerCubicMetre, KilogramsPerSecond, Metres, PerSecond
+
+T = TypeVar("T")
+Each = Annotated[tuple[T, ...], Field(min_length=1)]
+"""Values one by one, as many as there are particles."""
 
 
 class FirstOrder(Model):
@@ -143,6 +147,13 @@ class Particles(Group):
 
     name: Name = "particles"
     """Name of the group, by which forces, planes and messages speak of it."""
+    # Wider than those of other groups: only here is it known how many particles there are.
+    mass: Sampled[Annotated[Kilograms, Gt(0)]] | Each[Annotated[Kilograms, Gt(0)]] | None = None  # type: ignore[assignment]
+    """Mass of a particle, or a list of them, one for each; 1 kg unless given or following from radius and density."""
+    radius: Sampled[Annotated[Metres, Ge(0)]] | Each[Annotated[Metres, Ge(0)]] | None = None  # type: ignore[assignment]
+    """Radius of a particle, or a list of them; 0 (a point) unless given or following from mass and density."""
+    temperature: Sampled[Annotated[Kelvin, Ge(0)]] | Each[Annotated[Kelvin, Ge(0)]] | None = None  # type: ignore[assignment]
+    """Temperature at the start, or a list of them, one for each."""
     layout: AnyLayout
     """Where they are and how fast."""
     pinned: bool | Selection = False
@@ -150,6 +161,31 @@ class Particles(Group):
     ("left", "row 3", "column -1"); or a box, ball or shell: those inside it at the start."""
     springs: MeshSprings | None = None
     """Springs of a layout that is a body (cloth, rope, jelly, net, hair, bridge, mesh)."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Particles:
+        for name in ("mass", "radius", "temperature"):
+            values = getattr(self, name)
+            if not isinstance(values, tuple):
+                continue
+            number = self.layout.number()
+            here = [(("layout",), f"a {self.layout.type}")]
+            if number is None:
+                columns = f"its file may have a column {name}" if self.layout.type == "file" else None
+                raise invalid(
+                    "how many particles there are is known only once a file is read",
+                    at=(name,),
+                    also=here,
+                    hint=columns,
+                )
+            if len(values) != number:
+                raise invalid(
+                    f"{len(values)} value{'s' if len(values) > 1 else ''} for {number} particles",
+                    at=(name,),
+                    also=here,
+                    allowed="one number for all, or one for each particle",
+                )
+        return self
 
     @model_validator(mode="after")
     def _body(self) -> Particles:
@@ -182,7 +218,7 @@ class Particles(Group):
                 allowed="rigid = true in a rope, a net or hair",
                 hint="structural = 1e4 (N/m) makes it stiff",
             )
-        if self.layout.is_body and isinstance(self.mass, Distribution):
+        if self.layout.is_body and isinstance(self.mass, Distribution | tuple):
             raise invalid(
                 f"the mass of a {self.layout.type} is that of the whole body: one number",
                 at=("mass",),
@@ -192,6 +228,8 @@ class Particles(Group):
 
     def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
         value = super().sample(name, streams, first, count)
+        if isinstance(value, tuple):
+            return np.asarray(value[first : first + count], float)
         if name != "mass" or not self.layout.is_body:
             return value
         number = self.layout.number() or 1

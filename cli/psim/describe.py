@@ -24,11 +24,11 @@ def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A force, flow, layout, integrator or table.", autocompletion=_names
+            metavar="[NAME]", help="A force, flow, layout, integrator, table or key.", autocompletion=_names
         ),
     ] = None,
 ) -> None:
-    """Explain a force, flow, layout, integrator or table of a scenario.
+    """Explain a force, flow, layout, integrator, table or key of a scenario.
 
     Shows its formula, energy and parameters with their units. Without a name: what there is.
     """
@@ -38,11 +38,43 @@ def describe(
             print(paint(title, "bold", sys.stdout))
             facts([(key, _headline(entry)) for key, entry in entries.items()], sys.stdout)
         return
-    for entries in sections.values():
-        if name in entries:
-            _show(name, entries[name])
+    for word in (name, f"{name}s"):  # [[planes]] answer to "plane"
+        for entries in sections.values():
+            if word in entries:
+                _show(word, entries[word])
+                return
+        if _show_word(word):
             return
     raise _unknown(name)
+
+
+def _show_word(word: str) -> bool:
+    """Say where in a scenario a key or a type of something stands, and what it means there; False where it is neither."""
+    from particlesim.scenario import typewalk
+    from particlesim.scenario.scenario import Scenario
+    from particlesim.scenario.vocabulary import Place, vocabulary, whereabouts
+
+    said: dict[str, list[Place]] = {}
+    for place in vocabulary(Scenario).get(word, ()):
+        is_key = place.role in ("key", "table")
+        text = dict(_parameters(place.model)).get(word, "") if is_key else _doc(place.model)
+        said.setdefault(text, []).append(place)
+    if not said:
+        return False
+    print(paint(word, "bold", sys.stdout))
+    for text, places in said.items():
+        print(f"  {text}".replace("\n", "\n  "))
+        print(paint(f"    in {whereabouts(tuple(places), len(places))}", "dim", sys.stdout))
+    first = next(iter(said.values()))[0]
+    held = typewalk.node(first.model)
+    if first.role in ("key", "table"):
+        held = typewalk.child(held, word, None) or held
+        held = (typewalk.child(held, 0, None) if held.is_list else held) or held
+    if held.model is not None:
+        _show_parameters(held.model)
+    elif known := typewalk.tags(held):
+        facts([("types", ", ".join(known))], sys.stdout)
+    return True
 
 
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
@@ -114,12 +146,16 @@ def _show_method(method: Method) -> None:
 
 
 def _show_parameters(model: type[BaseModel]) -> None:
+    print(paint("parameters", "bold", sys.stdout))
+    facts(list(_parameters(model)), sys.stdout)
+
+
+def _parameters(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    """The keys of a table, and what they mean, with unit and default."""
     from particlesim.scenario.schema import json_schema
 
     schema = json_schema(model)
     required = schema.get("required", ())
-    print(paint("parameters", "bold", sys.stdout))
-    rows = []
     for name, entry in schema["properties"].items():
         if name == getattr(model, "tag", "type"):
             continue
@@ -132,8 +168,7 @@ def _show_parameters(model: type[BaseModel]) -> None:
             notes.append(f"default {_toml(entry['default'])}")
         if "enum" in entry:
             notes.append("one of " + ", ".join(map(str, entry["enum"])))
-        rows.append((name, f"{text} ({'; '.join(notes)})" if notes else text))
-    facts(rows, sys.stdout)
+        yield name, f"{text} ({'; '.join(notes)})" if notes else text
 
 
 def _unit(schema: Any) -> str:
@@ -173,8 +208,10 @@ def _toml(value: Any) -> str:
 def _unknown(name: str) -> Exception:
     from particlesim.errors import UsageError
     from particlesim.names import did_you_mean
+    from particlesim.scenario.scenario import Scenario
+    from particlesim.scenario.suggestions import translation
+    from particlesim.scenario.vocabulary import vocabulary
 
-    return UsageError(
-        f"there is nothing called {name!r}",
-        did_you_mean(name, _names()) or "psim describe lists what there is.",
-    )
+    known = (*_names(), *vocabulary(Scenario))
+    hint = translation(name) or did_you_mean(name, known) or "psim describe lists what there is."
+    return UsageError(f"there is nothing called {name!r}", hint)

@@ -43,7 +43,9 @@ class Aim:
     shots: tuple[Shot, ...]
 
 
-def aim(scenario: str | Path, group: str, target: Sequence[float], *, overrides: Overrides = ()) -> Aim:
+def aim(
+    scenario: str | Path, group: str, target: Sequence[float], *, overrides: Overrides | None = None
+) -> Aim:
     """Directions in which the one particle of `group` hits the point `target` [m], with the speed that it has.
 
     Elevation is counted from the horizontal, which lies across gravity (across y without gravity), azimuth from the

@@ -77,7 +77,7 @@ def fit(
     measurements: Measurements,
     ranges: Sequence[Range],
     *,
-    overrides: Overrides = (),
+    overrides: Overrides | None = None,
     starts: int = 1,
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,

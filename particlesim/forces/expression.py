@@ -7,7 +7,6 @@ evaluated as Python: like every law, an expression is compiled from the types of
 from __future__ import annotations
 
 import ast
-import difflib
 import math
 import re
 import warnings
@@ -36,6 +35,7 @@ from particlesim.forces.operations import (
     value,
 )
 from particlesim.laws import Particle
+from particlesim.names import near_miss
 
 MAX_LENGTH = 2000
 """Characters in an expression; longer ones are refused before they are parsed."""
@@ -261,8 +261,8 @@ class _Builder:
 
 
 def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-    return (f"did you mean {close[0]!r}? " if close else "") + f"{what}: " + ", ".join(known)
+    close = near_miss(name, candidates)
+    return (f"did you mean {close!r}? " if close else "") + f"{what}: " + ", ".join(known)
 
 
 def reads(node: Node, variable: type) -> bool:

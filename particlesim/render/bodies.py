@@ -52,9 +52,10 @@ class Springs:
 class Bodies:
     """The surfaces and lines of a trajectory.
 
-    `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]. `lines`: the springs that are
-    drawn, and `owner` [l]: the number in `owners` of the body or set of springs that each belongs to. `springs`: those
-    that show strain, all but the ones against bending and the hidden ones.
+    `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]; `skin` [t]: the number in `skins`
+    of the group that it is of. `lines`: the springs that are drawn, and `owner` [l]: the number in `owners` of the body or
+    set of springs that each belongs to. `springs`: those that show strain, all but the ones against bending and the hidden
+    ones.
     """
 
     def __init__(self, source: FrameSource, settings: RenderSettings) -> None:
@@ -64,6 +65,8 @@ class Bodies:
         surfaces = [each for name, each in found.items() if len(each.triangles) and style(name) == "surface"]
         self.triangles = np.concatenate([np.empty((0, 3), np.int64), *(s.triangles for s in surfaces)])
         self.torn = np.concatenate([np.empty(0), *(_torn(each, found) for each in surfaces)])
+        self.skins = tuple(each.name for each in surfaces)
+        self.skin = np.repeat(np.arange(len(surfaces)), [len(each.triangles) for each in surfaces])
         skins = {name for name, each in found.items() if len(each.triangles)}
         drawn = {name: each for name, each in found.items() if _is_line(name, style, skins)}
         self.lines = Springs.of(list(drawn.values()))

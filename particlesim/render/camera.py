@@ -38,8 +38,12 @@ class Viewpoint:
         forward = self.target - self.eye
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, self.up)
-        if np.linalg.norm(right) < 1e-9 * np.linalg.norm(self.up):  # looking along `up`: any side will do
-            right = np.cross(forward, np.roll(self.up, 1) + np.array([0.3, 0.2, 0.1]) * np.abs(self.up).max())
+        if np.linalg.norm(right) < 1e-9 * np.linalg.norm(
+            self.up
+        ):  # looking along `up`: as on a map, x to the right
+            along_z = abs(forward[2]) > 0.9
+            right = np.cross(forward, [0.0, 1.0, 0.0] if along_z else [0.0, 0.0, -1.0])
+            right *= 1.0 if right[0] >= 0 else -1.0
         right /= np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
 

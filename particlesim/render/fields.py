@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 
 from particlesim.errors import UsageError
+from particlesim.names import near_miss
 from particlesim.render.scene import Frame, FrameSource
 from particlesim.render.stage import Array
 from particlesim.scenario.rendering import colorable
@@ -39,13 +39,16 @@ class Coloring:
     unit: str = ""
 
 
+NOTHING = Coloring("none")
+
+
 def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
     """What `color_by` means for this trajectory. Raises UsageError when it is not recorded."""
     fields = tuple(source.fields)
     if color_by == "auto":
         color_by = "speed" if {"speed", "velocity"} & set(fields) else "none"
     if color_by == "none":
-        return Coloring("none")
+        return NOTHING
     units: dict[str, str] = {**_UNITS, **getattr(source, "units", {})}
     unit = units.get(color_by, "")
     if color_by == "group" and "group" in fields:
@@ -68,9 +71,9 @@ def choose_coloring(source: FrameSource, color_by: str) -> Coloring:
 
 def _not_recorded(color_by: str, fields: tuple[str, ...]) -> UsageError:
     choices = colorable(fields)[1:]
-    close = get_close_matches(color_by, choices, 1)
+    close = near_miss(color_by, choices)
     needed = "velocity" if color_by == "speed" else color_by
-    hint = f"Did you mean '{close[0]}'? " if close else ""
+    hint = f"Did you mean '{close}'? " if close else ""
     hint += f"Possible here: {', '.join(choices)}. "
     hint += f'To record it, add "{needed}" to output.fields and run again.'
     return UsageError(f"cannot colour by '{color_by}': the trajectory does not record it", hint)

@@ -20,6 +20,10 @@ from particlesim.scenario.rendering import RenderSettings
 _RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-", strict=True))
 _PLAIN = str.maketrans({"−": "-", "×": "x", "µ": "u", "μ": "u", "·": "•", "\u00a0": " "})
 
+NIGHT, PAPER = (16, 19, 26), (244, 246, 249)
+PLATE = 0.72
+"""Colours and opacity of the plate under a legend."""
+
 
 class Overlay:
     """The fixed parts, rendered once, and the time label of each picture."""
@@ -38,6 +42,7 @@ class Overlay:
         self.ink = (28, 32, 40) if is_light(settings) else (236, 240, 246)
         self.size = max(round(height / 40), 11)
         self.margin = max(round(height / 27), 6)
+        self.picture = settings.size
         self.shown = settings.time_label
         self.title_height = 0
         self.parts: list[tuple[int, int, npt.NDArray[np.uint8]]] = []
@@ -46,11 +51,29 @@ class Overlay:
             self.title_height = text.shape[0] + self.size // 2
             self.parts.append((self.margin, self.margin, text))
         if settings.legend and count and coloring.kind in ("value", "strain"):
-            bar = self._bar(coloring, span, palette, max(width // 5, min(120, width - 2 * self.margin)))
-            self.parts.append((height - self.margin - bar.shape[0], width - self.margin - bar.shape[1], bar))
+            self._corner(
+                self._bar(coloring, span, palette, max(width // 5, min(120, width - 2 * self.margin)))
+            )
         elif settings.legend and coloring.kind == "group" and groups:
-            box = self._groups(groups, palette)
-            self.parts.append((height - self.margin - box.shape[0], width - self.margin - box.shape[1], box))
+            self._corner(self._groups(groups, palette))
+
+    def _corner(self, part: npt.NDArray[np.uint8]) -> None:
+        """Put a part in the lower right corner, on a plate that what is behind it does not disturb."""
+        width, height = self.picture
+        top, left = height - self.margin - part.shape[0], width - self.margin - part.shape[1]
+        pad = self.size // 2
+        plate = self._plate(part.shape[0] + 2 * pad, part.shape[1] + 2 * pad, pad)
+        self.parts += [(top - pad, left - pad, plate), (top, left, part)]
+
+    def _plate(self, height: int, width: int, corner: int) -> npt.NDArray[np.uint8]:
+        """A translucent plate with rounded corners, in the colour against which the text stands out."""
+        y, x = np.mgrid[:height, :width] + 0.5
+        inside = [np.minimum(v, n - v) for v, n in ((y, height), (x, width))]
+        beyond = np.hypot(*(np.maximum(corner - each, 0) for each in inside))
+        out = np.empty((height, width, 4), np.uint8)
+        out[..., :3] = PAPER if self.ink[0] < 128 else NIGHT
+        out[..., 3] = 255 * PLATE * np.clip(corner + 0.5 - beyond, 0, 1)
+        return out
 
     def draw(self, picture: npt.NDArray[np.uint8], time: float) -> None:
         """Blend everything over `picture`, [height, width, 3], in place."""

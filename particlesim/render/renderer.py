@@ -4,6 +4,7 @@ pixels."""
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from particlesim.render import colormaps, project, raster, shade
 from particlesim.render.bodies import Bodies
 from particlesim.render.camera import Viewpoint, choose_viewpoint
 from particlesim.render.cast import NO_BOX, Act, Buffers, Cast
-from particlesim.render.fields import choose_coloring, color_indices, quantized, values_of
+from particlesim.render.fields import NOTHING, choose_coloring, color_indices, quantized, values_of
 from particlesim.render.lighting import (
     choose_light,
     choose_theme,
@@ -86,8 +87,12 @@ class Renderer:
         if len(source) == 0:
             raise UsageError("the trajectory holds no frame", "Run the scenario again; nothing was recorded.")
         self.settings, self.team = settings, team
-        self.coloring = choose_coloring(source, settings.color_by)
         self.bodies = Bodies(source, settings)
+        groups = tuple(getattr(source, "groups", ()))
+        self.own_colors = {**self._cloth(), **settings.colors}
+        self.coloring = choose_coloring(source, settings.color_by)
+        if settings.color_by == "auto" and groups and set(self.own_colors) >= set(groups):
+            self.coloring = NOTHING  # nothing is left that a value could colour
         self.scene = survey(source, self._values)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
@@ -104,17 +109,18 @@ class Renderer:
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
-        groups = getattr(source, "groups", ())
-        srgb = self._palette_srgb(tuple(groups))
+        srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
-        own = np.array(list(settings.colors.values()), float).reshape(-1, 3)
+        own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
         self.palette = colormaps.to_linear(np.concatenate([srgb, own])).astype(np.float32)
-        self.paint = {name: self.shades + k for k, name in enumerate(settings.colors)}
-        grouped = groups if "group" in source.fields else ()
-        self._group_paint = np.array([self.paint.get(name, -1) for name in grouped])
-        self.overlay = Overlay(
-            settings, self.coloring, self.range, srgb, tuple(groups), title, self.scene.count
-        )
+        self.paint = {name: self.shades + k for k, name in enumerate(self.own_colors)}
+        self._has_groups = "group" in source.fields
+        self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
+        masks = {name: self.bodies.skin == k for k, name in enumerate(self.bodies.skins)}
+        self._sheer = [
+            (share, masks[name]) for name, share in settings.opacity.items() if share < 1 and name in masks
+        ]
+        self.overlay = Overlay(settings, self.coloring, self.range, srgb, groups, title, self.scene.count)
         self.curve = tone_curve()
         wanted = settings.trails
         few = self.scene.count <= AUTOMATIC and len(source) > 1 and not self.bodies
@@ -123,6 +129,13 @@ class Renderer:
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()
+
+    def _cloth(self) -> dict[str, tuple[float, float, float]]:
+        """Plain colours of surfaces, where nothing else is asked for."""
+        if self.settings.color_by != "auto":
+            return {}
+        cloth = colormaps.CLOTH
+        return {name: cloth[k % len(cloth)] for k, name in enumerate(self.bodies.skins)}
 
     def _drawn_radius(self) -> float:
         """Radius [m] of particles that have none of their own."""
@@ -168,7 +181,7 @@ class Renderer:
         if self.coloring.kind == "group":
             found = colormaps.group_colors(max(len(groups), 12))
             for k, name in enumerate(groups):
-                found[k] = self.settings.colors.get(name, found[k])
+                found[k] = self.own_colors.get(name, found[k])
             return found
         colors = colormaps.colormap(self.settings.colormap, 1024)
         return readable(colors, is_light(self.settings), shaded=bool(self.bodies))
@@ -188,8 +201,19 @@ class Renderer:
         view = viewpoint.view(self.center, self.scale, self.width, self.height)
         planes = _towards(self.planes, view)
         cast = self._place(frame, view, planes)
-        shadow, sky = self._maps(cast)
-        act = Act(view, planes, shadow, sky, cast, self._haze(viewpoint), self._trail_segments(frame, view))
+        bare = _without(cast, [mask for _, mask in self._sheer])
+        shadow, sky = self._maps(bare)
+        act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._trail_segments(frame, view))
+        out = self._paint(act)
+        for share, mask in self._sheer:
+            others = [other for _, other in self._sheer if other is not mask]
+            out = _mixed(out, self._paint(replace(act, cast=_without(cast, others))), share)
+        self.overlay.draw(out, float(frame.time))
+        return out
+
+    def _paint(self, act: Act) -> Picture:
+        """The picture without its overlay."""
+        view, cast = act.view, act.cast
         spheres = project.bin_bands(cast.box, self._order(cast), view.height)
         triangles = project.bin_bands(cast.triangle_box, _AS_IT_IS, view.height)
         tubes = project.bin_bands(cast.tube_box, _AS_IT_IS, view.height)
@@ -211,7 +235,6 @@ class Renderer:
             )
 
         self.team.each(band, len(spheres[0]) - 1)
-        self.overlay.draw(out, float(frame.time))
         return out
 
     def _order(self, cast: Cast) -> Array:
@@ -341,7 +364,8 @@ class Renderer:
         """The same, but for groups that have a colour of their own."""
         if not (self._group_paint >= 0).any():
             return color
-        own = self._group_paint[np.asarray(frame["group"]).astype(np.int64)]
+        group = np.asarray(frame["group"]).astype(np.int64) if self._has_groups else 0
+        own = self._group_paint[group]
         return np.where(own >= 0, own, color).astype(np.uint16)
 
     def _values(self, frame: Frame) -> Array | None:
@@ -400,6 +424,21 @@ class Renderer:
             scratch.buffers = Buffers.of(width, bool(self.bodies))
         buffers: Buffers = scratch.buffers
         return buffers
+
+
+def _without(cast: Cast, masks: list[Array]) -> Cast:
+    """A cast without some of its triangles, each mask of shape [t]."""
+    if not masks:
+        return cast
+    whole, box = cast.whole & ~np.logical_or.reduce(masks), cast.triangle_box.copy()
+    box[~whole] = NO_BOX
+    return replace(cast, whole=whole, triangle_box=box)
+
+
+def _mixed(behind: Picture, front: Picture, share: float) -> Picture:
+    """A picture that shows `front` with this share, and what is `behind` it with the rest."""
+    there = behind.astype(np.float32)
+    return np.asarray(there + share * (front - there) + 0.5, np.uint8)
 
 
 def _towards(planes: Planes, view: View) -> Planes:

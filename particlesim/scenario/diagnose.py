@@ -17,10 +17,11 @@ from pydantic_core import ErrorDetails
 from particlesim.crossfield import CROSS_FIELD_ERROR, Invalid
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span
 from particlesim.scenario import messages, typewalk
-from particlesim.scenario.messages import Words
+from particlesim.scenario.messages import Suggest, Words
 from particlesim.scenario.overrides import dotted_path
 from particlesim.scenario.positions import Place
 from particlesim.scenario.source import KeyPath, OverrideText, Source, Text
+from particlesim.scenario.suggestions import suggestion
 from particlesim.scenario.typewalk import Node
 from particlesim.units import shown
 
@@ -50,12 +51,13 @@ def diagnose(error: ValidationError, source: Source, model: type[BaseModel]) -> 
     explained = {address.path for address, _ in details if address.meant}
     for address, entry in details:
         if address.meant:
-            found.append(_diagnostic(address, entry, source))
+            found.append(_diagnostic(address, entry, source, model))
         elif address.union is not None:
             path, union, raw = address.union
             if not any(other[: len(path)] == path for other in explained):
                 words = Words(f"expected {typewalk.describe(union)}, got {shown(raw)}")
-                found.append(_placed(source, path, messages.for_union(union, raw) or words))
+                suggest = _suggest(path, model)
+                found.append(_placed(source, path, messages.for_union(union, raw, suggest) or words))
     return ScenarioError(_in_order(found))
 
 
@@ -106,7 +108,12 @@ def _labelled(union: Node, label: str | int) -> Node | None:
     return nested[0] if nested and str(label).startswith(("tagged-union", "union", "function-")) else None
 
 
-def _diagnostic(address: _Address, entry: ErrorDetails, source: Source) -> Diagnostic:
+def _suggest(path: KeyPath, model: type[BaseModel], *, key: bool = False) -> Suggest:
+    """Hints for a word that is the value at `path`, or a key of the table there."""
+    return lambda word, known: suggestion(word, known, path, model, key=key)
+
+
+def _diagnostic(address: _Address, entry: ErrorDetails, source: Source, model: type[BaseModel]) -> Diagnostic:
     mistake = entry.get("ctx", {}).get("invalid")
     if entry["type"] == CROSS_FIELD_ERROR and isinstance(mistake, Invalid):
         return _invalid(source, address.path, mistake)
@@ -121,17 +128,20 @@ def _diagnostic(address: _Address, entry: ErrorDetails, source: Source) -> Diagn
     if entry["type"] == "tuple_type" and (point := messages.one_point(address.parent, address.parent_raw)):
         return _placed(source, address.path[:-1], point)
     if entry["type"] == "extra_forbidden":
-        words = messages.unknown_key(str(key), address.parent, address.parent_raw)
+        suggest = _suggest(address.path[:-1], model, key=True)
+        words = messages.unknown_key(str(key), address.parent, address.parent_raw, suggest)
         return _placed(source, address.path, words, at_key=True)
     if entry["type"] == "union_tag_invalid" and address.kind is not None:
-        return _placed(
-            source,
-            (*address.path, typewalk.tag_key(address.kind)),
-            messages.unknown_tag(address.kind, address.raw),
-        )
+        path = (*address.path, typewalk.tag_key(address.kind))
+        return _placed(source, path, messages.unknown_tag(address.kind, address.raw, _suggest(path, model)))
     if entry["type"] == "union_tag_not_found" and address.kind is not None:
         return _placed(source, address.path, messages.missing_tag(address.kind, address.raw))
-    return _placed(source, address.path, messages.plain(entry, address.kind, address.raw))
+    if entry["type"] == "tuple_type" and (
+        point := messages.group_for_point(address.kind, address.raw, source.raw)
+    ):
+        return _placed(source, address.path, point)
+    suggest = _suggest(address.path, model)
+    return _placed(source, address.path, messages.plain(entry, address.kind, address.raw, suggest))
 
 
 def _invalid(source: Source, base: KeyPath, mistake: Invalid) -> Diagnostic:

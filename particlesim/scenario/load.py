@@ -20,7 +20,7 @@ from particlesim.scenario.source import Source, parse_source, read_source, sourc
 Overrides = Mapping[str, object] | Iterable[str]
 
 
-def load(path: str | Path, overrides: Overrides = ()) -> Scenario:
+def load(path: str | Path, overrides: Overrides | None = None) -> Scenario:
     """The scenario of a TOML file.
 
     `overrides` sets values by address: {"simulation.dt": 1e-3}, or ["simulation.dt=1e-3"] with values in TOML.
@@ -34,7 +34,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Scenario:
     return _validated(read_source(path), overrides, Path(path).resolve().parent)
 
 
-def loads(text: str, overrides: Overrides = ()) -> Scenario:
+def loads(text: str, overrides: Overrides | None = None) -> Scenario:
     """The scenario of a TOML text. Raises ScenarioError with every mistake and its place."""
     if not isinstance(text, str):
         raise TypeError(
@@ -43,7 +43,7 @@ def loads(text: str, overrides: Overrides = ()) -> Scenario:
     return _validated(parse_source(text), overrides, None)
 
 
-def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
+def from_table(table: Mapping[str, Any], overrides: Overrides | None = None) -> Scenario:
     """The scenario of a table such as TOML gives. Raises ScenarioError with every mistake."""
     if not isinstance(table, Mapping):
         raise TypeError(
@@ -52,12 +52,14 @@ def from_table(table: Mapping[str, Any], overrides: Overrides = ()) -> Scenario:
     return _validated(source_from_dict(table), overrides, None)
 
 
-def _validated(source: Source, overrides: Overrides, folder: Path | None) -> Scenario:
+def _validated(source: Source, overrides: Overrides | None, folder: Path | None) -> Scenario:
     return scenario_of(source, parse_overrides(overrides), folder)
 
 
-def parse_overrides(overrides: Overrides) -> tuple[Override, ...]:
-    """Overrides of either form. Raises UsageError or ScenarioError for text that is none."""
+def parse_overrides(overrides: Overrides | None) -> tuple[Override, ...]:
+    """Overrides of either form; None are none. Raises UsageError or ScenarioError for text that is none."""
+    if overrides is None:
+        return ()
     if isinstance(overrides, str):
         overrides = (overrides,)
     entries = tuple(overrides) if isinstance(overrides, Iterable) else (overrides,)

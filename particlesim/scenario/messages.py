@@ -9,7 +9,6 @@ from typing import Any, Literal, get_args
 from pydantic_core import ErrorDetails
 
 from particlesim.model import Line, Name, Prose
-from particlesim.names import did_you_mean
 from particlesim.scenario import typewalk
 from particlesim.scenario.typewalk import Node
 from particlesim.units import QUANTITY_ERROR, shown
@@ -32,6 +31,10 @@ _PATTERNS = {
 }
 
 
+Suggest = Callable[[str, Iterable[str]], str | None]
+"""A hint for a word at the place of the mistake that is none of those that may stand there."""
+
+
 @dataclass(frozen=True)
 class Words:
     """The text of a diagnostic."""
@@ -45,19 +48,19 @@ def missing(key: str, kind: Node | None) -> Words:
     return Words(f"missing key {key!r}", _allowed(kind))
 
 
-def unknown_key(key: str, table: Node | None, raw: Any) -> Words:
+def unknown_key(key: str, table: Node | None, raw: Any, suggest: Suggest) -> Words:
     """A key that the table does not have."""
     if table is not None and table.is_union:
         table = typewalk.choose(table, raw)
     known = [] if table is None or table.model is None else list(typewalk.fields(table.model))
-    return Words(f"unknown key {key!r}", ", ".join(known) or None, did_you_mean(key, known))
+    return Words(f"unknown key {key!r}", ", ".join(known) or None, suggest(key, known))
 
 
-def unknown_tag(union: Node, raw: Any) -> Words:
+def unknown_tag(union: Node, raw: Any, suggest: Suggest) -> Words:
     key = typewalk.tag_key(union)
     tag = raw.get(key) if isinstance(raw, dict) else None
     known = typewalk.tags(union)
-    hint = did_you_mean(tag, known) if isinstance(tag, str) else None
+    hint = suggest(tag, known) if isinstance(tag, str) else None
     return Words(f"unknown {key} {shown(tag)}", _quoted(known), hint)
 
 
@@ -68,14 +71,17 @@ def missing_tag(union: Node, raw: Any) -> Words:
     return Words(f"missing key {key!r}", known)
 
 
-def for_union(union: Node, raw: Any) -> Words | None:
+def for_union(union: Node, raw: Any, suggest: Suggest) -> Words | None:
     """What to say when no branch of `union` fits; None where nothing is better than naming the branches."""
     known = typewalk.tags(union)
     if isinstance(raw, dict) and known:
-        return unknown_tag(union, raw) if typewalk.tag_key(union) in raw else missing_tag(union, raw)
+        return unknown_tag(union, raw, suggest) if typewalk.tag_key(union) in raw else missing_tag(union, raw)
+    if isinstance(raw, list | tuple) and "choice" in known:
+        hint = 'values that differ are a distribution: { type = "choice", values = [1, 2] }'
+        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, hint)
     words = [str(value) for value in _literals(union)]
     if isinstance(raw, str) and words:
-        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, did_you_mean(raw, words))
+        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, suggest(raw, words))
     return None
 
 
@@ -84,7 +90,7 @@ def wrong_length(kind: Node | None, raw: Any) -> Words:
     return Words(f"expected {len(arguments)} elements, got {len(raw)}")
 
 
-def plain(entry: ErrorDetails, kind: Node | None, raw: Any) -> Words:
+def plain(entry: ErrorDetails, kind: Node | None, raw: Any, suggest: Suggest) -> Words:
     """Any other error, by its type."""
     code, context = entry["type"], entry.get("ctx", {})
     if code in _LIMITS:
@@ -93,7 +99,7 @@ def plain(entry: ErrorDetails, kind: Node | None, raw: Any) -> Words:
         return Words(str(context["message"]), _limits(kind))
     if code == "literal_error" and kind is not None:
         known = _literals(kind)
-        hint = did_you_mean(raw, map(str, known)) if isinstance(raw, str) else None
+        hint = suggest(raw, map(str, known)) if isinstance(raw, str) else None
         return Words(f"unknown value {shown(raw)}", _quoted(known), hint)
     if code in _BY_CODE:
         return Words(_BY_CODE[code](context, raw), _limits(kind), _advice(code, kind, raw))
@@ -172,6 +178,10 @@ def _advice(code: str, kind: Node | None, raw: Any) -> str | None:
         return f"a vector has three components: [0, {shown(raw)}, 0]"
     if code == "int_type" and isinstance(raw, float) and raw.is_integer() and abs(raw) < 1e15:
         return f"write {int(raw)}"
+    if code in ("list_type", "tuple_type") and kind is not None and not isinstance(raw, dict):
+        element = typewalk.child(kind, 0, raw)
+        if element is not None and not typewalk.is_vector(kind) and typewalk.fit(element, raw) > 0:
+            return f"a list of one: [{_quoted([raw])}]"
     if code in ("list_type", "tuple_type") and isinstance(raw, dict):
         return "an entry of a list of tables has two brackets: [[name]]"
     if code in ("model_type", "model_attributes_type", "dict_type") and isinstance(raw, list):
@@ -188,6 +198,26 @@ def one_point(kind: Node | None, raw: Any) -> Words | None:
         return None
     x, y, z = map(shown, raw)
     return Words("expected a list of vectors, got one vector", hint=f"write [[{x}, {y}, {z}]]")
+
+
+def group_for_point(kind: Node | None, raw: Any, scenario: Mapping[str, Any]) -> Words | None:
+    """The slip of naming a group where a fixed point is due."""
+    if kind is None or not typewalk.is_vector(kind) or not isinstance(raw, str):
+        return None
+    tables = scenario.get("particles")
+    groups = [group for group in tables if isinstance(group, dict)] if isinstance(tables, list) else []
+    named = next((group for group in groups if group.get("name", "particles") == raw), None)
+    if named is None:
+        return None
+    layout = named.get("layout")
+    points = layout.get("position") if isinstance(layout, dict) else None
+    if isinstance(points, list) and len(points) == 1 and isinstance(points[0], list):
+        place = ", ".join(f'"{x}"' if isinstance(x, str) else shown(x) for x in points[0])
+        hint = f"{raw!r} begins at [{place}]; "
+    else:
+        hint = ""
+    hint += f'what goes with particles are springs: [[springs]] with between = ["{raw}", ...]'
+    return Words(f"expected a fixed point, got the name of a group, {shown(raw)}", "a list of 3", hint)
 
 
 def _is_number(value: Any) -> bool:

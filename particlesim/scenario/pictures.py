@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, get_args
 
-from particlesim.crossfield import Invalid
-from particlesim.groups import Particles
+from particlesim.crossfield import Invalid, Path
+from particlesim.groups import Group, Particles
 from particlesim.names import did_you_mean
 from particlesim.scenario.joints import bond_tables
 from particlesim.scenario.reach import group_tables
@@ -50,6 +50,12 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
                 allowed=", ".join(known),
                 hint=did_you_mean(name, known),
             )
+        elif key == "opacity" and not _has_skin(name, tables):
+            yield Invalid(
+                f"{name!r} has no surface: nothing else can be seen through",
+                ("render", key, name),
+                ((tables[name][0], "this group"),) if name in tables else ((sets[name], "these"),),
+            )
         elif key == "line_radius" and name not in joined and name not in sets:
             path = tables[name][0]
             at = ("render", key, name)
@@ -59,9 +65,8 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
     for name, style in scenario.render.styles.items():
         at = ("render", "styles", name)
         if name in tables:
-            path, group = tables[name]
-            skin = isinstance(group, Particles) and group.layout.has_surface()
-            if style == "surface" and not skin:
+            path = tables[name][0]
+            if style == "surface" and not _has_skin(name, tables):
                 yield Invalid(f"{name!r} has no surface", at, (((*path,), "this group"),))
             if style == "lines" and name not in joined:
                 yield Invalid(
@@ -76,9 +81,22 @@ def styles(scenario: Scenario) -> Iterator[Invalid]:
             )
 
 
+def _has_skin(name: str, tables: Mapping[str, tuple[Path, Group]]) -> bool:
+    """Whether a name is that of a group with a surface."""
+    group = tables[name][1] if name in tables else None
+    return isinstance(group, Particles) and group.layout.has_surface()
+
+
 def _looks(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """The keys of [render] that say something by name, and the names that they use."""
     render = scenario.render
     radii = render.line_radius if isinstance(render.line_radius, dict) else {}
-    for key, table in (("styles", render.styles), ("colors", render.colors), ("line_radius", radii)):
+    looks: list[tuple[str, Mapping[str, object]]]
+    looks = [
+        ("styles", render.styles),
+        ("colors", render.colors),
+        ("opacity", render.opacity),
+        ("line_radius", radii),
+    ]
+    for key, table in looks:
         yield from ((key, name) for name in table)

@@ -68,7 +68,8 @@ class RenderSettings(Model):
     color_by: str = Field(
         "auto",
         description="A recorded field (vectors by their length), 'speed', 'x', 'y', 'z', 'group', 'strain', "
-        "'none', or 'auto': the speed if velocity is recorded, else one colour. The strain of a line is that of "
+        "'none', or 'auto': surfaces plain like cloth, everything else by its speed if velocity is recorded, else in one "
+        "colour. The strain of a line is that of "
         "its spring; in a point of a surface it is the root mean square over the springs that meet there.",
     )
     colormap: ColormapName = Field(
@@ -92,6 +93,11 @@ class RenderSettings(Model):
     colors: dict[str, tuple[Fraction, Fraction, Fraction]] = Field(
         {},
         description="Colours [r, g, b] of groups and sets of springs, by their names, instead of `color_by`.",
+    )
+    opacity: dict[str, Fraction] = Field(
+        {},
+        description="Of groups that are drawn as a surface, by their names: how much of what is behind them they hide. "
+        "Each that hides less than all (1) takes the time of a picture of its own.",
     )
     line_radius: Thickness | dict[str, Thickness] | None = Field(
         None,

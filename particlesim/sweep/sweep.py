@@ -97,7 +97,7 @@ class Sweep:
         scenario: str | Path,
         design: Design,
         *,
-        overrides: Overrides = (),
+        overrides: Overrides | None = None,
         quantities: Sequence[str] = (),
         record: bool = False,
     ) -> None:

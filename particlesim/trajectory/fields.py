@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, Literal
 
 import numpy as np
 
 from particlesim.errors import UsageError
+from particlesim.names import near_miss
 
 Precision = Literal["single", "double"]
 
@@ -90,8 +90,8 @@ def select_fields(names: Iterable[str]) -> tuple[FieldSpec, ...]:
 def unknown_name(what: str, name: str, known: Iterable[str]) -> UsageError:
     """The error for a name that is not among `known`, with the nearest one suggested."""
     known = tuple(known)
-    near = get_close_matches(name, known, n=1)
-    guess = f"Did you mean {near[0]!r}? " if near else ""
+    near = near_miss(name, known)
+    guess = f"Did you mean {near!r}? " if near else ""
     listing = ", ".join(known) if known else "none"
     return UsageError(f"unknown {what} {name!r}", f"{guess}Available: {listing}.")
 

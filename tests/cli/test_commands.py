@@ -247,6 +247,20 @@ def test_describe(psim):
     assert "4 force evaluations" in psim("describe", "rk4").out
     for name in complete_names():
         assert psim("describe", name).code == 0
+    assert psim("describe", "plane").out == psim("describe", "planes").out
+    told = psim("describe", "restitution").out
+    assert "Speed after over speed before the impact" in told
+    assert "in [[planes]]" in told
+    assert "field of view" in psim("describe", "camera").out
+    assert "sheet_drag" in psim("describe", "forces").out
+    assert "A solid sphere" in psim("describe", "ball").out
+
+
+def test_describe_knows_words_of_other_tools(psim):
+    told = psim("describe", "friction")
+    assert told.code == 2
+    assert 'psim has no friction; "tangential_loss"' in told.err
+    assert '"velocity_verlet" or "stormer_verlet"' in psim("describe", "leapfrog").err
 
 
 def complete_names() -> list[str]:

@@ -158,7 +158,7 @@ def test_beads_sink_with_their_terminal_velocity() -> None:
 def test_balls_float_as_deep_as_they_are_heavy() -> None:
     # h² (3 r − h) = 4 r³ ρ/ρ_f. The slowest motion (ice, 13 kg) fades as e^(−0.9 t): nothing is left after 60 s.
     result = run("buoyant_ball", duration=60.0)
-    balls = [g for g in result.scenario.particles if g.name != "surface"]
+    balls = [g for g in result.scenario.particles if g.name != "water"]
     for group in balls:
         s, r = float(group.density or 0) / 997, 0.15
         h = brentq(lambda h, s=s, r=r: h * h * (3 * r - h) - 4 * r**3 * s, 0, 2 * r, xtol=1e-15)

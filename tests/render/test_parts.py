@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from particlesim.errors import UsageError
 from particlesim.render import Camera, PlaneShape, RenderSettings, colormaps, project, raster
-from particlesim.render.camera import FILL, choose_viewpoint, room_corners
+from particlesim.render.camera import FILL, Viewpoint, choose_viewpoint, room_corners
 from particlesim.render.fields import choose_coloring, color_indices, values_of
 from particlesim.render.lighting import grid_spacing, readable, tone_curve
 from particlesim.render.overlay import format_time, round_ticks, text_mask
@@ -281,3 +281,23 @@ def test_positions_that_are_hardly_finite_do_not_spoil_the_picture():
     assert (scene.high == near.max(axis=0)).all()
     assert scene.values[1] < 10
     assert (color_indices(source[0], coloring, *scene.values, 256)[-3:] == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("eye", "up", "right", "upwards"),
+    [
+        ((0, 5, 0), (0, 1, 0), (1, 0, 0), (0, 0, -1)),
+        ((0, -5, 0), (0, 1, 0), (1, 0, 0), (0, 0, 1)),
+        ((0, 0, 5), (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+        ((3, 2, 5), (0, 1, 0), None, None),
+    ],
+)
+def test_cameras_stay_upright(eye, up, right, upwards):
+    # From straight above as on a map; else the horizon is level: nothing that is upright leans to a side in the middle.
+    axes = Viewpoint(np.array(eye, float), np.zeros(3), np.array(up, float), 40.0).axes()
+    if right is None:
+        assert axes[0] @ up == pytest.approx(0, abs=1e-15)
+        assert axes[1] @ up > 0
+    else:
+        assert axes[:2] == pytest.approx(np.array([right, upwards]), abs=1e-15)
+    assert np.cross(axes[0], axes[2]) == pytest.approx(axes[1])

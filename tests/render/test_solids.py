@@ -98,6 +98,65 @@ def test_groups_have_the_colour_of_their_name(plain):
     assert warm[90:98].all()
 
 
+def test_surfaces_are_plain_unless_a_colour_is_asked_for(plain):
+    # Speeds that a colour map would show as blue and yellow; "auto" shows cloth, whether its group is recorded or not.
+    sheet, speed = Topology("sheet", triangles=SQUARE), np.array([0.0, 1.0, 2.0, 3.0])
+    frame = ArrayFrame(0.0, CORNERS, {"velocity": np.stack([speed, 0 * speed, 0 * speed], axis=1)})
+    source = ArraySource([frame], topology={"sheet": sheet}, groups=("sheet",))
+    facing = {"light": (0, 0, 1), "legend": True}
+    cloth = render_frame(source, 0, plain(**facing))[45:75, 65:95].reshape(-1, 3).astype(int)
+    assert np.ptp(cloth, axis=0).max() < 40, "one colour, but for the light"
+    assert (cloth[:, 0] > cloth[:, 2]).all(), "linen"
+    red = plain(**facing, colors={"sheet": (1, 0, 0)})
+    cloth = render_frame(source, 0, red)[45:75, 65:95].reshape(-1, 3).astype(int)
+    assert (cloth[:, 0] - cloth[:, 2] > 60).all(), "a single group has the colour of its name, too"
+    bare = render_frame(source, 0, plain(**facing, title=False))
+    assert np.array_equal(bare, render_frame(source, 0, plain(light=(0, 0, 1)))), (
+        "nothing to explain in a legend"
+    )
+    shown = (
+        render_frame(source, 0, plain(**facing, color_by="speed"))[45:75, 65:95].reshape(-1, 3).astype(int)
+    )
+    assert np.ptp(shown, axis=0).max() > 80
+
+
+def test_opacity_shows_what_is_behind(plain):
+    # A red ball half behind a blue sheet: beside it unchanged, behind it between the pictures with and without the sheet.
+    position = np.concatenate([CORNERS, [[-1, 0, -1.0]]])
+    group, radius = np.array([0, 0, 0, 0, 1]), np.array([np.nan] * 4 + [0.5])
+    source = scene(
+        position, Topology("sheet", triangles=SQUARE), group=group, radius=radius, groups=("sheet", "ball")
+    )
+    colors = {"sheet": (0, 0, 1), "ball": (1, 0, 0)}
+    look = {"color_by": "none", "colors": colors, "light": (0, 0, 1), "shadows": True}
+    clear, half, full = (
+        render_frame(source, 0, plain(**look, opacity={"sheet": share})).astype(int) for share in (0, 0.5, 1)
+    )
+    assert np.array_equal(full, render_frame(source, 0, plain(**look)))
+    without = render_frame(source, 0, plain(**look, styles={"sheet": "hidden"}))
+    assert clear[56:64, 62:68] == pytest.approx(without[56:64, 62:68], abs=3), "it throws no shadow either"
+    assert np.abs(half - (clear + full) / 2)[:, 62:].max() <= 1
+    red, blue = half[60, 64, 0], half[60, 64, 2]
+    assert red > 60
+    assert blue > 60
+
+
+def test_a_legend_stays_legible_over_what_is_drawn(plain):
+    # White dots everywhere: behind the legend they are dim.
+    rng = np.random.default_rng(1)
+    position = np.concatenate([rng.uniform([-4, -3, -1], [4, 3, 0], (4000, 3)), [[0, 0, 0]]])
+    x = np.append(np.full(4000, 1.0), 0.0)
+    look = {"color_by": "c", "size": (320, 240), "particle_radius": 0.1}
+    with_it, without = (
+        render_frame(single(position, c=x), 0, plain(**look, legend=legend)).astype(int)
+        for legend in (True, False)
+    )
+    changed = (with_it != without).any(axis=2)
+    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    assert np.median(with_it[box].max(axis=2)) < 0.5 * np.median(without[box].max(axis=2))
+
+
 def test_what_is_near_hides_what_is_far(plain):
     # A line through a sheet: its front half is seen, its far half is not.
     position = np.concatenate([CORNERS, [[-0.5, 0, 2.0], [0.5, 0, -2.0]]])

@@ -183,7 +183,14 @@ CASES = (
         allowed="a number > 0, in s",
     ),
     Case("dt = 0.002", "seed = 0.5", "expected a whole number, got 0.5", "simulation.seed", "0.5"),
-    Case('["ball"]', '"ball"', 'expected a list, got "ball"', "forces.air.on", '"ball"'),
+    Case(
+        '["ball"]',
+        '"ball"',
+        'expected a list, got "ball"',
+        "forces.air.on",
+        '"ball"',
+        hint='a list of one: ["ball"]',
+    ),
     Case('["ball"]', '["bal"]', "no group is called 'bal'", "forces.air.on.0", '"bal"'),
     Case(
         '"12 cm", 0',

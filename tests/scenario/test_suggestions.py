@@ -1,0 +1,159 @@
+"""Suggestions lead to what is meant, or are not made."""
+
+import re
+from itertools import product
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import particlesim as ps
+from particlesim.names import folded, near_miss
+from particlesim.scenario import typewalk
+from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.suggestions import ANYWHERE, THESAURUS, TOP, suggestion, thesaurus
+from particlesim.scenario.vocabulary import vocabulary
+
+BALL = """
+[simulation]
+duration = 1
+dt = 0.01
+[[particles]]
+name = "ball"
+radius = 0.1
+layout = { type = "points", position = [[0, 0, 1]] }
+"""
+
+
+def hint(more: str) -> str:
+    """The hint to the one mistake in a scenario with these lines."""
+    with pytest.raises(ps.ScenarioError) as caught:
+        ps.loads(BALL + more)
+    (found,) = caught.value.diagnostics
+    return found.hint or ""
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("[[collisions]]", "psim has no contact between particles"),
+        ("[[spheres]]", '[[particles]] with a "radius"'),
+        ("[[planes]]\nfriction = 0.3", 'psim has no friction; "tangential_loss"'),
+        ("[[planes]]\nbounciness = 0.3", '"restitution" of [[planes]]'),
+        ("[[planes]]\nelasticity = 0.3", '"restitution" of [[planes]]'),
+        ("[[planes]]\nBounciness = 0.3", '"restitution" of [[planes]]'),
+        ("[[planes]]\ncontact = 'reflect'", '"bounce"'),
+        ("[[forces]]\ntype = 'nbody'", "psim has no forces between all pairs"),
+        ("[[forces]]\ntype = 'n-body'", "psim has no forces between all pairs"),
+        ("[[forces]]\ntype = 'wind'", 'the "flow" of a "drag"'),
+        ("[[forces]]\ntype = 'frition'", 'did you mean "friction"? psim has no friction'),
+        ("[wind]", 'the "flow" of a "drag"'),
+        ("[[cloth]]", '"cloth" is a type of layout of [[particles]]'),
+        ("[[springs]]\non = 'ball'\nwithin = 1\nstiffness = 1\nk = 3", 'psim calls it "stiffness"'),
+        ("[render.camera]\nposition = [0, 1, 2]", '"eye" is where the camera is'),
+        ("[output]\ndt = 1", '"dt" belongs in [simulation]'),
+        ("[[forces]]\ntype = 'gravity'\nviscosity = 1", 'of type "stokes_drag" or "drag"'),
+        ("[[force]]\ntype = 'gravity'", 'did you mean "forces"?'),
+        ("[[plane]]", 'did you mean "planes"?'),
+    ],
+)
+def test_words_of_other_tools_lead_to_ours(more: str, said: str) -> None:
+    assert said in hint(more)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("pin = true", '"pinned" of [[particles]]'),
+        ("restitution = 1", '"restitution" belongs in [[planes]]'),
+        ("velocity = [1, 0, 0]", '"velocity" belongs in layout of [[particles]]'),
+        ("integrator = 'verlet'", '"velocity_verlet" or "stormer_verlet"'),
+        ("integrator = { method = 'leapfrog' }", '"velocity_verlet" or "stormer_verlet"'),
+        ("seed = 3", '"seed" belongs in [simulation]'),
+        ("fps = 3", '"fps" belongs in [output] or [render]'),
+    ],
+)
+def test_words_lead_from_a_group_to_their_places(line: str, said: str) -> None:
+    with pytest.raises(ps.ScenarioError, match=re.escape(said)):
+        ps.loads(BALL.replace("radius = 0.1", line))
+
+
+def test_a_group_is_no_point() -> None:
+    said = hint('[[forces]]\ntype = "attractor"\nmass = 1\ncenter = "ball"')
+    assert said == "'ball' begins at [0, 0, 1]; what goes with particles are springs: " + (
+        '[[springs]] with between = ["ball", ...]'
+    )
+    assert hint('[[forces]]\ntype = "attractor"\nmass = 1\ncenter = "bal"') == ""
+
+
+def test_no_overrides_are_none() -> None:
+    assert ps.loads(BALL, None) == ps.loads(BALL, overrides=None) == ps.loads(BALL)
+
+
+SECTIONS = [(address, word, said) for address, words in thesaurus().items() for word, said in words.items()]
+NAMES = re.findall(r"`([^`]*)`", THESAURUS.read_text(encoding="utf-8"))
+TABLES = re.findall(r"\[\[(\w+)\]\]|\[(\w+)\] (?:holds|says|is)", THESAURUS.read_text(encoding="utf-8"))
+
+
+def test_the_thesaurus_speaks_of_what_there_is() -> None:
+    assert set(NAMES[1:]) <= set(vocabulary(Scenario))  # the first is in the comment that explains them
+    assert {name for pair in TABLES for name in pair if name} <= set(Scenario.model_fields)
+
+
+def test_words_of_the_thesaurus_are_not_ours_at_their_place() -> None:
+    """Once psim learns a word, the line that says it has none, or calls it otherwise, is never read, or wrong."""
+    ours = {folded(word): word for word in vocabulary(Scenario)}
+    for address, word, _ in SECTIONS:
+        if address == ANYWHERE:
+            assert word not in ours, f"psim has {ours[word]}: take it out of [{ANYWHERE}]"
+            continue
+        kind = typewalk.node(Scenario)
+        for step in () if address == TOP or address.startswith("*") else address.split("."):
+            while kind.is_list:
+                kind = typewalk.child(kind, 0, None) or kind
+            kind = typewalk.child(kind, step, None) or kind
+        assert kind.model is None or word not in map(folded, typewalk.fields(kind.model)), (address, word)
+        if kind.is_union:
+            assert word not in map(folded, typewalk.tags(kind)), (address, word)
+
+
+def test_a_word_of_psim_is_never_taken_for_another_one() -> None:
+    for word, table in product(vocabulary(Scenario), ("simulation", "output", "render")):
+        known = list(typewalk.fields(Scenario.model_fields[table].annotation))  # type: ignore[arg-type]
+        said = suggestion(word, known, (table,), Scenario, key=True)
+        if word not in known and said is not None and said.startswith("did you mean"):
+            assert said in (f'did you mean "{word}s"?', f'did you mean "{word.removesuffix("s")}"?')
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "near"),
+    [
+        ("restituton", ["tangential_loss", "restitution"], "restitution"),
+        ("Restitution", ["restitution"], "restitution"),
+        ("color-by", ["color_by", "colors"], "color_by"),
+        ("lfet", ["right", "left"], "left"),
+        ("coef", ["normal", "coefficient"], "coefficient"),
+        ("dT", ["dt"], "dt"),
+        ("dx", ["dt"], None),
+        ("collisions", ["motions", "springs"], None),
+        ("friction", ["restitution"], None),
+        ("spheres", ["springs"], None),
+        ("re", ["restitution"], None),
+        ("res", ["restitution", "resolution"], None),
+        ("", ["a"], None),
+        ("q" * 10_000, ["a"], None),
+    ],
+)
+def test_only_near_misses_are_taken_for_slips(word: str, known: list[str], near: str | None) -> None:
+    assert near_miss(word, known) == near
+
+
+@given(st.text(alphabet="abcde_", min_size=7, max_size=20), st.data())
+def test_one_slip_in_a_long_word_is_seen(name: str, data: st.DataObject) -> None:
+    if len(folded(name)) < 7:
+        return
+    at = data.draw(st.integers(0, len(name) - 1))
+    slips = [name[:at] + name[at + 1 :], name[:at] + "z" + name[at:], name[:at] + "z" + name[at + 1 :]]
+    slips.append(name[:at] + name[at : at + 2][::-1] + name[at + 2 :])
+    for slip in slips:
+        assert near_miss(slip, ["zzzzzzz", name]) == name
