@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Surface = tuple[Floats, Ints]
 
-MEMORY = {".obj": 20.0, ".ply": 30.0, ".stl": 20.0}
+MEMORY = {".obj": 15.0, ".ply": 45.0, ".stl": 20.0}
 """Memory that reading takes at most, by the size of the file, which is largest for text; measured."""
 
 LONGEST_FACE = 1 << 20

@@ -101,7 +101,7 @@ HEADER = "{'descr': %s, 'fortran_order': False, 'shape': %s}\n"
 XYZ = "('x', '<f8'), ('y', '<f8'), ('z', '<f8')"
 NO_ARRAYS = {
     "subarray": (npy(HEADER % ("[('x', '<f8', (2,)), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(32)), "in a column"),
-    "nested record": (npy(HEADER % ("[('x', [('a', '<f8')]), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(24)), "in a column"),
+    "nested": (npy(HEADER % ("[('x', [('a', '<f8')]), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(24)), "in a column"),
     "records in a table": (npy(HEADER % (f"[{XYZ}]", "(1, 1)"), bytes(24)), "records of shape [1, 1]"),
     "a truth as length": (npy(HEADER % ("'<f8'", "(True, 3)"), bytes(24)), "is no NPY file"),
     "a negative length": (npy(HEADER % ("'<f8'", "(-1, 3)"), bytes(24)), "is no NPY file"),
