@@ -34,8 +34,8 @@ class File(Layout):
     """Particles read from a file, relative to the scenario's folder.
 
     `.csv`: a header line naming the columns x, y, z and any of vx, vy, vz, mass, radius, temperature (SI units), then a
-    line per particle. `.npy`: an array of shape [n, 3] (positions), [n, 6] (positions and velocities), or a structured
-    array with these names. `.vtkhdf`: a frame of another trajectory.
+    line per particle. `.npy`: an array of real numbers of shape [n, 3] (positions), [n, 6] (positions and velocities), or a
+    structured array of shape [n] with these names. `.vtkhdf`: a frame of another trajectory.
     """
 
     type: Literal["file"] = "file"
