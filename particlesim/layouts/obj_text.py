@@ -48,14 +48,13 @@ def surface_of_obj(lines: Iterable[bytes]) -> bytes:
 
 def _joined(lines: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:
     """Lines with the number of their beginning; one that ends with a backslash goes on in the next."""
-    begun, first = b"", 0
+    begun, first = list[bytes](), 0
     for number, line in enumerate(lines, 1):
         first = first if begun else number
         text = line.rstrip(b"\r\n")
-        if text.endswith(b"\\"):
-            begun += text[:-1] + b" "
-        else:
-            yield first, begun + text
-            begun = b""
+        begun.append(text.removesuffix(b"\\"))
+        if not text.endswith(b"\\"):
+            yield first, b" ".join(begun)
+            begun.clear()
     if begun:
-        yield first, begun
+        yield first, b" ".join(begun)

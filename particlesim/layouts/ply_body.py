@@ -14,6 +14,9 @@ import numpy as np
 from particlesim.layouts.malformed import Malformed
 from particlesim.layouts.ply_header import TYPES, Element, Header, read_header
 
+LARGEST_ROW = 1 << 30
+"""Bytes. NumPy has no larger types."""
+
 
 def surface_of_ply(file: BinaryIO, size: int) -> bytes:
     """A file with plain names, whose rows are as its header says; a binary one whose lists differ in length becomes text.
@@ -87,7 +90,8 @@ def _even_length(header: Header, body: bytes) -> int | None:
             if element.number == 0 or start + kind.itemsize > len(body):
                 return None
             length = int(np.frombuffer(body, kind, 1, start)[0])
-            if not 0 <= length <= len(body):
+            least = start + length * np.dtype(TYPES[entry.type]).itemsize
+            if length < 0 or least > min(len(body), LARGEST_ROW):
                 return None
             counts.append((f"n{k}", length))
             fields += [(f"n{k}", kind.str, ()), (f"p{k}", header.order + TYPES[entry.type], (length,))]

@@ -309,8 +309,8 @@ ENDINGS = {"sweep": "toml", "measurements": "csv"}
 KINDS = tuple(TOKENS)
 
 
-def failures(kind: str, cases: range, seed: int, folder: Path) -> Iterator[Failure]:
-    """The cases that fail. The good files that they are made of must be read."""
+def failures(kind: str, cases: range, seed: int, folder: Path, seconds: float = SECONDS) -> Iterator[Failure]:
+    """The cases that fail, also by taking too many seconds. The good files that they are made of must be read."""
     read = reader(kind)
     path = folder / f"data.{ENDINGS.get(kind, kind)}"
     for number, content in enumerate(
@@ -323,16 +323,16 @@ def failures(kind: str, cases: range, seed: int, folder: Path) -> Iterator[Failu
         content = mutated(kind, np.random.default_rng([seed, zlib.crc32(kind.encode()), case]))
         path.write_bytes(content)
         os.utime(path, ns=(0, 1000 + case))  # a file that was read is known by its time
-        words = _outcome(read, path)
+        words = _outcome(read, path, seconds)
         if words is not None:
             yield Failure(kind, case, content, words)
 
 
-def _outcome(read: Callable[[Path], None], path: Path) -> str | None:
+def _outcome(read: Callable[[Path], None], path: Path, seconds: float) -> str | None:
     """How reading a file went wrong; None if it went as it should."""
     begin = time.monotonic()
     try:
-        with warnings.catch_warnings(), guarded():
+        with warnings.catch_warnings(), guarded(seconds):
             warnings.simplefilter("error")
             read(path)
     except UsageError as error:
@@ -341,21 +341,21 @@ def _outcome(read: Callable[[Path], None], path: Path) -> str | None:
     except (Exception, Hang):
         return traceback.format_exc()
     taken = time.monotonic() - begin
-    return f"it took {taken:.1f} s" if taken > SECONDS else None
+    return f"it took {taken:.1f} s" if taken > seconds else None
 
 
 @contextmanager
-def guarded() -> Iterator[None]:
+def guarded(seconds: float) -> Iterator[None]:
     """Interrupt what takes too long, between two steps of Python; nothing where there is no alarm, or in other threads."""
     if not hasattr(signal, "setitimer"):
         yield
         return
 
     def ring(number: int, frame: FrameType | None) -> None:
-        raise Hang(f"more than {SECONDS} s")
+        raise Hang(f"more than {seconds} s")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:

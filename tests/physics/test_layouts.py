@@ -317,6 +317,7 @@ def test_edges_of_three_triangles_are_refused_only_where_triangles_count(tmp_pat
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 3\n", "no triangle with three different corners"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "names a vertex that does not exist"),
         ("a.obj", b"v 0 0 0\nv 1 0 nan\nv 1 1 1\nf 1 2 3\n", "not finite"),
+        ("a.obj", b"v 0 0 0\nf 1 2 \\\n" + b"3 \\\n" * 100_000, "does not exist"),
         ("a.obj", b"v 0 0 0" + b" " * (1 << 20), "a line of more than"),
         ("a.ply", b"plx", "no PLY header"),
         ("a.ply", ply("ascii")[:-9], "ends too early"),
