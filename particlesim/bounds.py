@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
 from particlesim.groups import Group, Particles
 from particlesim.integrators import RungeKutta, method_for
+from particlesim.memory import available_memory
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
@@ -176,30 +176,6 @@ def _born_between_frames(emitter: Emitter, schedule: Schedule, times: Floats, gr
         if burst.at >= times[k] + interval:
             born[k] += burst.count
     return born.astype(float)
-
-
-def available_memory() -> int | None:
-    """Bytes of memory that a process can still take, None where the system does not tell."""
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return min(int(line.split()[1]) * 1024, _cgroup_limit())
-    except (OSError, ValueError, IndexError):
-        pass
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (ValueError, OSError, AttributeError):
-        return None
-
-
-def _cgroup_limit() -> int:
-    """Bytes that a container may use, beyond what it uses; very many without a limit."""
-    try:
-        limit = Path("/sys/fs/cgroup/memory.max").read_text().strip()
-        used = int(Path("/sys/fs/cgroup/memory.current").read_text())
-        return 1 << 62 if limit == "max" else max(int(limit) - used, 0)
-    except (OSError, ValueError):
-        return 1 << 62
 
 
 def check_fits(required: Needs, output: Path | None) -> None:

@@ -131,7 +131,7 @@ def _refined(scenario: Scenario, factor: int) -> Scenario:
         "compression": "none",
         "ledger": False,
     }
-    return from_table(table).loaded_from(scenario.folder, scenario.overrides)
+    return from_table(table).loaded_from(scenario.folder, scenario.overrides, scenario.source)
 
 
 @dataclass

@@ -77,6 +77,8 @@ def _written(path: Path) -> Iterator[str]:
     import tomllib
 
     try:
+        if not path.is_file():  # reading a pipe would wait
+            return
         with path.open("rb") as file:
             yield from _leaves(tomllib.load(file), "")
     except (OSError, ValueError):

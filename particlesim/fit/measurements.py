@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import TextIO, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
+from particlesim.layouts.input_file import bounded_lines, check_regular, require_memory
 from particlesim.names import did_you_mean
 from particlesim.units import Metres, MetresPerSecond, Seconds, Unit
 
@@ -30,6 +33,10 @@ _UNITS: dict[str, Unit] = {
 }
 _UNITS |= {f"sigma_{name}": _UNITS[name] for name in COMPONENTS}
 COLUMNS = (*_UNITS, "id")
+ROWS = 1 << 16
+"""Rows after which the memory for as many more is asked for."""
+ROW = 1000
+"""Memory of a row, at most [bytes]: its 14 numbers three times, and what a fit predicts for them."""
 
 
 @dataclass(frozen=True)
@@ -59,29 +66,44 @@ def read_measurements(path: Path) -> Measurements:
     numbers.
     """
     try:
+        check_regular(path, "a file of measurements", "a CSV file", missing=None)
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.reader(file))
+            lines = _cells(path, file)
+            first = next(lines, None)
+            if first is None:
+                raise UsageError(
+                    f"{path} is empty", f"The first line names the columns: {', '.join(COLUMNS)}."
+                )
+            names, factors = _header(path, *first)
+            numbers, places = array("d"), array("q")
+            for line, cells in lines:
+                if len(places) % ROWS == 0:
+                    require_memory(path, ROW * (len(places) + ROWS), f"{len(places):,} measurements or more")
+                numbers.extend(_row(path, line, cells, names, factors))
+                places.append(line)
     except UnicodeDecodeError:
         raise UsageError(f"{path} is no text", "Measurements are read from CSV files.") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
     except csv.Error as error:
         raise UsageError(f"{path} is no CSV file: {error}") from None
-    lines = [(number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)]
-    if not lines:
-        raise UsageError(f"{path} is empty", f"The first line names the columns: {', '.join(COLUMNS)}.")
-    names, factors = _header(path, *lines[0])
-    if len(lines) < 2:
+    if not places:
         raise UsageError(f"{path} has a header and no measurements")
-    table = np.array([_row(path, number, row, names, factors) for number, row in lines[1:]])
+    table = np.array(numbers).reshape(len(places), -1)
     columns = dict(zip(names, table.T, strict=True))
     missing = np.full(len(table), np.nan)
     values = np.column_stack([columns.get(name, missing) for name in COMPONENTS])
     if not np.isfinite(values).any():
         raise UsageError(f"{path} measures nothing", f"Give at least one of {', '.join(COMPONENTS)}.")
     return Measurements(
-        path, columns["time"], _ids(path, lines, columns), values, _sigma(path, lines, columns, values)
+        path, columns["time"], _ids(path, places, columns), values, _sigma(path, places, columns, values)
     )
+
+
+def _cells(path: Path, file: TextIO) -> Iterator[tuple[int, list[str]]]:
+    """The cells of lines that have any, with the numbers of the lines. Raises UsageError, csv.Error."""
+    reader = csv.reader(bounded_lines(path, file))
+    return ((reader.line_num, row) for row in reader if any(cell.strip() for cell in row))
 
 
 def _header(path: Path, line: int, cells: list[str]) -> tuple[list[str], list[float]]:
@@ -117,6 +139,8 @@ def _row(path: Path, line: int, cells: list[str], names: list[str], factors: lis
     row = []
     for name, factor, cell in zip(names, factors, cells, strict=True):
         try:
+            if "_" in cell:
+                raise ValueError  # which Python takes for 1000 in 1_000
             value = float(cell) if cell.strip() else math.nan
         except ValueError:
             raise UsageError(
@@ -127,27 +151,27 @@ def _row(path: Path, line: int, cells: list[str], names: list[str], factors: lis
             raise UsageError(f"{path}:{line}: {name} is {cell.strip() or 'missing'}, it must be finite")
         if name == "time" and value < 0:
             raise UsageError(f"{path}:{line}: the time is negative", "Runs begin at time 0.")
+        if math.isinf(value * factor):
+            raise UsageError(
+                f"{path}:{line}: {name} is {cell.strip()}, which is beyond all numbers in SI units"
+            )
         row.append(value * factor)
     return row
 
 
-def _ids(
-    path: Path, lines: list[tuple[int, list[str]]], columns: dict[str, Floats]
-) -> NDArray[np.int64] | None:
+def _ids(path: Path, places: Sequence[int], columns: dict[str, Floats]) -> NDArray[np.int64] | None:
     if "id" not in columns:
         return None
     ids = columns["id"]
-    wrong = np.flatnonzero((ids < 0) | (ids != np.floor(ids)))
+    wrong = np.flatnonzero((ids < 0) | (ids > 2**53) | (ids != np.floor(ids)))
     if wrong.size:
         raise UsageError(
-            f"{path}:{lines[1 + wrong[0]][0]}: {ids[wrong[0]]:g} is no id", "Ids are whole numbers from 0 on."
+            f"{path}:{places[wrong[0]]}: {ids[wrong[0]]:g} is no id", "Ids are whole numbers from 0 on."
         )
     return ids.astype(np.int64)
 
 
-def _sigma(
-    path: Path, lines: list[tuple[int, list[str]]], columns: dict[str, Floats], values: Floats
-) -> Floats | None:
+def _sigma(path: Path, places: Sequence[int], columns: dict[str, Floats], values: Floats) -> Floats | None:
     if not any(name.startswith("sigma_") for name in columns):
         return None
     missing = np.full(len(values), np.nan)
@@ -156,7 +180,7 @@ def _sigma(
     if wrong.size:
         row, component = wrong[0]
         raise UsageError(
-            f"{path}:{lines[1 + row][0]}: {COMPONENTS[component]} has no standard error above 0",
+            f"{path}:{places[row]}: {COMPONENTS[component]} has no standard error above 0",
             f"With one column sigma_..., every measured number needs its own: sigma_{COMPONENTS[component]}.",
         )
     return sigma

@@ -20,7 +20,8 @@ class SurfaceFile(Mesh):
     """A particle at every vertex of a file of triangles (OBJ, PLY or STL), relative to the scenario's folder.
 
     Structural springs are the edges of the triangles; bend springs join the two corners opposite a common edge, dihedrals
-    resist its folding. Faces with more corners are cut into triangles. Vertices that no face names are left out.
+    resist its folding. Faces with more corners are cut into triangles. Vertices that no face names are left out, and so are
+    normals, colours and textures. The file is read by trimesh.
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, BEND, DIHEDRAL)

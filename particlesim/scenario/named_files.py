@@ -12,6 +12,7 @@ import tomli_w
 
 from particlesim.errors import UsageError
 from particlesim.layouts.file import File
+from particlesim.layouts.input_file import check_regular
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.scenario import Scenario
@@ -51,8 +52,11 @@ def _named(scenario: Scenario, name: str, address: KeyPath) -> NamedFile:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file, as 64 hexadecimal digits. Raises UsageError when it cannot be read."""
+    """SHA-256 of a file, as 64 hexadecimal digits. Raises UsageError when it cannot be read, or is no regular file."""
     try:
+        check_regular(
+            path, "a file to read", "a regular file", "a scenario names files relative to its folder"
+        )
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name

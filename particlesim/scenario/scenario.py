@@ -14,7 +14,7 @@ from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter
-from particlesim.errors import UsageError
+from particlesim.errors import ResourceError, UsageError
 from particlesim.forces import AnyForce
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
@@ -135,13 +135,16 @@ class Scenario(Model):
     def opened(self, group: Particles) -> Layout:
         """The layout of a group; one that names a file has read it.
 
-        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known.
+        Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known,
+        ResourceError where this machine has too little memory, which is no mistake of the scenario.
         """
         try:
             layout = group.layout.open(self._folder)
             if isinstance(layout, SurfaceFile) and self._needs_sides(group):
                 require_manifold(layout.triangles(), group.name)
             return layout
+        except ResourceError:
+            raise
         except UsageError as error:
             if self._source is None:
                 raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
 from particlesim.names import did_you_mean
-from particlesim.sweep.axes import Listed, Sampled
+from particlesim.sweep.axes import MOST_VALUES, Listed, Sampled
 
 Method = Literal["sobol", "lhs", "random"]
+MOST_RUNS = 10**12
+"""Runs of a sweep: more than any cluster does, and few enough to be numbered."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,10 @@ class Design:
     def __post_init__(self) -> None:
         if not self.axes:
             raise UsageError("there is nothing to vary", "Name a key: --vary simulation.dt=1e-3,2e-3")
-        keys = self.keys
-        for key in keys:
-            if keys.count(key) > 1:
-                raise UsageError(f"{key} is varied twice", "Give all its values in one --vary.")
+        times = Counter(self.keys)
+        if times and max(times.values()) > 1:
+            twice = times.most_common(1)[0][0]
+            raise UsageError(f"{twice} is varied twice", "Give all its values in one --vary.")
         if self.method not in get_args(Method):
             known = get_args(Method)
             hint = did_you_mean(self.method, known) or "There are: " + ", ".join(known)
@@ -49,6 +52,11 @@ class Design:
         if self.zipped and len(set(lengths.values())) > 1:
             told = ", ".join(f"{key} has {count}" for key, count in lengths.items())
             raise UsageError(f"lists to be zipped must have the same length: {told}")
+        if (runs := prod(self._lengths)) > MOST_RUNS:
+            raise UsageError(
+                f"these are {runs:.3g} runs, and a sweep has at most {MOST_RUNS:,}",
+                "Vary less, or draw samples.",
+            )
 
     def _check_samples(self) -> None:
         if self._sampled and self.samples is None:
@@ -61,6 +69,8 @@ class Design:
             )
         if self.samples is not None and self.samples < 1:
             raise UsageError(f"{self.samples} samples are none", "--samples takes 1 or more.")
+        if self.samples is not None and self.samples > MOST_VALUES:
+            raise UsageError(f"{self.samples:,} samples are more than {MOST_VALUES:,}", "Draw fewer.")
         if self.seed < 0:
             raise UsageError(f"the seed must be 0 or more, got {self.seed}")
 

@@ -34,6 +34,17 @@ def test_bad_input(psim) -> None:
     assert psim("verify", "tiny.toml", "--set", "simulation.dt=-1").code == 2
 
 
+def test_a_file_that_is_missing_is_told_with_its_place(psim) -> None:
+    layout = (
+        TINY.split("[[particles]]", 1)[0]
+        + '[[particles]]\nname = "a"\nlayout = { type = "file", path = "gone.npy" }\n'
+    )
+    Path("tiny.toml").write_text(layout)
+    ended = psim("verify", "tiny.toml")
+    assert ended.code == 2
+    assert "particles.a.layout.path" in ended.err
+
+
 def test_quiet(psim) -> None:
     ended = psim("verify", "tiny.toml", "--set", "planes=[]", "--quiet")
     assert (ended.code, ended.out, ended.err) == (0, "", "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -205,6 +206,10 @@ def test_ranges_that_are_none(text):
         ("time,x\n0,nan", ":2: x is nan"),
         ("time,x\n0,", "measures nothing"),
         ("time,x,id\n0,1,0.5", ":2: 0.5 is no id"),
+        ("time,x,id\n0,1,1e300", ":2: 1e+300 is no id"),
+        ("time,x\n0,1_000", ":2: x is '1_000'"),
+        ("time,x [km]\n0,1e306", ":2: x is 1e306, which is beyond"),
+        ("time,x\n0,1" + " " * (1 << 16), ":2: a line of more than"),
         ("time,x,sigma_x\n0,1,0", ":2: x has no standard error above 0"),
     ],
 )
@@ -214,6 +219,18 @@ def test_data_that_are_none(tmp_path, text, words):
     with pytest.raises(UsageError) as caught:
         read_measurements(path)
     assert words in caught.value.message
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_data_are_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path, words in (
+        (tmp_path / "pipe.csv", "is a pipe"),
+        (Path("/dev/zero"), "is a device"),
+        (tmp_path, "is a directory"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            read_measurements(path)
 
 
 def test_units_in_the_header(tmp_path):

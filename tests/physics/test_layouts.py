@@ -13,7 +13,7 @@ from simulate import G, simulate
 import particlesim as ps
 from particlesim.layouts import LAYOUTS, Bridge, Hair, Net, SurfaceFile
 from particlesim.layouts.mesh import is_closed
-from particlesim.layouts.mesh_formats import read_obj, read_ply, read_stl
+from particlesim.layouts.mesh_formats import read_surface
 from particlesim.streams import Streams
 
 
@@ -179,20 +179,86 @@ def stl(text: bool) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("surface"),
+    ("name", "data"),
     [
-        read_obj(obj()),
-        *(read_ply(ply(kind)) for kind in ("ascii", "binary_little_endian", "binary_big_endian")),
-        read_stl(stl(True)),
-        read_stl(stl(False)),
+        ("t.obj", obj()),
+        *(("t.ply", ply(kind)) for kind in ("ascii", "binary_little_endian", "binary_big_endian")),
+        ("t.stl", stl(True)),
+        ("t.stl", stl(False)),
     ],
     ids=["obj", "ply", "ply-little", "ply-big", "stl", "stl-binary"],
 )
-def test_every_format_gives_the_same_tetrahedron(surface: Any) -> None:
-    vertices, triangles = surface
+def test_every_format_gives_the_same_tetrahedron(tmp_path: Path, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    vertices, triangles = read_surface(tmp_path / name)
     assert len(vertices) == 4
     np.testing.assert_array_equal(vertices[triangles], TETRAHEDRON[FACES])
     assert is_closed(triangles)
+
+
+HOUSE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 2, 0)]
+"""A square with a roof: faces of 3, 4 and 5 corners."""
+
+
+def test_colours_textures_and_normals_do_not_tear_a_surface(tmp_path: Path) -> None:
+    """Two triangles that share an edge, with other textures and normals on both sides: four particles, not six."""
+    lines = [
+        *(f"v {x} {y} {z}" for x, y, z in HOUSE[:4]),
+        "vt 0 0\nvt 1 1\nvn 0 0 1\nvn 1 0 0\nmtllib /etc/passwd",
+        "usemtl a\nf 1/1/1 2/1/1 3/1/1\nusemtl b\no other\nf 1/2/2 3/2/2 \\\n4/2/2",
+    ]
+    (tmp_path / "seam.obj").write_text("\n".join(lines))
+    head = "ply\nformat ascii 1.0\ncomment TextureFile /etc/passwd\nelement vertex 4\n"
+    head += "".join(f"property float {name}\n" for name in "xyzst") + "element face 2\n"
+    head += "property list uchar int vertex_index\nproperty list uchar float texcoord\nend_header\n"
+    body = "".join(f"{x} {y} {z} {x} 0\n" for x, y, z in HOUSE[:4])
+    (tmp_path / "seam.ply").write_text(head + body + "3 0 1 2 6 0 0 0 0 0 0\n3 0 2 3 6 1 1 1 1 1 1\n")
+    for name in ("seam.obj", "seam.ply"):
+        vertices, triangles = read_surface(tmp_path / name)
+        np.testing.assert_array_equal(vertices, HOUSE[:4])
+        assert triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def test_negative_numbers_count_from_their_line(tmp_path: Path) -> None:
+    corners = [f"v {x} {y} {z}" for x, y, z in HOUSE]
+    (tmp_path / "a.obj").write_text("\n".join([*corners[:3], "f -3 -2 -1", *corners[3:], "f -2 -3 -1"]))
+    assert read_surface(tmp_path / "a.obj")[1].tolist() == [[0, 1, 2], [3, 2, 4]]
+    (tmp_path / "b.obj").write_text("\n".join([*corners[:2], "f -3 -2 -1", corners[2]]))
+    with pytest.raises(
+        ps.UsageError, match="line 3: a face names a vertex that does not exist; there are 2 above it"
+    ):
+        read_surface(tmp_path / "b.obj")
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_faces_of_different_numbers_of_corners(tmp_path: Path, kind: str) -> None:
+    faces = [[0, 1, 2, 4, 3], [0, 2, 1], [0, 3, 2, 1]]
+    head = (
+        f"ply\nformat {kind} 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty double z\n"
+    )
+    head += "element face 3\nproperty list ushort uint vertex_indices\nproperty uchar red\nelement edge 1\n"
+    head += "property int vertex1\nproperty int vertex2\nend_header\n"
+    if kind == "ascii":
+        rows = [*HOUSE, *([len(face), *face, 9] for face in faces), (0, 1)]
+        body = "".join(" ".join(map(str, row)) + "\n" for row in rows).encode()
+    else:
+        order = "<" if "little" in kind else ">"
+        body = b"".join(struct.pack(order + "ffd", *row) for row in HOUSE)
+        body += b"".join(struct.pack(f"{order}H{len(face)}IB", len(face), *face, 9) for face in faces)
+        body += struct.pack(order + "ii", 0, 1)
+    (tmp_path / "house.ply").write_bytes(head.encode() + body)
+    vertices, triangles = read_surface(tmp_path / "house.ply")
+    np.testing.assert_array_equal(vertices, HOUSE)
+    turned = {tuple(np.roll(t, -int(np.argmin(t))).tolist()) for t in triangles}
+    assert turned == {(0, 1, 2), (0, 2, 4), (0, 4, 3), (0, 2, 1), (0, 3, 2)}
+
+
+def test_an_stl_of_several_solids(tmp_path: Path) -> None:
+    """The names of solids are any text, the words of the format among it."""
+    one, two = (stl(True).replace(b"solid t", b"solid vertex of endsolid %d" % k) for k in (1, 2))
+    (tmp_path / "two.stl").write_bytes(one + two.replace(b"vertex 0.0 0.0 0.0", b"VERTEX 0.0 0.0 9.0"))
+    vertices, triangles = read_surface(tmp_path / "two.stl")
+    assert (len(vertices), len(triangles)) == (5, 8)
 
 
 def test_a_mesh_brings_the_springs_of_its_edges(tmp_path: Path) -> None:
@@ -251,6 +317,8 @@ def test_edges_of_three_triangles_are_refused_only_where_triangles_count(tmp_pat
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 3\n", "no triangle with three different corners"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "names a vertex that does not exist"),
         ("a.obj", b"v 0 0 0\nv 1 0 nan\nv 1 1 1\nf 1 2 3\n", "not finite"),
+        ("a.obj", b"v 0 0 0\nf 1 2 \\\n" + b"3 \\\n" * 100_000, "does not exist"),
+        ("a.obj", b"v 0 0 0" + b" " * (1 << 20), "a line of more than"),
         ("a.ply", b"plx", "no PLY header"),
         ("a.ply", ply("ascii")[:-9], "ends too early"),
         ("a.ply", ply("binary_little_endian")[:-9], "ends too early"),
@@ -260,6 +328,33 @@ def test_edges_of_three_triangles_are_refused_only_where_triangles_count(tmp_pat
         ("a.stl", b"hello", "no STL"),
         ("a.stl", stl(False)[:-1], "no STL"),
         ("a.stl", stl(True).replace(b"vertex", b"vortex", 1), "no triangles"),
+        ("a.stl", stl(True)[:-11], "without endsolid"),
+        (
+            "a.stl",
+            stl(True).replace(b"vertex 0.0 0.0", b"vertex 0.0", 1),
+            "line 4: a vertex has three coordinates",
+        ),
+        ("a.ply", ply("ascii").replace(b"property double x", b"property"), "line 5: unknown property ''"),
+        (
+            "a.ply",
+            ply("ascii").replace(b"property double x", b"property list uchar"),
+            "unknown property 'list uchar'",
+        ),
+        ("a.ply", ply("ascii").replace(b"double x", b"list uchar int x"), "without x, y and z"),
+        ("a.ply", ply("ascii").replace(b"list uchar int", b"int"), "faces without vertex_indices"),
+        (
+            "a.ply",
+            ply("ascii").replace(b"3 0 2 1", b"4 0 2 1"),
+            "number 0 of 'face' is not as the header says",
+        ),
+        ("a.ply", ply("ascii").replace(b"0.0 255", b"0,0 255", 1), "trimesh cannot read it"),
+        (
+            "a.ply",
+            ply("binary_big_endian").replace(b"\x03\0\0\0\0", b"\xff\0\0\0\0", 1),
+            "longer than the file",
+        ),
+        ("a.ply", b"ply\nformat ascii 1.0\n" + b"element a 0\n" * 60_000, "its end is missing"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement a 999999999\nend_header\n", "has no properties"),
         ("a.gltf", b"", "unknown ending '.gltf'"),
         ("none.obj", None, "does not exist"),
     ],

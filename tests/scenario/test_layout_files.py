@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.bounds import needs
+from particlesim.layouts.file import File
 
 SCENARIO = """\
 format = 1
@@ -30,6 +34,8 @@ MISTAKES = {
     "semicolons": ("x;y;z\n1;2;3\n", "columns are separated by commas"),
     "misspelt column": ("x,y,z,raduis\n1,2,3,4\n", 'did you mean "radius"?'),
     "missing column": ("x,y\n1,2\n", "no column 'z'"),
+    "a column twice": ("x,y,z,x\n1,2,3,4\n", "data.csv:1: the column 'x' stands there twice"),
+    "an endless line": ("x,y,z\n1,2,3" + " " * (1 << 16), "data.csv:2: a line of more than"),
     "no lines": ("x,y,z\n# none\n\n", "holds no particles"),
     "nothing": ("", "holds no particles"),
     "other bytes": (b"x,y,z\n\xff\xfe,1,2\n", "data.csv:2:1: expected a number"),
@@ -79,6 +85,105 @@ def test_an_npy_file_that_is_shorter_than_its_header_says(tmp_path: Path, shape:
     told = str(mistake(tmp_path, "cut.npy"))
     assert "is shorter than its header says: 96 bytes" in told
     assert "fetch it again" in told
+
+
+def npy(header: str, data: bytes = b"", length: int | None = None) -> bytes:
+    """An NPY file of version 2 whose header is any text, and says to have any length."""
+    return (
+        b"\x93NUMPY\2\0"
+        + struct.pack("<I", len(header) if length is None else length)
+        + header.encode()
+        + data
+    )
+
+
+HEADER = "{'descr': %s, 'fortran_order': False, 'shape': %s}\n"
+XYZ = "('x', '<f8'), ('y', '<f8'), ('z', '<f8')"
+NO_ARRAYS = {
+    "subarray": (npy(HEADER % ("[('x', '<f8', (2,)), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(32)), "in a column"),
+    "nested": (npy(HEADER % ("[('x', [('a', '<f8')]), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(24)), "in a column"),
+    "records in a table": (npy(HEADER % (f"[{XYZ}]", "(1, 1)"), bytes(24)), "records of shape [1, 1]"),
+    "a truth as length": (npy(HEADER % ("'<f8'", "(True, 3)"), bytes(24)), "is no NPY file"),
+    "a negative length": (npy(HEADER % ("'<f8'", "(-1, 3)"), bytes(24)), "is no NPY file"),
+    "brackets": (npy("(" * 4000), "is no NPY file"),
+    "minus signs": (npy("-" * 9000 + "1"), "is no NPY file"),
+    "a header without an end": (npy("", length=0xFFFFFFFF), "is no NPY file"),
+    "complex": (npy(HEADER % ("'<c16'", "(1, 3)"), bytes(48)), "type complex128"),
+    "complex column": (npy(HEADER % (f"[{XYZ}, ('mass', '<c16')]", "(1,)"), bytes(40)), "complex128 in a column"),
+    "dates": (npy(HEADER % ("'<M8[D]'", "(1, 3)"), bytes(24)), "type datetime64[D]"),
+    "times": (npy(HEADER % (f"[{XYZ}, ('vx', '<m8[s]')]", "(1,)"), bytes(32)), "timedelta64[s] in a column"),
+    "text": (npy(HEADER % ("'<U1'", "(1, 3)"), bytes(12)), "type <U1"),
+    "truths": (npy(HEADER % ("'|b1'", "(1, 3)"), bytes(3)), "type bool"),
+    "no particles": (npy(HEADER % ("'<f8'", "(0, 3)")), "holds no particles"),
+    "beyond doubles": (npy(HEADER % ("'<f16'", "(1, 3)"), np.full(3, np.longdouble("1e4000")).tobytes()), "is inf"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NO_ARRAYS)
+def test_npy_files_that_are_no_particles(tmp_path: Path, name: str) -> None:
+    if name == "beyond doubles" and np.finfo(np.longdouble).maxexp < 16384:
+        pytest.skip("long doubles are doubles here")
+    content, words = NO_ARRAYS[name]
+    (tmp_path / "data.npy").write_bytes(content)
+    assert words in str(mistake(tmp_path, "data.npy"))
+
+
+@pytest.mark.parametrize("kind", [">f4", "<i2", "<f2"])
+@pytest.mark.parametrize("order", ["C", "F", "records"])
+def test_arrays_are_read_piece_by_piece(tmp_path: Path, kind: str, order: str) -> None:
+    numbers = np.arange(60.0).reshape(10, 6).astype(kind)
+    if order == "records":
+        names = ("vz", "vy", "vx", "z", "y", "x")
+        stored = np.rec.fromarrays(numbers.T[::-1], names=",".join(names))
+    else:
+        stored = np.asarray(numbers, order=order)
+    np.save(tmp_path / "data.npy", stored)
+    layout = File(path="data.npy").open(tmp_path)
+    assert layout.number() == 10
+    placed = layout.place(None, 3, 4)  # type: ignore[arg-type]  # no random numbers here
+    np.testing.assert_array_equal(np.hstack([placed.position.T, placed.velocity.T]), numbers[3:7])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs holes in files, and what a process took at most")
+@pytest.mark.parametrize("ending", ["npy", "csv", "obj", "ply", "stl"])
+def test_files_with_holes_take_no_memory(tmp_path: Path, ending: str) -> None:
+    """Six gigabytes of zeros, behind a header that may be true: looked at, and refused, within 200 MB."""
+    count = 250_000_000
+    begin = {
+        "npy": npy(HEADER % ("'<f8'", f"({count}, 3)")),
+        "csv": b"x,y,z\n1,2,3\n",
+        "obj": b"v 0 0 0\n",
+        "ply": b"ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty double x\nproperty double y\n"
+        b"property double z\nelement face 1\nproperty list uchar int vertex_index\nend_header\n"
+        % (count - 100),
+        "stl": bytes(80) + struct.pack("<I", 24 * count // 50),
+    }[ending]
+    with (tmp_path / f"hole.{ending}").open("wb") as file:
+        file.write(begin)
+        file.truncate(len(begin) + (24 * count // 50 * 50 if ending == "stl" else 24 * count))
+    kind = "mesh" if ending in ("obj", "ply", "stl") else "file"
+    (tmp_path / "s.toml").write_text(
+        SCENARIO.replace('"file"', f'"{kind}"').replace("NAME", f"hole.{ending}")
+    )
+    code = """
+import resource, sys
+import particlesim as ps
+from particlesim import bounds
+from particlesim.errors import ResourceError
+from particlesim.layouts import input_file
+bounds.available_memory = input_file.available_memory = lambda: 4 << 30
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    bounds.check_fits(bounds.needs(ps.load(sys.argv[2])), None)
+except (ps.ScenarioError if sys.argv[1] == "csv" else ResourceError) as error:
+    print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) >> 10, error)
+"""
+    told = subprocess.run(
+        [sys.executable, "-c", code, ending, tmp_path / "s.toml"], capture_output=True, text=True, check=True
+    )
+    megabytes, words = told.stdout.split(" ", 1)
+    assert int(megabytes) < 200
+    assert ("a line of more than" if ending == "csv" else "of memory") in words
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

@@ -1,0 +1,40 @@
+"""Tables of particles, of which a part is read at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from particlesim.layouts.base import Floats
+
+
+class Table(Protocol):
+    """Particles in a file: names of columns, number of rows, and a part of them."""
+
+    @property
+    def columns(self) -> tuple[str, ...]: ...
+
+    @property
+    def number(self) -> int: ...
+
+    def read(self, first: int, count: int) -> dict[str, Floats]:
+        """Rows first … first + count − 1 of every column."""
+        ...
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A table in memory."""
+
+    arrays: dict[str, Floats]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return tuple(self.arrays)
+
+    @property
+    def number(self) -> int:
+        return len(next(iter(self.arrays.values())))
+
+    def read(self, first: int, count: int) -> dict[str, Floats]:
+        return {name: column[first : first + count] for name, column in self.arrays.items()}
