@@ -127,15 +127,21 @@ class Unit:
     def _by_pint(self, text: str, digits: str, symbol: str) -> float:
         registry = _registry()
         unit = _unit(registry, symbol)
-        if self.is_difference and not registry.Quantity(1, unit)._is_multiplicative:
-            unit = registry.parse_units(f"delta_{unit}")
         target = registry.parse_units(self.symbol)
-        if _dimension(registry, unit) != _dimension(registry, target):
-            raise ValueError(f"{self._expected()}, got {shown(text)}{_kind_of(registry, unit)}")
+        wrong = f"{self._expected()}, got {shown(text)}"
         try:
+            if _dimension(registry, unit) != _dimension(registry, target):
+                raise ValueError(wrong + _kind_of(registry, unit))
+            if self.is_difference and registry.Quantity(0, unit).to(target).magnitude != 0:  # as of degC
+                unit = registry.parse_units(f"delta_{unit}")
             return float(registry.Quantity(Fraction(digits), unit).to(target).magnitude)
         except OverflowError:
             raise ValueError(f"{shown(text)} is too large") from None
+        except (
+            AttributeError,
+            TypeError,
+        ):  # it converts no product with dB and its like, and no fraction of them
+            raise ValueError(wrong) from None
 
     def _expected(self) -> str:
         return f'expected {self.kind} such as 0.5 or "{self.example}"'

@@ -1,4 +1,4 @@
-"""Files that pictures go into: MP4 by ffmpeg, animated WebP, numbered PNG files.
+"""Files that pictures go into, all by imageio: MP4 (ffmpeg), animated WebP and numbered PNG files (Pillow).
 
 A writer makes its file beside the final place under a temporary name and moves it there when it is whole;
 after an error or an interrupt nothing is left. Raises UsageError before anything is written when the place
@@ -7,12 +7,14 @@ cannot be used, InputOutputError when writing fails later.
 
 from __future__ import annotations
 
-import contextlib
-import re
-import subprocess
-import tempfile
+import errno
+import io
+import logging
+import os
+import struct
+from collections import deque
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +25,8 @@ from particlesim.trajectory.target import check_target, followed, temporary_name
 
 Picture = npt.NDArray[np.uint8]
 SUFFIXES = (".mp4", ".webp", ".png")
+_PROBE = 1 << 20
+"""Bytes that a disk which was full to ffmpeg will not take either."""
 
 
 class Writer(Protocol):
@@ -81,6 +85,8 @@ def _moved(part: Path, out: Path) -> Path:
 
 
 def _failed(out: Path, error: OSError) -> InputOutputError:
+    if error.errno == errno.ENOSPC:
+        return InputOutputError(f"the disk is full: '{out}' could not be written", "Free some space.")
     return InputOutputError(
         f"writing '{out}' failed: {error.strerror or error}",
         "Check the free space of the disk and run again.",
@@ -102,80 +108,93 @@ def find_ffmpeg() -> str:
 
 class Mp4Writer:
     """H.264 in MP4: yuv420p, limited range, BT.709 (tagged, or browsers show wrong colours), index at the
-    front."""
+    front.
+
+    imageio starts ffmpeg, in a process group of its own: Ctrl-C reaches us alone, and we clean up. It tells neither how
+    ffmpeg ended nor what it said, so the file shows whether all went well, and the system why not.
+    """
 
     def __init__(self, out: Path, settings: RenderSettings) -> None:
-        ffmpeg = find_ffmpeg()
+        import imageio.v3 as iio
+
+        find_ffmpeg()
+        logging.getLogger("imageio_ffmpeg").addHandler(logging.NullHandler())  # errors are told below
         self.out, self.part = out, temporary_name(out)
-        width, height = settings.size
-        # -nostdin: ffmpeg leaves the terminal alone. A session of its own: Ctrl-C reaches us alone, and we
-        # clean up.
-        command = [
-            ffmpeg, "-y", "-hide_banner", "-loglevel", "error",
-            "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
-            "-r", f"{settings.fps:.9g}", "-i", "pipe:0",
-            "-an", "-vf", "scale=out_color_matrix=bt709:out_range=tv,"
-            "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv",
-            "-c:v", "libx264", "-preset", "veryfast", "-crf", str(settings.crf), "-pix_fmt", "yuv420p",
-            "-movflags", "+faststart", str(self.part),
-        ]  # fmt: skip
-        self.log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `_close`
         try:
-            self.process = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=self.log,
-                start_new_session=True,
-            )
+            # Its plugin takes pictures one by one through this writer alone; a `write` is a whole video.
+            video = iio.imopen(self.part.absolute(), "w", plugin="FFMPEG", legacy_mode=True)
+            self.video = video.legacy_get_writer(
+                fps=settings.fps,
+                codec="libx264",
+                pixelformat="yuv420p",
+                macro_block_size=2,
+                quality=None,  # -crf below
+                ffmpeg_log_level="fatal",
+                input_params=["-nostdin", "-r", f"{settings.fps:.9g}"],  # older imageio-ffmpeg rounds fps
+                output_params=[
+                    "-vf", "scale=out_color_matrix=bt709:out_range=tv,"
+                    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv",
+                    "-preset", "veryfast", "-crf", str(settings.crf), "-movflags", "+faststart",
+                ],
+            )  # fmt: skip
         except OSError as error:
-            self.log.close()
             self.part.unlink(missing_ok=True)
-            raise InputOutputError(
-                f"cannot start ffmpeg: {error}", "Reinstall the package imageio-ffmpeg, which carries it."
-            ) from error
+            raise _failed(out, error) from error
 
     def add(self, picture: Picture) -> None:
-        assert self.process.stdin is not None
         try:
-            self.process.stdin.write(np.ascontiguousarray(picture).data)
+            self.video.append_data(picture)
         except OSError as error:
+            if error.filename is not None:  # that of ffmpeg; what breaks a pipe has none
+                raise InputOutputError(
+                    f"cannot start ffmpeg: {error}", "Reinstall the package imageio-ffmpeg, which carries it."
+                ) from error
             raise self._failure() from error
 
     def finish(self) -> tuple[Path, ...]:
-        assert self.process.stdin is not None
-        try:
-            self.process.stdin.close()
-        except OSError as error:
-            raise self._failure() from error
-        if self.process.wait() != 0:
+        self.video.close()
+        if not is_whole_mp4(self.part):
             raise self._failure()
-        self.log.close()
         return (_moved(self.part, self.out),)
 
     def _failure(self) -> InputOutputError:
-        self.process.wait()
-        self.log.seek(0)
-        lines = self.log.read().decode(errors="replace").strip().splitlines()
-        if any("No space left on device" in line for line in lines):
-            return InputOutputError(
-                f"the disk is full: '{self.out}' could not be written", "Free some space."
-            )
-        # Its lines begin with the part of ffmpeg that speaks and its address: "[libx264 @ 0x55d0c8a7] ...".
-        said = re.sub(r"^(\[[^\]]*\] *)+", "", lines[-1]) if lines else f"status {self.process.returncode}"
+        """Why ffmpeg could not write: what the system says to somebody else who goes on writing this file."""
+        try:
+            with self.part.open("ab", buffering=0) as file:
+                file.write(bytes(_PROBE))
+                file.write(bytes(1))  # the first may have been cut short without an error
+                os.fsync(file)
+        except OSError as error:
+            return _failed(self.out, error)
         return InputOutputError(
-            f"'{self.out}' could not be encoded: ffmpeg says: {said}", "Check the free space of the disk."
+            f"'{self.out}' could not be encoded: ffmpeg ended before the video did",
+            "It says why above, unless it was killed, as by the system when memory runs out.",
         )
 
     def discard(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        with contextlib.suppress(OSError):
-            if self.process.stdin is not None:
-                self.process.stdin.close()
-        self.log.close()
         self.part.unlink(missing_ok=True)
+        self.video.close()
+        self.part.unlink(missing_ok=True)  # ffmpeg may just have made it
+
+
+def is_whole_mp4(path: Path) -> bool:
+    """Whether the boxes of an MP4 file (ISO/IEC 14496-12, section 4.2) end where the file does, the index before the
+    pictures: ffmpeg puts it there last."""
+    kinds: list[bytes] = []
+    with path.open("rb") as file:
+        end = file.seek(0, os.SEEK_END)
+        place = 0
+        while end - place >= 8:
+            file.seek(place)
+            size, kind = struct.unpack(">I4s", file.read(8))
+            length = file.read(8)
+            if size == 1 and len(length) == 8:
+                (size,) = struct.unpack(">Q", length)
+            if size < 8:
+                return False
+            kinds.append(kind)
+            place += size
+    return place == end and {b"moov", b"mdat"} <= set(kinds) and kinds.index(b"moov") < kinds.index(b"mdat")
 
 
 class WebpWriter:
@@ -185,22 +204,26 @@ class WebpWriter:
     def __init__(self, out: Path, settings: RenderSettings) -> None:
         self.out, self.part = out, temporary_name(out)
         self.fps = settings.fps
-        self.pictures: list[Any] = []
+        self.pictures: deque[Picture] = deque()
 
     def add(self, picture: Picture) -> None:
-        from PIL import Image
-
-        self.pictures.append(Image.fromarray(picture))
+        self.pictures.append(picture)
 
     def finish(self) -> tuple[Path, ...]:
+        import imageio.v3 as iio
+
         # Milliseconds per frame, rounded so that no error adds up.
         ends = np.round(np.arange(len(self.pictures) + 1) * 1000 / self.fps).astype(int)
-        first, *rest = self.pictures
+        options = {
+            "duration": np.diff(ends).tolist(), "loop": 0, "quality": 85, "method": 2, "minimize_size": False,
+            "allow_mixed": False,
+        }  # fmt: skip
+        data = io.BytesIO()
+        with iio.imopen(data, "w", plugin="pillow", extension=".webp") as animation:
+            while self.pictures:
+                animation.write(self.pictures.popleft(), **options)
         try:
-            first.save(
-                self.part, "WEBP", save_all=True, append_images=rest, duration=np.diff(ends).tolist(),
-                loop=0, quality=85, method=2, minimize_size=False, allow_mixed=False,
-            )  # fmt: skip
+            self.part.write_bytes(data.getbuffer())
         except OSError as error:
             raise _failed(self.out, error) from error
         return (_moved(self.part, self.out),)
@@ -222,12 +245,15 @@ class PngWriter:
         self.parts: list[Path] = []
 
     def add(self, picture: Picture) -> None:
-        from PIL import Image
+        import imageio.v3 as iio
 
         out = self.names[len(self.parts)]
+        data: bytes = iio.imwrite(
+            "<bytes>", picture, plugin="pillow", extension=".png", is_batch=False, compress_level=4
+        )
         try:
             self.parts.append(temporary_name(out))
-            Image.fromarray(picture).save(self.parts[-1], "PNG", compress_level=4)
+            self.parts[-1].write_bytes(data)
         except OSError as error:
             raise _failed(out, error) from error
 

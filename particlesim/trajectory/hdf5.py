@@ -7,7 +7,8 @@ times: in a damaged file that is for ever. What a SWMR writer puts on the disk i
 reader needs nothing of that: it opens the file anew to see what is new, and tries again by itself, for a while.
 
 A writer must not wait either; h5py does not offer the setting that limits its attempts, so it is made through the library
-that h5py has loaded.
+that h5py has loaded. Where that does not show it, the writer goes without: only a file that was damaged unseen since it was
+last verified could keep it waiting.
 
 Source: HDF5 Reference Manual, H5Pset_metadata_read_attempts.
 """
@@ -38,7 +39,7 @@ def open_for_frames(path: Path) -> h5py.File:
     """`path` open for writing while others read it (SWMR). What is damaged raises OSError or RuntimeError, at once."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_libver_bounds(*(h5f.LIBVER_V110,) * 2)
-    if _setter()(access.id, 1) < 0:
+    if (setter := _setter()) is not None and setter(access.id, 1) < 0:
         raise RuntimeError("HDF5 refused the number of read attempts")
     name = str(path).encode(sys.getfilesystemencoding(), "surrogateescape")
     # Begun afterwards, SWMR would take a hundred attempts whatever was asked for.
@@ -80,9 +81,12 @@ class _Unmarked(io.RawIOBase):
 
 @cache
 def _setter() -> Any:
-    """H5Pset_metadata_read_attempts of the library that h5py uses."""
+    """H5Pset_metadata_read_attempts of the library that h5py uses; None where it is not to be found."""
     # On Linux and macOS a symbol is looked up in what a module was linked with, too; on Windows libraries go by name.
-    library = ctypes.CDLL("hdf5" if sys.platform == "win32" else h5p.__file__)
-    setter = library.H5Pset_metadata_read_attempts
+    try:
+        library = ctypes.CDLL("hdf5" if sys.platform == "win32" else h5p.__file__)
+        setter = library.H5Pset_metadata_read_attempts
+    except (OSError, AttributeError):
+        return None
     setter.argtypes, setter.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
     return setter

@@ -24,6 +24,7 @@ here.
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -82,8 +83,10 @@ def create_file(
 
     Of the topology, VTK sees the sets that are `drawn`: their ids must be rows of every frame. Raises OSError.
     """
-    # Made in memory: HDF5 crashes the process later when the system refuses a write (h5py issue 914).
-    with h5py.File(path, "w", libver=LIBVER, driver="core", backing_store=False) as file:
+    # Made in memory: HDF5 crashes the process later when the system refuses a write (h5py issue 914). And closed before its
+    # bytes are taken: the image that HDF5 1.14 gives of an open file lacks its mark, but has the checksum of one with it.
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=LIBVER) as file:
         _create_points(file, fields, precision, compressed, chunk_rows(particles))
         _create_steps(file, fields)
         _create_cells(file, topology)
@@ -91,9 +94,7 @@ def create_file(
         write_topology(file["psim"], topology)
         for key, value in provenance.items():
             file["psim/provenance"][key] = value
-        file.flush()
-        image = file.id.get_file_image()
-    path.write_bytes(image)
+    path.write_bytes(image.getbuffer())
 
 
 def _create_points(

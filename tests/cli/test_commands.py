@@ -270,10 +270,11 @@ def complete_names() -> list[str]:
 
 
 def test_schema_beside_the_scenarios_is_fresh(psim):
-    committed = (REPOSITORY / "scenarios" / "psim.schema.json").read_text()
-    assert committed == psim("schema").out, "psim schema -o scenarios/psim.schema.json --force"
+    committed = json.loads((REPOSITORY / "scenarios" / "psim.schema.json").read_text())
+    # Some versions of pydantic write 0.0 for 0.
+    assert psim("schema").json == committed, "psim schema -o scenarios/psim.schema.json --force"
     assert psim("schema", "-o", "a.json").out == "a.json\n"
-    assert Path("a.json").read_text() == committed
+    assert json.loads(Path("a.json").read_text()) == committed
 
 
 @pytest.mark.parametrize("path", sorted((REPOSITORY / "scenarios").glob("*.toml")), ids=lambda p: p.stem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import subprocess
 import sys
 
 import numpy as np
@@ -128,18 +129,71 @@ def test_nothing_is_left_after_an_interrupt(cloud, settings, tmp_path, name, err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a shell script")
-def test_failing_ffmpeg_is_quoted_and_leaves_nothing(cloud, settings, tmp_path, monkeypatch):
-    import imageio_ffmpeg
-
+def test_a_failing_ffmpeg_leaves_nothing(cloud, settings, tmp_path, monkeypatch, capfd):
     fake = tmp_path / "ffmpeg"
-    fake.write_text("#!/bin/sh\necho 'No space left on device' >&2\nexit 1\n")
-    fake.chmod(fake.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(fake))
+    fake.write_text("#!/bin/sh\necho 'Unknown encoder' >&2\nexit 1\n")
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(fake))
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(InputOutputError, match="the disk is full"):
+    with pytest.raises(InputOutputError, match=r"cannot start ffmpeg: .*Permission denied"):
         render_video(cloud, folder / "a.mp4", settings)
+    fake.chmod(fake.stat().st_mode | stat.S_IXUSR)
+    with pytest.raises(InputOutputError, match="ffmpeg ended before the video did"):
+        render_video(cloud, folder / "a.mp4", settings)
+    assert capfd.readouterr().err == "Unknown encoder\n", "what ffmpeg says, and nothing else"
     assert not list(folder.iterdir())
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from particlesim.errors import InputOutputError
+from particlesim.render import RenderSettings
+from particlesim.render.writers import open_writer
+
+def film(out):
+    noise = np.random.default_rng(0)
+    writer = open_writer(out, RenderSettings(size=(128, 72)), 30, True)
+    try:
+        for _ in range(30):
+            writer.add(noise.integers(0, 255, (72, 128, 3), np.uint8))
+        writer.finish()
+    except InputOutputError as error:
+        writer.discard()
+        print(error.message)
+
+out = Path(sys.argv[1])
+film(out)
+whole = out.stat().st_size
+out.unlink()
+for limit in (whole // 2, whole - 1):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    film(out)
+print(len(list(out.parent.iterdir())))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
+@pytest.mark.parametrize("name", ["a.mp4", "a.webp"])
+def test_what_does_not_fit_is_told_and_leaves_nothing(tmp_path, name):
+    """In the middle, and at the last byte, when ffmpeg has taken every picture and moves the index to the front."""
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, tmp_path / name], capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [f"writing '{tmp_path / name}' failed: File too large"] * 2 + ["0"]
+
+
+def test_a_video_that_was_cut_off_is_not_whole(cloud, settings, tmp_path):
+    path = render_video(cloud, tmp_path / "a.mp4", settings, frames=slice(0, 2)).path
+    data, cut = path.read_bytes(), tmp_path / "cut.mp4"
+    assert writers.is_whole_mp4(path)
+    for end in (0, 1, 8, 24, len(data) // 2, len(data) - 1):
+        cut.write_bytes(data[:end])
+        assert not writers.is_whole_mp4(cut), end
+    cut.write_bytes(data + b"\0")
+    assert not writers.is_whole_mp4(cut)
 
 
 def test_positions_that_are_not_finite_are_reported(settings, tmp_path):

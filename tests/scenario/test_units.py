@@ -98,6 +98,9 @@ def test_numbers_of_any_kind_become_floats(value: object) -> None:
         (Metres, "x" * 1000, "expected a length"),
         (Metres, "", 'got ""'),
         (Metres, "nan m", "expected a length"),
+        (Metres, "5 dB/m", "expected a length such as"),
+        (Number, "5 dB", "expected a number"),
+        (Kelvin, "5 oct K", "expected a temperature"),
     ],
 )
 def test_wrong_values_say_what_is_expected(kind: Any, value: object, expected: str) -> None:

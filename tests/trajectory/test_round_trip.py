@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from particlesim.errors import UsageError
-from particlesim.trajectory import chunks, reader
+from particlesim.trajectory import chunks, hdf5, reader
 from particlesim.trajectory.writer import TrajectoryWriter
 
 COUNTS = [0, 3, 300, 299, 1, 0, 0, 40]
@@ -162,3 +162,20 @@ def test_a_scenario_may_be_longer_than_an_attribute(tmp_path, synthetic):
     path = synthetic.record(tmp_path / "a.vtkhdf", [1], provenance={"scenario": text})
     with reader.open(path) as trajectory:
         assert trajectory.scenario == text
+
+
+def test_an_hdf5_library_that_hides_its_settings_is_written_with(tmp_path, synthetic, monkeypatch):
+    """Other builds of h5py may contain HDF5 instead of loading it."""
+
+    class Hidden:
+        def __init__(self, name):
+            pass
+
+    monkeypatch.setattr(hdf5.ctypes, "CDLL", Hidden)
+    hdf5._setter.cache_clear()
+    try:
+        path = synthetic.record(tmp_path / "a.vtkhdf", [3, 5])
+    finally:
+        hdf5._setter.cache_clear()
+    with reader.open(path) as trajectory:
+        synthetic.check(trajectory, [3, 5])
