@@ -24,6 +24,7 @@ from typing import Any
 import h5py
 from h5py import h5f, h5p
 
+from particlesim.trajectory.places import open_regular
 from particlesim.trajectory.superblock import unmarked
 
 
@@ -49,8 +50,12 @@ class _Unmarked(io.RawIOBase):
     """The bytes of a file, but for the mark in its superblock."""
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("rb")
-        self._head = unmarked(self._file)
+        self._file = open_regular(path)
+        try:  # older superblocks carry no mark
+            self._head = b"" if self._file.read(9)[8:] < b"\3" else unmarked(self._file)
+        except BaseException:
+            self._file.close()
+            raise
         self._file.seek(0)
 
     def readable(self) -> bool:

@@ -20,6 +20,7 @@ from particlesim.errors import InputOutputError, UsageError
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.checkpoint_file import discard_checkpoints
 from particlesim.trajectory.continuation import cut_to
+from particlesim.trajectory.examiner import vouch
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
 from particlesim.trajectory.files import damaged
 from particlesim.trajectory.frame_file import (
@@ -347,6 +348,8 @@ class TrajectoryWriter:
         self._lock.release()
         if self._error is not None:
             _repair_header(self.path)
+        else:
+            vouch(self.path)
 
     def _raise_error(self) -> None:
         if self._error is not None:
