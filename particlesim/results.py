@@ -86,8 +86,8 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
     """
     with Trajectory(path) as trajectory:
         told = trajectory.summary
-        numbers = {name: told.get(name) for name in ("steps", "particle_steps", "born")}
-        if not len(trajectory) or not all(isinstance(n, int) for n in numbers.values()) or "state" not in told:
+        numbers = [told.get(name) for name in ("steps", "particle_steps", "born")]
+        if not len(trajectory) or "state" not in told or not all(isinstance(n, int) for n in numbers):
             raise damaged(path, "it says that the run is complete, and does not hold how it ended")
         final = trajectory[-1]
         for name in final.fields:
@@ -104,7 +104,9 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
             path=path,
             times=trajectory.times,
             ledger=trajectory.ledger,
-            **numbers,
+            steps=told["steps"],
+            particle_steps=told["particle_steps"],
+            born=told["born"],
             died={str(cause): int(number) for cause, number in zip(causes, deaths, strict=True)},
             seconds=0.0,
             warnings=(f"{path} is complete already; nothing was left to do",),

@@ -13,6 +13,7 @@ from particlesim.errors import InputOutputError, PsimError, UsageError
 from particlesim.trajectory.chunks import padded
 from particlesim.trajectory.examiner import UnreadableError, look_through
 from particlesim.trajectory.files import damaged, finished_frames
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.layout import LIBVER, STATUS
 from particlesim.trajectory.recovery import cut_back
 from particlesim.trajectory.superblock import clear_mark, read_superblock
@@ -66,6 +67,6 @@ def _cut_columns(file: h5py.File, end: int) -> None:
     """Drop the rows of particles from `end` on, but for the chunk that it is in."""
     points = file["VTKHDF/Points"]
     rows = padded(end, points.chunks[0])
-    for column in (points, *file["VTKHDF/PointData"].values()):
+    for column in (points, *(column for _, column in entries(file["VTKHDF/PointData"]))):
         if len(column) > rows:
             column.resize(rows, axis=0)

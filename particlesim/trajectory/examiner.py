@@ -1,9 +1,9 @@
 """Look through files of others in a process that may hang or crash, before this one uses them.
 
-HDF5 has no defence against some damage: where its heap of texts is broken, it goes round for ever inside of the library, where
-no signal handler of Python gets to. So a small process, which imports h5py and nothing else of size, looks through every file that this
-process has not written itself (see `structure`), under a limit on its own computing time. It starts with the first such file,
-serves for all that follow, and ends with this process, even when that is killed.
+HDF5 has no defence against some damage: where its heap of texts is broken, it goes round for ever inside of the library,
+where no signal handler of Python gets to. So a small process, which imports h5py and nothing else of size, looks through
+every file that this process has not written itself (see `structure`), under a limit on its own computing time. It starts
+with the first such file, serves for all that follow, and ends with this process, even when that is killed.
 
 Where no process can be started, files are looked through in this one, without a limit.
 """
@@ -212,7 +212,7 @@ def serve() -> None:
 
 
 def _confine() -> None:
-    """Limits that hold for all files, where the system has them; signals that are meant for the main process are left to it."""
+    """Limits that hold for all files, where the system has them. Ctrl-C is meant for the main process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if resource is None:
         return
@@ -240,7 +240,8 @@ def _limit(path: Path) -> Iterator[None]:
 def _stored(path: Path) -> int:
     """Bytes that a file takes on the disk; one with holes may be longer."""
     found = path.stat()
-    return min(found.st_size, getattr(found, "st_blocks", math.inf) * 512)
+    blocks: int | None = getattr(found, "st_blocks", None)
+    return found.st_size if blocks is None else min(found.st_size, 512 * blocks)
 
 
 _examiner = _Examiner()

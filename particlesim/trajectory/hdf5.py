@@ -17,6 +17,7 @@ from __future__ import annotations
 import ctypes
 import io
 import sys
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,13 @@ def open_for_frames(path: Path) -> h5py.File:
     name = str(path).encode(sys.getfilesystemencoding(), "surrogateescape")
     # Begun afterwards, SWMR would take a hundred attempts whatever was asked for.
     return h5py.File(h5f.open(name, h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE, access))
+
+
+def entries(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Names and objects of a group. An iterator of h5py over them holds the library's lock until it ends, and one that an
+    error has left does not end: all other threads wait then.
+    """
+    return [(name, group[name]) for name in list(group)]
 
 
 class _Unmarked(io.RawIOBase):

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.files import damaged
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, column_path
 from particlesim.trajectory.structure import MOST_TEXT
 
@@ -35,7 +36,10 @@ _REQUIRED = ("VTKHDF/Points", "VTKHDF/PointData/id", "psim/frames", "psim/status
 
 
 def check_contents(file: h5py.File, path: Path) -> None:
-    """Raise UsageError for a dataset that is missing, not what `layout` makes, or longer than the file can hold. Reads no data."""
+    """Raise UsageError for a dataset that is missing, not what `layout` makes, or longer than the file can hold.
+
+    Reads no data.
+    """
     size = path.stat().st_size
     for name in _REQUIRED:
         if not isinstance(file.get(name), h5py.Dataset):
@@ -52,6 +56,11 @@ def check_contents(file: h5py.File, path: Path) -> None:
             raise damaged(path, f"the dataset /{name} has the shape {list(dataset.shape or ())}")
         if not _can_hold(dataset, size):
             raise damaged(path, f"the dataset /{name} is longer than the file can hold: {dataset.shape[0]:,}")
+    topology = file.get("psim/topology", {})
+    if isinstance(topology, h5py.Dataset) or not all(
+        isinstance(entry, h5py.Group) for _, entry in entries(topology)
+    ):
+        raise damaged(path, "its springs and surfaces cannot be read")
     if len(file["psim/groups"]) > MOST_TEXT:
         raise damaged(path, "it has too many groups")
 
@@ -117,7 +126,7 @@ def _expected(file: h5py.File) -> Iterator[_Expected]:
     yield "psim/summary", (), np.dtype("u1").__eq__
     yield from _vtk()
     topology = file.get("psim/topology")
-    for name in topology if isinstance(topology, h5py.Group) else ():
+    for name in list(topology) if isinstance(topology, h5py.Group) else ():
         for part, row in (("pairs", (2,)), ("triangles", (3,))):
             yield f"psim/topology/{name}/{part}", row, _is_integer
         for part in ("rest", "broke"):

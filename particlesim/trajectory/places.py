@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from particlesim.errors import UsageError
 
@@ -39,13 +39,13 @@ def kind_of(path: Path) -> str | None:
     return next((kind for test, kind in _KINDS if test(mode)), "device")
 
 
-def open_regular(path: Path) -> BinaryIO:
-    """A file open for reading. Raises OSError, for what is no file as well: to open that could wait, to read it never end."""
+def open_regular(path: Path) -> BufferedReader:
+    """A file open for reading. Raises OSError, also for a pipe or device: opening one may wait, reading it never end."""
 
     def opener(name: str, flags: int) -> int:
         return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
-    file = open(path, "rb", opener=opener)  # noqa: PTH123  a path's own method takes no opener
+    file = open(path, "rb", opener=opener)  # noqa: SIM115  the caller's
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise OSError(errno.EINVAL, "it is no file", str(path))

@@ -18,6 +18,7 @@ from particlesim.errors import PsimError, UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.integrity import check_contents, check_tables
 from particlesim.trajectory.layout import STATES, STATUS, column_path
 from particlesim.trajectory.lock import is_being_written
@@ -123,7 +124,7 @@ class Trajectory(Sequence[Frame]):
         recorded = self._file["VTKHDF/PointData"]
         self.fields = tuple(name for name in FIELDS if name == "position" or name in recorded)
         self.groups = tuple(psim["groups"].asstr()[:]) if len(psim["groups"]) else ()
-        self.provenance = {name: _plain(dataset) for name, dataset in psim["provenance"].items()}
+        self.provenance = {name: _plain(dataset) for name, dataset in entries(psim["provenance"])}
         if not isinstance(self.provenance.get("scenario", ""), str):
             raise damaged(self.path, "its scenario is no text")
         self._bind()

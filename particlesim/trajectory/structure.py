@@ -43,14 +43,17 @@ def survey(path: Path) -> None:
 def _inside(file: h5py.File) -> list[bytes]:
     """The names of all objects but the root. Raises ElsewhereError unless all data are in the file."""
     names: list[bytes] = []
+    others: list[bytes] = []
 
     def look(name: bytes, link: h5l.LinkInfo) -> None:
         if link.type == h5l.TYPE_HARD:
             names.append(name)
         elif link.type != h5l.TYPE_SOFT:
-            raise ElsewhereError(f"/{_text(name)} is a link to another file")
+            others.append(name)
 
     file.id.links.visit(look, info=True)
+    if others:
+        raise ElsewhereError(f"/{_text(others[0])} is a link to another file")
     for name in names:
         found = h5o.get_info(file.id, name)
         if found.type == h5o.TYPE_DATASET:
@@ -65,7 +68,7 @@ def _touch(file: h5py.File, name: bytes) -> None:
     """Read what can lead a reader astray: attributes, text, the index of chunks. Numbers cannot."""
     with suppress(Exception):  # readers look only at some of it, and tell then what is wrong
         found = file[name]
-        for key in found.attrs:
+        for key in list(found.attrs):
             with suppress(Exception):
                 found.attrs[key]
         if isinstance(found, h5py.Dataset):

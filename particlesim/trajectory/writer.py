@@ -114,7 +114,7 @@ class TrajectoryWriter:
                 raise damaged(path) from error
             kind = InputOutputError if error.errno in FORBIDDEN else UsageError
             raise kind(f"{path} cannot be written further: {error.strerror}") from error
-        except (RuntimeError, KeyError, ValueError) as error:
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
             writer._lock.release()
             raise damaged(path) from error
         except BaseException:
