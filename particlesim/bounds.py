@@ -71,13 +71,17 @@ class Needs:
     compressed: bool
 
 
-def needs(scenario: Scenario) -> Needs:
-    """What a run needs. Raises UsageError when a file of particles cannot be read."""
+def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
+    """What a run needs, with a trajectory unless it is not `recorded`.
+
+    Raises UsageError when a file of particles cannot be read.
+    """
     grid = scenario.grid
     times = np.linspace(0, grid.duration, min(grid.frames, 500))
     alive, stepped = np.zeros(len(times)), np.zeros(len(times))
     births = deaths = 0
     memory = float(BASE_MEMORY)
+    checkpoint = 0.0
     for group in scenario.groups:
         if isinstance(group, Particles):
             here = held = np.full(len(times), float(scenario.opened(group).number() or 0))
@@ -91,19 +95,28 @@ def needs(scenario: Scenario) -> Needs:
             total = schedule.total(grid.duration)
             births, deaths = births + total, deaths + max(total - int(here[-1]), 0)
         memory += held.max() * _particle_bytes(scenario, group)
+        checkpoint += here.max() * _saved_bytes(scenario, group)
         alive += here
         stepped += held
     most = int(alive.max())
-    memory += _spring_bytes(scenario) + 2 * POOL * most * sum(_stored(scenario).values())
+    memory += _spring_bytes(scenario)
+    if recorded:
+        # At the end a column at a time is made for the digest, while the last checkpoint may still be on its way.
+        memory += 2 * POOL * most * sum(_stored(scenario).values()) + checkpoint + 3 * _width(scenario) * most
     disk = _file_size(scenario, alive, births + deaths)
     work = float(stepped.mean() * grid.steps)
     compressed = scenario.output.compression == "gzip"
     return Needs(most, births, grid.steps, grid.frames, work, int(memory), int(disk), compressed)
 
 
+def _width(scenario: Scenario) -> int:
+    """Bytes of a number."""
+    return 8 if scenario.simulation.precision == "double" else 4
+
+
 def _particle_bytes(scenario: Scenario, group: Group) -> float:
     """Memory of a particle of a group while it is stepped."""
-    number = 8 if scenario.simulation.precision == "double" else 4
+    number = _width(scenario)
     method = method_for(group.integrator or scenario.simulation.integrator)
     size = 7 * number + 8  # position, velocity, mass; id
     size += number * group.has_radius() + 8 * (group.temperature is not None)
@@ -120,9 +133,18 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     return size
 
 
+def _saved_bytes(scenario: Scenario, group: Group) -> float:
+    """Memory of a particle of a group in a checkpoint, which is a copy of the state until it is written."""
+    number = _width(scenario)
+    method = method_for(group.integrator or scenario.simulation.integrator)
+    clocked = isinstance(group, Emitter) or (isinstance(group, Particles) and bool(group.pinned))
+    size = (8 + method.memory) * number + 8  # position, velocity, mass, radius; id
+    return size + CLOCK_BYTES * bool(clocked) + 8 * (group.temperature is not None)
+
+
 def _spring_bytes(scenario: Scenario) -> float:
     """Memory of all springs and rods whose number is known before positions are."""
-    number = 8 if scenario.simulation.precision == "double" else 4
+    number = _width(scenario)
     own = [2 * number * (b.law.by_mass or b.law.breaks) + b.law.breaks for b in scenario.bonds]
     springs = sum(
         (b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True)

@@ -12,7 +12,7 @@ import numpy as np
 from particlesim.checks import Check
 from particlesim.engine.books import total_energy
 from particlesim.engine.simulation import Simulation
-from particlesim.errors import UsageError
+from particlesim.errors import PsimError
 from particlesim.observations import Oracle, Reference, Seen, judged, observer
 from particlesim.quantities import AXES, VECTORS, is_count
 from particlesim.scenario.agreement import check_labels, check_step
@@ -77,7 +77,7 @@ class Checks:
             for check, label in zip(scenario.checks, check_labels(scenario), strict=True):
                 if not (bless and check.reference is not None):
                     self._items.append(_Item(check, label, scenario))
-        except UsageError:
+        except PsimError:
             self.close()
             raise
         self._energy: float | None = None

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.named_files import file_digest, layout_files
@@ -41,7 +44,12 @@ def physics_digest(scenario: Scenario) -> str:
 
 def state_digest(final: Frame) -> str:
     """SHA-256 of ids, positions and velocities: equal for equal bits."""
+    return columns_digest(final.__getitem__)
+
+
+def columns_digest(column: Callable[[str], NDArray[Any]]) -> str:
+    """The same of `column(field)`, of which one is in memory at a time."""
     digest = hashlib.sha256()
     for field in ("id", "position", "velocity"):
-        digest.update(final[field].tobytes())
+        digest.update(np.ascontiguousarray(column(field)).reshape(-1).view(np.uint8).data)
     return digest.hexdigest()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from particlesim.checking import CheckResult
 from particlesim.digest import state_digest
 from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.files import damaged
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory
+from particlesim.trajectory.summary import recorded_checks
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,19 @@ class Result:
 
 
 def recorded_result(scenario: Scenario, path: Path) -> Result:
-    """What a run left that is complete in the trajectory `path`; its last frame is the recorded one."""
+    """What a run left that is complete in the trajectory `path`; its last frame is the recorded one.
+
+    Raises UsageError when the file lacks what a complete one has.
+    """
     with Trajectory(path) as trajectory:
-        final, told = trajectory[-1], trajectory.summary
+        told = trajectory.summary
+        numbers = [told.get(name) for name in ("steps", "particle_steps", "born")]
+        if not len(trajectory) or "state" not in told or not all(isinstance(n, int) for n in numbers):
+            raise damaged(path, "it says that the run is complete, and does not hold how it ended")
+        final = trajectory[-1]
         for name in final.fields:
             final[name]  # loaded while the file is open
-        causes, numbers = np.unique(trajectory.events("death")["cause"], return_counts=True)
+        causes, deaths = np.unique(trajectory.events("death")["cause"], return_counts=True)
         broken = {
             name: (int(np.isfinite(each.broke).sum()), len(each.pairs))
             for name, each in trajectory.topology.items()
@@ -95,19 +104,19 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
             path=path,
             times=trajectory.times,
             ledger=trajectory.ledger,
-            steps=int(told["steps"]),
-            particle_steps=int(told["particle_steps"]),
-            born=int(told["born"]),
-            died={str(cause): int(number) for cause, number in zip(causes, numbers, strict=True)},
+            steps=told["steps"],
+            particle_steps=told["particle_steps"],
+            born=told["born"],
+            died={str(cause): int(number) for cause, number in zip(causes, deaths, strict=True)},
             seconds=0.0,
             warnings=(f"{path} is complete already; nothing was left to do",),
-            checks=tuple(_check(data) for data in json.loads(told.get("checks", "[]"))),
+            checks=tuple(_check(data) for data in recorded_checks(told, path)),
             broken=broken,
             known_state=str(told["state"]),
         )
 
 
-def _check(data: dict[str, object]) -> CheckResult:
+def _check(data: dict[str, Any]) -> CheckResult:
     """A result of a check from plain data, in which numbers that are not finite are None."""
     value = data["value"]
-    return CheckResult(**{**data, "value": math.nan if value is None else value})  # type: ignore[arg-type]
+    return CheckResult(**{**data, "value": math.nan if value is None else value})

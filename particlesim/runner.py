@@ -90,7 +90,7 @@ def run(
                 return recorded_result(scenario, path)
             found = state
     check_references(scenario, path, bless=bless)
-    required = needs(scenario)
+    required = needs(scenario, recorded=path is not None)
     if must_fit:
         check_fits(required, path)
     checks = Checks(scenario, bless=bless)

@@ -14,7 +14,7 @@ from particlesim.checks import Check
 from particlesim.colliders import Plane
 from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter
-from particlesim.errors import ResourceError, UsageError
+from particlesim.errors import InputOutputError, ResourceError, UsageError
 from particlesim.forces import AnyForce
 from particlesim.groups import Group, Particles
 from particlesim.impulses import Impulse
@@ -137,6 +137,7 @@ class Scenario(Model):
 
         Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known,
         ResourceError where this machine has too little memory, which is no mistake of the scenario.
+        InputOutputError, with the place as well, for a file that leads to others.
         """
         try:
             layout = group.layout.open(self._folder)
@@ -145,13 +146,16 @@ class Scenario(Model):
             return layout
         except ResourceError:
             raise
-        except UsageError as error:
+        except (UsageError, InputOutputError) as error:
             if self._source is None:
                 raise
             key = error.key if isinstance(error, LayoutError) else "path"
             k = next(k for k, other in enumerate(self.particles) if other is group)
             mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
-            raise scenario_error(self._source, [mistake]) from None
+            located = scenario_error(self._source, [mistake])
+            if isinstance(error, InputOutputError):
+                raise InputOutputError(located.message) from None
+            raise located from None
 
     @contextmanager
     def at_springs(self, label: str) -> Iterator[None]:

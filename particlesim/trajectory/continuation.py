@@ -9,9 +9,11 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import InputOutputError, UsageError
+from particlesim.errors import InputOutputError, PsimError, UsageError
 from particlesim.trajectory.chunks import padded
+from particlesim.trajectory.examiner import UnreadableError, look_through
 from particlesim.trajectory.files import damaged, finished_frames
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.layout import LIBVER, STATUS
 from particlesim.trajectory.recovery import cut_back
 from particlesim.trajectory.superblock import clear_mark, read_superblock
@@ -26,10 +28,13 @@ def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]
     is in use, is damaged, or has fewer frames, InputOutputError when it may not be changed.
     """
     try:
+        look_through(path)
         block = read_superblock(path)
         if block is not None and block.marked:
             clear_mark(path)
         file = h5py.File(path, "r+", libver=LIBVER)
+    except UnreadableError as error:
+        raise damaged(path, str(error)) from error
     except OSError as error:
         kind = InputOutputError if error.errno in FORBIDDEN else UsageError
         raise kind(
@@ -52,7 +57,7 @@ def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]
             file["psim/status"][()] = np.array(b"running", STATUS)
             provenance = file["psim/provenance"]
             return str(provenance["run"].asstr()[()]) if "run" in provenance else ""
-    except UsageError:
+    except PsimError:
         raise
     except Exception as error:
         raise damaged(path) from error
@@ -62,6 +67,6 @@ def _cut_columns(file: h5py.File, end: int) -> None:
     """Drop the rows of particles from `end` on, but for the chunk that it is in."""
     points = file["VTKHDF/Points"]
     rows = padded(end, points.chunks[0])
-    for column in (points, *file["VTKHDF/PointData"].values()):
+    for column in (points, *(column for _, column in entries(file["VTKHDF/PointData"]))):
         if len(column) > rows:
             column.resize(rows, axis=0)

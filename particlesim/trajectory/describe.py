@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.trajectory.fields import FIELDS, ledger_unit
-from particlesim.trajectory.files import damaged
 from particlesim.trajectory.reader import Trajectory
+from particlesim.trajectory.summary import recorded_checks
 
 
 def describe(path: Path) -> dict[str, Any]:
@@ -51,10 +50,7 @@ def _summary(trajectory: Trajectory) -> dict[str, Any]:
     """What the file tells of the run; results of checks, which are stored as JSON, as data."""
     told = dict(trajectory.summary)
     if "checks" in told:
-        try:
-            told["checks"] = json.loads(told["checks"])
-        except (TypeError, ValueError) as error:
-            raise damaged(trajectory.path, "its results of checks cannot be read") from error
+        told["checks"] = recorded_checks(told, trajectory.path)
     return told
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
+from particlesim.trajectory.examiner import UnreadableError, look_through
 from particlesim.trajectory.hdf5 import open_alone
 from particlesim.trajectory.layout import FORMAT
 from particlesim.trajectory.lock import is_being_written
@@ -18,6 +19,7 @@ from particlesim.trajectory.places import kind_of
 from particlesim.trajectory.superblock import Superblock, read_superblock
 
 _ENDING = ".vtkhdf"
+_BLOCK = 1 << 16
 _PATIENCE = 1.0
 """Seconds to wait until a file that is being written can be opened."""
 
@@ -64,7 +66,8 @@ def open_file(path: Path) -> h5py.File:
     """The trajectory `path`, open for reading, also while a simulation writes it or after its writer was
     killed.
 
-    Raises UsageError as `check_readable` does, and when the file is HDF5 but no trajectory of psim.
+    Raises UsageError as `check_readable` does, and when the file is HDF5 but no trajectory of psim; InputOutputError when it
+    leads to other files.
     """
     file = _open_readable(path)
     try:
@@ -85,10 +88,11 @@ def _open_readable(path: Path) -> h5py.File:
         block = check_readable(path)
         written = block.marked and is_being_written(path)
         try:
-            return h5py.File(path, "r") if block.version < 3 else open_alone(path)
-        except (OSError, RuntimeError, ValueError) as error:
+            look_through(path)
+            return open_alone(path)
+        except (OSError, RuntimeError, ValueError, KeyError, UnreadableError) as error:
             if not written:
-                raise damaged(path) from error
+                raise damaged(path, *(error.args if isinstance(error, UnreadableError) else ())) from error
             if time.monotonic() > until:
                 raise UsageError(
                     f"{path} cannot be opened while another program writes it", "Close that program."
@@ -100,12 +104,14 @@ def check_format(file: h5py.File, path: Path) -> None:
     """Raise UsageError unless `file` is a trajectory of a format that this version reads."""
     try:
         version = file["psim"].attrs.get("format") if "psim" in file else None
-    except (OSError, RuntimeError, KeyError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         raise damaged(path) from error
     if version is None:
         raise DamagedError(
             f"{path} is HDF5 but no trajectory of psim", "It lacks the group /psim that `psim run` writes."
         )
+    if not isinstance(version, np.integer):
+        raise damaged(path, "the number of its format is none")
     if version > FORMAT:
         raise UsageError(
             f"{path} has format {version}; this psim reads up to {FORMAT}", "Install a newer particlesim."
@@ -121,9 +127,14 @@ def damaged(path: Path, what: str = "its contents cannot be read") -> DamagedErr
 
 def finished_frames(table: h5py.Dataset) -> npt.NDArray[np.void]:
     """The rows of /psim/frames that were finished: each carries its number, counted from 1."""
-    rows: npt.NDArray[np.void] = table[:]
-    valid = rows["number"] == np.arange(1, len(rows) + 1)
-    return rows[: len(rows) if valid.all() else int(valid.argmin())]
+    blocks: list[npt.NDArray[np.void]] = []
+    for start in range(0, len(table), _BLOCK):  # a table may be declared that is longer than memory
+        rows = table[start : start + _BLOCK]
+        valid = rows["number"] == np.arange(start + 1, start + len(rows) + 1)
+        blocks.append(rows[: len(rows) if valid.all() else int(valid.argmin())])
+        if not valid.all():
+            break
+    return np.concatenate(blocks) if blocks else table[:0]
 
 
 def lies_inside(dataset: h5py.Dataset, start: int, stop: int, size: int) -> bool:
@@ -131,6 +142,8 @@ def lies_inside(dataset: h5py.Dataset, start: int, stop: int, size: int) -> bool
 
     HDF5 reads zeros beyond the end of a file, which only a compressed chunk would betray.
     """
+    if dataset.chunks is None:  # rewritten by another program
+        return True
     rows, tail = dataset.chunks[0], (0,) * (dataset.ndim - 1)
     for row in range(start - start % rows, stop, rows):
         chunk = dataset.id.get_chunk_info_by_coord((row, *tail))

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from h5py import h5a
 
 from particlesim.trajectory.chunks import Column, compress, cut, padded
-from particlesim.trajectory.hdf5 import open_for_frames
+from particlesim.trajectory.hdf5 import entries, open_for_frames
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, TOPOLOGY_ROWS, column_path
 from particlesim.trajectory.tables import GrowingTable
 
@@ -121,7 +121,7 @@ class FrameFile:
         self._frames = GrowingTable(psim["frames"])
         self._ledger = GrowingTable(psim["ledger"]) if "ledger" in psim else None
         self._events = {kind: GrowingTable(psim[f"events/{kind}s"]) for kind in ("birth", "death")}
-        self._broke = {name: entry["broke"] for name, entry in psim["topology"].items() if "broke" in entry}
+        self._broke = {name: entry["broke"] for name, entry in entries(psim["topology"]) if "broke" in entry}
         self._next_row = len(self._columns["position"])
         self._values = table("Steps/Values")
 

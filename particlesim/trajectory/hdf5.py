@@ -18,6 +18,7 @@ from __future__ import annotations
 import ctypes
 import io
 import sys
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from typing import Any
 import h5py
 from h5py import h5f, h5p
 
+from particlesim.trajectory.places import open_regular
 from particlesim.trajectory.superblock import unmarked
 
 
@@ -46,12 +48,23 @@ def open_for_frames(path: Path) -> h5py.File:
     return h5py.File(h5f.open(name, h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE, access))
 
 
+def entries(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Names and objects of a group. An iterator of h5py over them holds the library's lock until it ends, and one that an
+    error has left does not end: all other threads wait then.
+    """
+    return [(name, group[name]) for name in list(group)]
+
+
 class _Unmarked(io.RawIOBase):
     """The bytes of a file, but for the mark in its superblock."""
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("rb")
-        self._head = unmarked(self._file)
+        self._file = open_regular(path)
+        try:  # older superblocks carry no mark
+            self._head = b"" if self._file.read(9)[8:] < b"\3" else unmarked(self._file)
+        except BaseException:
+            self._file.close()
+            raise
         self._file.seek(0)
 
     def readable(self) -> bool:

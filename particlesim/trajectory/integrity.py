@@ -6,6 +6,7 @@ array of text does to the first formula that it gets into.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,30 @@ import numpy.typing as npt
 
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.files import damaged
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, column_path
+from particlesim.trajectory.structure import MOST_TEXT
 
 _Type = Callable[[np.dtype[Any]], bool]
 _Expected = tuple[str, tuple[int, ...] | None, _Type]
 """A dataset's name, the lengths that a row has (None for a scalar), and whether a type is right."""
 
+_DENSEST = 1032
+"""Bytes that one compressed byte can stand for, at most (zlib)."""
+_FILLED_IN = 64 << 20
+"""Bytes of a table that may be nothing but HDF5's fill value, which is not stored."""
+_LARGEST_CHUNK = 64 << 20
+"""Bytes; psim's are up to 1.5 MB."""
 _REQUIRED = ("VTKHDF/Points", "VTKHDF/PointData/id", "psim/frames", "psim/status", "psim/summary", "psim/groups",
              "psim/events/births", "psim/events/deaths")  # fmt: skip
 
 
 def check_contents(file: h5py.File, path: Path) -> None:
-    """Raise UsageError for a dataset that is missing or not what `layout` makes. Reads no data."""
+    """Raise UsageError for a dataset that is missing, not what `layout` makes, or longer than the file can hold.
+
+    Reads no data.
+    """
+    size = path.stat().st_size
     for name in _REQUIRED:
         if not isinstance(file.get(name), h5py.Dataset):
             raise damaged(path, f"it lacks the dataset /{name}")
@@ -41,6 +54,25 @@ def check_contents(file: h5py.File, path: Path) -> None:
             raise damaged(path, f"the dataset /{name} holds values of type {_type_name(dataset.dtype)}")
         if dataset.ndim != (0 if row is None else 1 + len(row)) or dataset.shape[1:] != (row or ()):
             raise damaged(path, f"the dataset /{name} has the shape {list(dataset.shape or ())}")
+        if not _can_hold(dataset, size):
+            raise damaged(path, f"the dataset /{name} is longer than the file can hold: {dataset.shape[0]:,}")
+    topology = file.get("psim/topology", {})
+    if isinstance(topology, h5py.Dataset) or not all(
+        isinstance(entry, h5py.Group) for _, entry in entries(topology)
+    ):
+        raise damaged(path, "its springs and surfaces cannot be read")
+    if len(file["psim/groups"]) > MOST_TEXT:
+        raise damaged(path, "it has too many groups")
+
+
+def _can_hold(dataset: h5py.Dataset, size: int) -> bool:
+    """Whether a file of `size` bytes can hold what a dataset declares: a few bytes declare any length, and memory for it
+    is taken before HDF5 finds nothing there.
+    """
+    settings = dataset.id.get_create_plist()
+    packed = settings.get_nfilters() > 0
+    chunk = math.prod(dataset.chunks or ()) * dataset.dtype.itemsize
+    return chunk <= _LARGEST_CHUNK and dataset.nbytes <= (_DENSEST if packed else 1) * size + _FILLED_IN
 
 
 def check_tables(file: h5py.File, path: Path, rows: npt.NDArray[np.void]) -> None:
@@ -94,7 +126,7 @@ def _expected(file: h5py.File) -> Iterator[_Expected]:
     yield "psim/summary", (), np.dtype("u1").__eq__
     yield from _vtk()
     topology = file.get("psim/topology")
-    for name in topology if isinstance(topology, h5py.Group) else ():
+    for name in list(topology) if isinstance(topology, h5py.Group) else ():
         for part, row in (("pairs", (2,)), ("triangles", (3,))):
             yield f"psim/topology/{name}/{part}", row, _is_integer
         for part in ("rest", "broke"):

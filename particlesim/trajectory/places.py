@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
 
 from particlesim.errors import UsageError
@@ -36,6 +37,19 @@ def kind_of(path: Path) -> str | None:
             raise _too_long(path) from error
         raise UsageError(f"{path} cannot be looked at: {error.strerror}") from error
     return next((kind for test, kind in _KINDS if test(mode)), "device")
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """A file open for reading. Raises OSError, also for a pipe or device: opening one may wait, reading it never end."""
+
+    def opener(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    file = open(path, "rb", opener=opener)  # noqa: SIM115  the caller's
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is no file", str(path))
+    return file
 
 
 def check_name_length(path: Path, folder: Path) -> None:

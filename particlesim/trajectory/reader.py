@@ -14,13 +14,15 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import UsageError
+from particlesim.errors import PsimError, UsageError
 from particlesim.trajectory.fields import FIELDS, unknown_name
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, lies_inside, open_file
 from particlesim.trajectory.frame import Frame
+from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.integrity import check_contents, check_tables
-from particlesim.trajectory.layout import STATES, column_path
+from particlesim.trajectory.layout import STATES, STATUS, column_path
 from particlesim.trajectory.lock import is_being_written
+from particlesim.trajectory.summary import read_summary
 from particlesim.trajectory.superblock import read_superblock
 from particlesim.trajectory.topology import Topology, read_topology
 
@@ -34,7 +36,7 @@ _PATIENCE = 1.0
 def open(path: str | PathLike[str]) -> Trajectory:
     """Open the trajectory file `path` for reading.
 
-    Raises UsageError when it is missing, no trajectory, truncated or damaged.
+    Raises UsageError when it is missing, no trajectory, truncated or damaged, InputOutputError when it leads to other files.
     """
     return Trajectory(Path(path))
 
@@ -75,7 +77,7 @@ class Trajectory(Sequence[Frame]):
         self._topology: Mapping[str, Topology] | None = None
         try:
             try:
-                self.status = self._file["psim/status"][()].decode()
+                self.status = _status(self._file["psim/status"])
                 len(self._file["psim/frames"])
             finally:  # also when that failed: it tells why
                 check_contents(self._file, self.path)
@@ -85,7 +87,7 @@ class Trajectory(Sequence[Frame]):
                 self.status = "interrupted"
             self._read_header()
             self._read_frames()
-        except UsageError:
+        except PsimError:
             self._file.close()
             raise
         except Exception as error:  # what h5py raises on damaged metadata is of many kinds
@@ -122,7 +124,9 @@ class Trajectory(Sequence[Frame]):
         recorded = self._file["VTKHDF/PointData"]
         self.fields = tuple(name for name in FIELDS if name == "position" or name in recorded)
         self.groups = tuple(psim["groups"].asstr()[:]) if len(psim["groups"]) else ()
-        self.provenance = {name: _plain(dataset) for name, dataset in psim["provenance"].items()}
+        self.provenance = {name: _plain(dataset) for name, dataset in entries(psim["provenance"])}
+        if not isinstance(self.provenance.get("scenario", ""), str):
+            raise damaged(self.path, "its scenario is no text")
         self._bind()
 
     def _bind(self) -> None:
@@ -137,8 +141,10 @@ class Trajectory(Sequence[Frame]):
         self.ledger = {}
         if "psim/ledger" in self._file:
             ledger = self._whole(self._file["psim/ledger"])[: len(rows)]
+            if len(ledger) < len(rows):
+                raise damaged(self.path, "its ledger has fewer rows than there are frames")
             self.ledger = {name: ledger[name].copy() for name in ledger.dtype.names}
-        self.summary = json.loads(self._file["psim/summary"][:].tobytes() or b"{}")
+        self.summary = read_summary(self._file["psim/summary"][:].tobytes(), self.path)
 
     def _end_if_cut_off(self) -> int | None:
         """The size of a file that lacks something at its end, as HDF5 would read zeros there; None if it is whole.
@@ -159,6 +165,8 @@ class Trajectory(Sequence[Frame]):
         length = min(len(column) for column in self._columns.values())
         wrong = (rows["offset"] < 0) | (rows["count"] < 0) | (rows["count"] > length)
         wrong |= (rows["offset"] > length - rows["count"]) | (np.diff(rows["step"], prepend=-1) < 0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            wrong |= ~np.isfinite(rows["time"]) | (np.diff(rows["time"], prepend=-np.inf) < 0)
         for kind in ("births", "deaths"):
             wrong |= (rows[kind] < 0) | (rows[kind] > len(self._file[f"psim/events/{kind}"]))
         if wrong.any():
@@ -233,7 +241,7 @@ class Trajectory(Sequence[Frame]):
         what = f"{field!r} of frame {index} cannot be read"
         try:
             return self._patiently(lambda: self._rows_of(field, start, stop, what), self._bind_again)
-        except UsageError:
+        except PsimError:
             raise
         except Exception as error:
             raise damaged(self.path, what) from error
@@ -245,6 +253,8 @@ class Trajectory(Sequence[Frame]):
         values: Array = column[start:stop]
         if len(values) != stop - start:
             raise damaged(self.path, what)
+        if field == "group" and not ((values >= 0) & (values < len(self.groups))).all():
+            raise damaged(self.path, f"{what}: it counts into {len(self.groups)} groups")
         return values
 
     def verify(self, frames: int, seconds: float) -> int:
@@ -257,7 +267,7 @@ class Trajectory(Sequence[Frame]):
         until = time.monotonic() + seconds
         try:
             check_tables(self._open_file(), self.path, self._rows[:frames])
-        except UsageError:
+        except PsimError:
             raise
         except Exception as error:
             raise damaged(self.path) from error
@@ -314,7 +324,7 @@ class Trajectory(Sequence[Frame]):
         try:
             rows, names = self._patiently(lambda: self._events(kind, known), self._bind_again)
             causes = rows["cause"]
-        except UsageError:
+        except PsimError:
             raise
         except Exception as error:
             raise damaged(self.path, f"its {kind}s cannot be read") from error
@@ -325,7 +335,10 @@ class Trajectory(Sequence[Frame]):
     def _events(self, kind: str, known: int) -> tuple[Array, list[str]]:
         """The first rows of a table of events, and the names of causes."""
         table = self._whole(self._file[f"psim/events/{kind}s"])
-        return table[:known], json.loads(table.attrs["causes"])
+        names = json.loads(table.attrs["causes"])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise damaged(self.path, f"its causes of {kind}s have no names")
+        return table[:known], names
 
     def shape_of(self, field: str, rows: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
         """Shape and type that `rows` particles have in `field`."""
@@ -354,8 +367,15 @@ class Trajectory(Sequence[Frame]):
         self.close()
 
 
+def _status(dataset: h5py.Dataset) -> str:
+    """What `psim/status` says; nothing where it is not what `layout` makes, so that nothing large is read."""
+    return dataset[()].decode() if dataset.shape == () and dataset.dtype == STATUS else ""
+
+
 def _plain(dataset: h5py.Dataset) -> str | int | float:
-    """A scalar dataset as Python's own type."""
+    """A scalar dataset as Python's own type. Raises ValueError for what has more values."""
+    if dataset.shape != ():
+        raise ValueError(f"{dataset.name} has the shape {dataset.shape}")
     value = dataset[()]
     plain: str | int | float = value.decode() if isinstance(value, bytes) else value.item()
     return plain

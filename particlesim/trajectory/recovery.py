@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.errors import UsageError
+from particlesim.errors import PsimError, UsageError
 from particlesim.trajectory.files import check_readable, damaged, finished_frames, open_file
 from particlesim.trajectory.integrity import check_contents
 from particlesim.trajectory.layout import LIBVER, STATUS
@@ -39,7 +39,7 @@ def recover(path: Path) -> bool:
 
     Afterwards ParaView, VTK and h5py open it like any other; its status is "interrupted". Returns whether
     there was anything to do. Raises UsageError when a simulation is writing the file, or it is no usable
-    trajectory, or may not be changed.
+    trajectory, or may not be changed; InputOutputError when it leads to other files.
     """
     path = Path(path)
     marked = check_readable(path).marked
@@ -51,7 +51,7 @@ def recover(path: Path) -> bool:
             check_contents(file, path)
             if not (check_readable(path).marked or _unfinished(file)):
                 return False
-    except UsageError:
+    except PsimError:
         raise
     except Exception as error:  # what h5py raises on damaged metadata is of many kinds
         raise damaged(path) from error

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from particlesim.trajectory.places import open_regular
+
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LENGTH = 48
 _FLAGS = 11
@@ -39,7 +41,7 @@ def read_superblock(path: Path) -> Superblock | None:
 
     Files with a superblock older than version 3 carry no mark; for them `end` is 0 (not looked up).
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(_LENGTH)
     if head[:8] != SIGNATURE or len(head) < _LENGTH:
         return None

@@ -13,6 +13,8 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from particlesim.trajectory.hdf5 import entries
+
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
@@ -75,7 +77,7 @@ def _narrow(ids: Ints) -> npt.NDArray[Any]:
 def read_topology(file: h5py.File) -> Mapping[str, Topology]:
     """All sets of a file by name; none in files of versions that did not store them."""
     found = {}
-    for name, entry in file.get("psim/topology", {}).items():
+    for name, entry in entries(file.get("psim/topology", {})):
         pairs = entry["pairs"][:].astype(np.int64) if "pairs" in entry else _no_pairs()
         broke = np.full(len(pairs), np.inf)
         if "broke" in entry:

@@ -20,6 +20,7 @@ from particlesim.errors import InputOutputError, UsageError
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.checkpoint_file import discard_checkpoints
 from particlesim.trajectory.continuation import cut_to
+from particlesim.trajectory.examiner import vouch
 from particlesim.trajectory.fields import FieldSpec, Precision, select_fields, unknown_name
 from particlesim.trajectory.files import damaged
 from particlesim.trajectory.frame_file import (
@@ -113,7 +114,7 @@ class TrajectoryWriter:
                 raise damaged(path) from error
             kind = InputOutputError if error.errno in FORBIDDEN else UsageError
             raise kind(f"{path} cannot be written further: {error.strerror}") from error
-        except (RuntimeError, KeyError, ValueError) as error:
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
             writer._lock.release()
             raise damaged(path) from error
         except BaseException:
@@ -347,6 +348,8 @@ class TrajectoryWriter:
         self._lock.release()
         if self._error is not None:
             _repair_header(self.path)
+        else:
+            vouch(self.path)
 
     def _raise_error(self) -> None:
         if self._error is not None:

@@ -1,4 +1,8 @@
-"""What is said before a run about the size of its trajectory, against the file."""
+"""What is said before a run about the size of its trajectory and its memory, against the file and the process."""
+
+import json
+import subprocess
+import sys
 
 import pytest
 
@@ -46,3 +50,35 @@ def test_size_of_a_trajectory(tmp_path, every):
             assert said == pytest.approx(size, rel=0.06)
         else:
             assert size <= said <= 2 * size
+
+
+PEAK = """
+import json, sys, resource
+import particlesim as ps
+from particlesim.bounds import needs
+table, output = json.loads(sys.argv[1]), sys.argv[2] or None
+scenario = ps.from_table(table)
+ps.run(scenario, output, checkpoint_wall=1e-3)
+print(needs(scenario, recorded=output is not None).memory, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has other units elsewhere")
+@pytest.mark.parametrize("recorded", [False, True])
+def test_memory_of_a_run(tmp_path, recorded):
+    """Of two runs, so that neither the libraries nor compiling counts: as much more as there are more particles."""
+    found = []
+    for count in (10_000, 10_000, 1_010_000):  # the first one compiles
+        layout = {**FALL["particles"][0]["layout"], "count": count}
+        table = {
+            "simulation": {"duration": 0.1, "dt": 0.01},
+            "output": {"every": 2},
+            "particles": [{**FALL["particles"][0], "layout": layout}],
+            "forces": FALL["forces"],
+        }
+        output = str(tmp_path / f"{len(found)}.vtkhdf") if recorded else ""
+        command = [sys.executable, "-c", PEAK, json.dumps(table), output]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        found.append([int(word) for word in done.stdout.split()])
+    said, used = (found[2][k] - found[1][k] for k in (0, 1))
+    assert 0.95 * used <= said <= 1.2 * used

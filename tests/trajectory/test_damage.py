@@ -8,6 +8,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 
 import h5py
 import numpy as np
@@ -226,3 +227,85 @@ def use_all(path):
     with reader.open(path) as trajectory:
         assert all(len(frame[field]) == len(frame) for frame in trajectory for field in trajectory.fields)
         assert trajectory.topology is not None
+
+
+def set_format(file, value):
+    del file["psim"].attrs["format"]
+    file["psim"].attrs["format"] = value
+
+
+def set_summary(file, text):
+    file["psim/summary"].resize(len(text), axis=0)
+    file["psim/summary"][...] = np.frombuffer(text, np.uint8)
+
+
+def set_frames(file, column, value):
+    rows = file["psim/frames"][:]
+    rows[column][1] = value
+    file["psim/frames"][...] = rows
+
+
+def set_group(file, code):
+    file["VTKHDF/PointData/group"][0] = code
+
+
+def declare(file, name, rows):
+    """A dataset of so many rows, of which the file holds none."""
+    old = file[name]
+    shape, dtype = (rows, *old.shape[1:]), old.dtype
+    del file[name]
+    file.create_dataset(name, shape, dtype, chunks=(256, *shape[1:]))
+
+
+NONSENSE = {
+    "format as text": (set_format, "one", "the number of its format"),
+    "several formats": (set_format, [1, 1], "the number of its format"),
+    "summary: a list": (set_summary, b"[1, 2]", "its summary"),
+    "summary: nested": (set_summary, b'{"checks": [1]}', "its summary"),
+    "summary: no JSON": (set_summary, b"[" * 5000, "its summary"),
+    "checks: no list": (set_summary, b'{"checks": "3"}', "its results of checks"),
+    "checks: others": (set_summary, b'{"checks": "[{}]"}', "its results of checks"),
+    "a time that is none": (lambda f, v: set_frames(f, "time", v), np.nan, "no sense at frame 1"),
+    "a time before": (lambda f, v: set_frames(f, "time", v), -1.0, "no sense at frame 1"),
+    "a group too many": (set_group, 2, "counts into 2 groups"),
+    "a group too few": (set_group, -1, "counts into 2 groups"),
+    "events declared": (
+        lambda f, v: declare(f, "psim/events/births", v),
+        10**10,
+        "longer than the file can hold",
+    ),
+    "frames declared": (lambda f, v: declare(f, "psim/frames", v), 10**10, "longer than the file can hold"),
+    "particles declared": (
+        lambda f, v: declare(f, "VTKHDF/Points", v),
+        10**10,
+        "longer than the file can hold",
+    ),
+    "groups declared": (lambda f, v: declare(f, "psim/groups", v), 2**21, "too many groups"),
+}
+
+
+@pytest.mark.parametrize("nonsense", NONSENSE)
+def test_nonsense(tmp_path, synthetic, nonsense):
+    """What no checksum protects, or somebody wrote: it is told, and no memory is taken for it."""
+    change, value, words = NONSENSE[nonsense]
+    path = synthetic.record(tmp_path / "a.vtkhdf", [3, 4])
+    with h5py.File(path, "r+", libver=("v110", "v110")) as file:
+        change(file, value)
+    with pytest.raises(UsageError, match=words):
+        use_all(path)
+
+
+def test_an_error_leaves_the_library_to_other_threads(tmp_path, synthetic):
+    """h5py's iterators hold its lock, and one in the traceback of an error that is kept would keep it."""
+    path = synthetic.record(tmp_path / "a.vtkhdf", [3])
+    bad = Path(shutil.copy(path, tmp_path / "bad.vtkhdf"))
+    with h5py.File(bad, "r+", libver=("v110", "v110")) as file:
+        del file["psim/provenance/scenario"]
+        file["psim/provenance/scenario"] = [1, 2]
+    with pytest.raises(UsageError) as kept:
+        reader.open(bad)
+    thread = Thread(target=lambda: reader.open(path).close(), daemon=True)
+    thread.start()
+    thread.join(30)
+    assert not thread.is_alive()
+    assert kept.value
