@@ -6,9 +6,11 @@ command line ends. `ScenarioError` holds one `Diagnostic` per mistake, so that a
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,10 @@ class PsimError(Exception):
 
     def __str__(self) -> str:
         return self.message if self.hint is None else f"{self.message}\n{self.hint}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is, without `__init__`, whose arguments differ: an error that cannot be pickled breaks a pool of processes."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)
 
 
 class UsageError(PsimError):
