@@ -63,9 +63,9 @@ def run(
     first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
     `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
-    A run with an output makes checkpoints beside it, every `checkpoint_every` seconds of simulated time and every
-    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given), and when it is stopped by a
-    signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
+    A run with an output makes checkpoints beside it: every `checkpoint_every` seconds of simulated time, every
+    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given; without, after 1, 2, 4 ... 60 s,
+    at 2 % of its time at most), and when it is stopped by a signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
     bits of one that was not; where nothing has begun it begins, and where all is done it does nothing.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or is being written, the run
@@ -254,7 +254,7 @@ def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:
 
 def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result:
     simulation, log = course.simulation, course.log
-    problems = (store.problem,) if store.problem is not None else ()
+    problems = [store.problem, None if course.keeper is None else course.keeper.problem]
     return Result(
         scenario=simulation.scenario,
         final=frame_of(simulation, len(log.times) - 1),
@@ -266,7 +266,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         born=log.born,
         died=log.died,
         seconds=course.seconds,
-        warnings=(*notes, *advice(simulation.scenario), *course.watch.warnings, *problems),
+        warnings=(*notes, *advice(simulation.scenario), *course.watch.warnings, *filter(None, problems)),
         broken=simulation.broken(),
         checks=course.checks.results(),
         known_state=course.state,
