@@ -16,9 +16,8 @@ from particlesim.engine.snapshot import Snapshot, snapshot, weight
 from particlesim.trajectory.checkpoint_file import discard_checkpoints, write_checkpoint
 from particlesim.trajectory.writer import TrajectoryWriter
 
-
 FIRST, LONGEST = 1.0, 60.0
-"""Wall-clock time before the first checkpoint, and between two when a run has gone on for long [s]; in between it doubles."""
+"""Wall-clock time before the first checkpoint, and between two of a long run [s]; in between it doubles."""
 SHARE = 0.02
 """Part of a run's time that its checkpoints may take, unless their times are given."""
 SPEED = 500e6
@@ -90,7 +89,8 @@ class Keeper:
         if free >= 2 * needed:
             return True
         self._last_wall = time.monotonic()
-        self.problem = f"no checkpoint was made by itself: it takes {size(needed)}, and {size(free)} are free in {self.path.parent}"
+        room = f"{size(free)} are free in {self.path.parent}"
+        self.problem = f"no checkpoint was made by itself: it takes {size(needed)}, and {room}"
         return False
 
     def save(self, simulation: Simulation, frames: int, facts: dict[str, Any]) -> None:

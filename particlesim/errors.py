@@ -63,7 +63,7 @@ class PsimError(Exception):
         return self.message if self.hint is None else f"{self.message}\n{self.hint}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it is, without `__init__`, whose arguments differ: an error that cannot be pickled breaks a pool of processes."""
+        """As it is, without `__init__`, whose arguments differ; what cannot be pickled breaks a pool of processes."""
         return copyreg.__newobj__, (type(self), *self.args), vars(self)
 
 

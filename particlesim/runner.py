@@ -64,9 +64,10 @@ def run(
     `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
     A run with an output makes checkpoints beside it: every `checkpoint_every` seconds of simulated time, every
-    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given; without, after 1, 2, 4 ... 60 s,
-    at 2 % of its time at most), and when it is stopped by a signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
-    bits of one that was not; where nothing has begun it begins, and where all is done it does nothing.
+    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given; if neither says, after 1, 2,
+    4 ... 60 s, at 2 % of its time at most), and when it is stopped by a signal or after `max_wall` seconds. With `resume`, a
+    run that was stopped or killed goes on from there, and ends with the bits of one that was not; where nothing has begun it
+    begins, and where all is done it does nothing.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or is being written, the run
     cannot fit by an upper bound of what it needs (unless `must_fit` is False), or cannot be resumed; DivergenceError when a
@@ -94,15 +95,16 @@ def run(
     if must_fit:
         check_fits(required, path)
     checks = Checks(scenario, bless=bless)
-    simulation = Simulation(scenario, threads=threads)
-    check_ledger(simulation)
-    if path is not None:
-        check_stored(simulation)
-    doubts = _doubts(simulation, warn)
-    with held_signals() as signals:
+    with held_signals() as signals:  # the loading of compiled code would swallow an exception
+        simulation = Simulation(scenario, threads=threads)
+        check_ledger(simulation)
+        if path is not None:
+            check_stored(simulation)
+        doubts = _doubts(simulation, warn)
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
             found.apply(simulation, path)
+        signals.check()  # before anything is written
         writer = _writer(simulation, path, overwrite or resume, required.particles, found)
         saving = Saving(
             scenario.output.checkpoint_every if checkpoint_every is None else checkpoint_every,

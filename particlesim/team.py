@@ -65,7 +65,7 @@ class Team:
         self.each(lambda k: work(*ranges[k]), pieces)
 
     def close(self) -> None:
-        """End the threads; work that has not begun is dropped. What outlives them, as the last frame of a run, goes on alone."""
+        """End the threads; work that has not begun is dropped. What outlives them, such as a last frame, works alone."""
         pool, self._pool, self.threads = self._pool, None, 1
         if pool is not None:
             with held_signals():

@@ -54,12 +54,13 @@ def saved(monkeypatch, tmp_path):
             return {}
 
         for k in itertools.count():
+            if clock.now > 1000.0 + until:
+                break
             simulation = SimpleNamespace(time=0.001 * k)
             keeper.look(simulation, k, facts)  # type: ignore[arg-type]
             keeper.close()
             clock.now += 0.125
-            if clock.now > 1000.0 + until:
-                return made, keeper.problem
+        return made, keeper.problem
 
     return times
 
