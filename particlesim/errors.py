@@ -6,7 +6,6 @@ command line ends. `ScenarioError` holds one `Diagnostic` per mistake, so that a
 
 from __future__ import annotations
 
-import copyreg
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -64,7 +63,7 @@ class PsimError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is, without `__init__`, whose arguments differ; what cannot be pickled breaks a pool of processes."""
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)
+        return Exception.__new__, (type(self), *self.args), vars(self)
 
 
 class UsageError(PsimError):
