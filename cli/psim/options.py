@@ -51,6 +51,10 @@ Resume = Annotated[
     bool,
     typer.Option("--resume", help="Go on with a run that was stopped or killed; begin it if there is none."),
 ]
+JUnit = Annotated[
+    Path | None,
+    typer.Option("--junit", metavar="FILE", help="Write the results of checks and runs as JUnit XML."),
+]
 CheckpointEvery = Annotated[
     str | None,
     typer.Option("--checkpoint-every", metavar="TIME", help="Simulated time between checkpoints: 0.5, 20ms."),

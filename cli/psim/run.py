@@ -12,6 +12,7 @@ from psim.options import (
     CheckpointEvery,
     CheckpointWall,
     Force,
+    JUnit,
     MaxWall,
     Overrides,
     Quiet,
@@ -46,10 +47,7 @@ def run(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")
     ] = False,
-    junit: Annotated[
-        Path | None,
-        typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
-    ] = None,
+    junit: JUnit = None,
     bless: Annotated[
         bool,
         typer.Option(
@@ -95,7 +93,8 @@ def run(
         film = path.with_suffix(".mp4") if video else None
         report.keep_apart(path, film)
         _check_targets(loaded, path, film, force, resume)
-        result = report.result = _simulate(loaded, scenario, path, quiet, options, said)
+        result = _simulate(loaded, scenario, path, quiet, options, said)
+        report.of_run(result)
     warnings = list(result.warnings)
     if film is not None:
         warnings += _render(path, film, force or resume, threads, quiet)
