@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,10 @@ class PsimError(Exception):
 
     def __str__(self) -> str:
         return self.message if self.hint is None else f"{self.message}\n{self.hint}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is, without `__init__`, whose arguments differ; what cannot be pickled breaks a pool of processes."""
+        return Exception.__new__, (type(self), *self.args), vars(self)
 
 
 class UsageError(PsimError):

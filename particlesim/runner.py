@@ -63,10 +63,11 @@ def run(
     first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
     `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
-    A run with an output makes checkpoints beside it, every `checkpoint_every` seconds of simulated time and every
-    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given), and when it is stopped by a
-    signal or after `max_wall` seconds. With `resume`, a run that was stopped or killed goes on from there, and ends with the
-    bits of one that was not; where nothing has begun it begins, and where all is done it does nothing.
+    A run with an output makes checkpoints beside it: every `checkpoint_every` seconds of simulated time, every
+    `checkpoint_wall` seconds of wall-clock time (those of the scenario's output unless given; if neither says, after 1, 2,
+    4 ... 60 s, at 2 % of its time at most), and when it is stopped by a signal or after `max_wall` seconds. With `resume`, a
+    run that was stopped or killed goes on from there, and ends with the bits of one that was not; where nothing has begun it
+    begins, and where all is done it does nothing.
 
     Raises UsageError before anything is computed when the output exists (unless `overwrite`) or is being written, the run
     cannot fit by an upper bound of what it needs (unless `must_fit` is False), or cannot be resumed; DivergenceError when a
@@ -94,15 +95,16 @@ def run(
     if must_fit:
         check_fits(required, path)
     checks = Checks(scenario, bless=bless)
-    simulation = Simulation(scenario, threads=threads)
-    check_ledger(simulation)
-    if path is not None:
-        check_stored(simulation)
-    doubts = _doubts(simulation, warn)
-    with held_signals() as signals:
+    with held_signals() as signals:  # the loading of compiled code would swallow an exception
+        simulation = Simulation(scenario, threads=threads)
+        check_ledger(simulation)
+        if path is not None:
+            check_stored(simulation)
+        doubts = _doubts(simulation, warn)
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
             found.apply(simulation, path)
+        signals.check()  # before anything is written
         writer = _writer(simulation, path, overwrite or resume, required.particles, found)
         saving = Saving(
             scenario.output.checkpoint_every if checkpoint_every is None else checkpoint_every,
@@ -254,7 +256,7 @@ def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:
 
 def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result:
     simulation, log = course.simulation, course.log
-    problems = (store.problem,) if store.problem is not None else ()
+    problems = [store.problem, None if course.keeper is None else course.keeper.problem]
     return Result(
         scenario=simulation.scenario,
         final=frame_of(simulation, len(log.times) - 1),
@@ -266,7 +268,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         born=log.born,
         died=log.died,
         seconds=course.seconds,
-        warnings=(*notes, *advice(simulation.scenario), *course.watch.warnings, *problems),
+        warnings=(*notes, *advice(simulation.scenario), *course.watch.warnings, *filter(None, problems)),
         broken=simulation.broken(),
         checks=course.checks.results(),
         known_state=course.state,

@@ -30,7 +30,7 @@ def available_cores() -> int:
 
 
 class Team:
-    """`threads` workers, all cores unless given; with one, the work is done by the caller."""
+    """`threads` workers, all cores unless given; with one, and after `close`, the work is done by the caller."""
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = available_cores() if threads is None else max(1, threads)
@@ -65,10 +65,11 @@ class Team:
         self.each(lambda k: work(*ranges[k]), pieces)
 
     def close(self) -> None:
-        """End the threads; work that has not begun is dropped."""
-        if self._pool is not None:
+        """End the threads; work that has not begun is dropped. What outlives them, such as a last frame, works alone."""
+        pool, self._pool, self.threads = self._pool, None, 1
+        if pool is not None:
             with held_signals():
-                self._pool.shutdown(cancel_futures=True)
+                pool.shutdown(cancel_futures=True)
 
     def __enter__(self) -> Self:
         return self

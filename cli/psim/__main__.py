@@ -1,19 +1,16 @@
 """The way in, for `psim` and for `python -m psim`.
 
-Nothing is imported here that takes time: Ctrl-C counts from the first moment.
+Nothing is imported here that takes time: Ctrl-C, SIGTERM and SIGHUP count from the first moment.
 """
 
 from __future__ import annotations
 
-import os
-import signal
+from psim.stop import end_at_once
 
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # Until `psim.stop` listens, there is nothing to put in order: end at once, instead of in the middle of an import.
-        signal.signal(signal.SIGINT, lambda number, frame: os._exit(130))
+    end_at_once()
     from psim.app import main as run
 
     run()

@@ -29,7 +29,7 @@ from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
 from psim.stability import stability
-from psim.stop import listen
+from psim.stop import INTERRUPTED, end_at_once, listen
 from psim.sweep import sweep
 from psim.verify import verify
 
@@ -208,13 +208,16 @@ def main() -> None:
     # at the end, takes a fifth of the time of a short run.
     gc.set_threshold(100_000)
     standard.prepare()
-    listen()
     code = 0
     try:
+        listen()
         code = _call()
         sys.stdout.flush()
     except OSError as error:
         code = report(error) or code
+    except KeyboardInterrupt:  # before the subcommand began, or after it ended
+        code = code or INTERRUPTED
+    end_at_once(code)
     gc.freeze()
     sys.exit(code)
 
@@ -229,7 +232,7 @@ def _call() -> int:
             standard.discard_output()
             return 0
         if isinstance(cause, typer.Abort):  # Ctrl-C before the subcommand began
-            return 130
+            return INTERRUPTED
         if end.code == 2 and "--json" in sys.argv[1:]:
             _usage_as_json(cause)
         return int(end.code or 0)

@@ -17,6 +17,7 @@ FIRST_LINE, LINE_EVERY = 10.0, 30.0
 """Seconds before the first plain line, and between them: a log of CI stays short."""
 REDRAWN = 8
 """Times per second that a bar is drawn."""
+COMPILING = "compiling kernels, to be kept"
 
 
 @contextmanager
@@ -43,7 +44,7 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
                 bar.update(task, total=p.steps, completed=p.step, note=last)
 
             def compiling(busy: bool) -> None:
-                bar.update(task, note="compiling kernels, to be kept" if busy else last)
+                bar.update(task, note=COMPILING if busy else last)
 
             with told_of_compiling(compiling):
                 yield show
@@ -66,26 +67,35 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
     if quiet:
         yield None
     elif not animated():
-        due = _Due()
+        due, pace = _Due(), _Pace()
 
         def line(done: int, total: int) -> None:
-            if due.now():
-                left = duration(due.elapsed * (total - done) / done)
+            rate = pace.of(done)
+            if rate and due.now():
+                left = duration((total - done) / rate)
                 say(f"{plain(name)}: {done} of {total} pictures, {left} left")
 
-        yield line
+        with _told_when_long(name):
+            yield line
     else:
-        with _bar(name) as bar:
+        from particlesim.engine.compiling import told_of_compiling
+
+        with _bar(name, remaining=False) as bar:
             task = bar.add_task(plain(name), total=None, note="preparing")
-            began = time.perf_counter()
+            pace, last = _Pace(), "preparing"
 
             def show(done: int, total: int) -> None:
-                speed = done / max(time.perf_counter() - began, 1e-9)
-                bar.update(
-                    task, total=total, completed=done, note=f"picture {done} of {total}  {speed:.1f}/s"
-                )
+                nonlocal last
+                last = f"picture {done} of {total}"
+                if rate := pace.of(done):
+                    last += f"  {rate:.1f}/s  {duration((total - done) / rate)} left"
+                bar.update(task, total=total, completed=done, note=last)
 
-            yield show
+            def compiling(busy: bool) -> None:
+                bar.update(task, note=COMPILING if busy else last)
+
+            with told_of_compiling(compiling):
+                yield show
 
 
 @contextmanager
@@ -94,11 +104,12 @@ def sweep_progress(name: str, *, quiet: bool) -> Iterator[Callable[[SweepProgres
     if quiet:
         yield None
     elif not animated():
-        due = _Due()
+        due, pace = _Due(), _Pace()
 
         def line(p: SweepProgress) -> None:
-            if p.rate and due.now():
-                left = duration((p.total - p.ended) / p.rate)
+            rate = pace.of(p.ended - p.earlier)
+            if rate and due.now():
+                left = duration((p.total - p.ended) / rate)
                 say(f"{plain(name)}: {_sweep_note(p)}, {left} left")
 
         yield line
@@ -141,6 +152,25 @@ class _Due:
             return False
         self._next = self.elapsed + LINE_EVERY
         return True
+
+
+class _Pace:
+    """How fast pieces of work follow each other since the first, before which much is compiled and set up; the time of
+    compiling does not count."""
+
+    def __init__(self) -> None:
+        self._first: tuple[int, float] | None = None
+
+    def of(self, done: int) -> float:
+        """Pieces per second, after so many; 0 while nothing tells."""
+        from particlesim.engine.compiling import compiling_seconds
+
+        now = time.perf_counter() - compiling_seconds()
+        if self._first is None:
+            self._first = (done, now) if done else None
+            return 0.0
+        number, began = self._first
+        return (done - number) / (now - began) if now > began else 0.0
 
 
 @contextmanager

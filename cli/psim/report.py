@@ -32,6 +32,8 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
         try:
             command(**arguments)
             sys.stdout.flush()
+            if requested():  # it was swallowed, as the end of an object's life does
+                raise KeyboardInterrupt
         except Exception as error:
             raise typer.Exit(report(error, as_json=bool(arguments.get("as_json")))) from None
         except KeyboardInterrupt as error:

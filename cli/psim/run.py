@@ -12,6 +12,7 @@ from psim.options import (
     CheckpointEvery,
     CheckpointWall,
     Force,
+    JUnit,
     MaxWall,
     Overrides,
     Quiet,
@@ -25,6 +26,9 @@ from psim.progress import render_progress, run_progress
 if TYPE_CHECKING:
     from particlesim.runner import Result
     from particlesim.scenario.scenario import Scenario
+
+VIDEO_SIZE = [1280, 720]
+"""Pixels of a video that comes with a run, unless the scenario says another size: most of its time goes into pictures."""
 
 
 def run(
@@ -40,16 +44,19 @@ def run(
     ] = None,
     overrides: Overrides = None,
     force: Force = False,
-    video: Annotated[bool, typer.Option("--video", help="Also render an MP4 beside the trajectory.")] = False,
+    video: Annotated[
+        bool,
+        typer.Option(
+            "--video",
+            help="Also render an MP4 beside the trajectory, of 1280x720 pixels unless the scenario says another size.",
+        ),
+    ] = False,
     threads: Threads = None,
     quiet: Quiet = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary, or the error, as JSON; nothing else.")
     ] = False,
-    junit: Annotated[
-        Path | None,
-        typer.Option("--junit", metavar="FILE", help="Write the results of the checks as JUnit XML."),
-    ] = None,
+    junit: JUnit = None,
     bless: Annotated[
         bool,
         typer.Option(
@@ -95,10 +102,11 @@ def run(
         film = path.with_suffix(".mp4") if video else None
         report.keep_apart(path, film)
         _check_targets(loaded, path, film, force, resume)
-        result = report.result = _simulate(loaded, scenario, path, quiet, options, said)
+        result = _simulate(loaded, scenario, path, quiet, options, said)
+        report.of_run(result)
     warnings = list(result.warnings)
     if film is not None:
-        warnings += _render(path, film, force or resume, threads, quiet)
+        warnings += _render(loaded, path, film, force or resume, threads, quiet)
     _tell(result, scenario, film, warnings, said, quiet=quiet, as_json=as_json)
     if bless and result.passed and not quiet:
         _show_blessed(loaded)
@@ -219,7 +227,14 @@ def _simulate(
         raise
 
 
-def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: bool) -> list[Any]:
+def _render(
+    loaded: Scenario,
+    path: Path,
+    film: Path,
+    force: bool,
+    threads: int | None,
+    quiet: bool,
+) -> list[Any]:
     """Render the trajectory; returns what to warn of. An error, or a stop, says that the trajectory is there."""
     import shlex
 
@@ -228,9 +243,10 @@ def _render(path: Path, film: Path, force: bool, threads: int | None, quiet: boo
 
     kept = f"the trajectory {path} is complete; its video: psim render {shlex.quote(str(path))}"
     kept += " --force" if film.exists() else ""
+    size = {} if "size" in loaded.render.model_fields_set else {"render.size": VIDEO_SIZE}
     try:
         with render_progress(film.name, quiet=quiet) as progress:
-            report = ps.film(path, film, overwrite=force, threads=threads, progress=progress)
+            report = ps.film(path, film, size, overwrite=force, threads=threads, progress=progress)
     except ps.PsimError as error:
         error.hint = f"{error.hint.rstrip('.')}; {kept}" if error.hint else kept
         raise

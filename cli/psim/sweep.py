@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from psim.annotations import annotate
-from psim.options import Overrides, Quiet
+from psim.junit import reported
+from psim.options import JUnit, Overrides, Quiet
 from psim.progress import sweep_progress
 from psim.sweep_options import (
     MANY,
@@ -67,6 +68,7 @@ def sweep(
     plot: Plot = None,
     force: Force = False,
     yes: Yes = False,
+    junit: JUnit = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -80,41 +82,44 @@ def sweep(
     from particlesim.sweep import Design, Sweep
     from particlesim.sweep.plotting import check_plot, plot_table
 
-    told = _definition(scenario, vary or [])
-    design = Design(
-        told.axes,
-        zipped or told.zip,
-        told.samples if samples is None else samples,
-        method or told.method,  # type: ignore[arg-type]  # it refuses other methods
-        told.seed if seed is None else seed,
-    )
-    if len(design) > MANY and not yes:
-        raise UsageError(f"these are {len(design):,} runs", "If that is meant: --yes")
-    planned = Sweep(
-        told.scenario,
-        design,
-        overrides=(*told.set, *(overrides or ())),
-        quantities=quantities or told.quantities,
-        record=record or told.record,
-    )
-    folder = Path("outputs") / f"{told.scenario.stem}-sweep" if output is None else output
-    columns = None if plot is None else _plotted(plot)
-    if columns is not None:
-        check_plot(*columns, planned.columns, folder / PLOT)
     quiet = quiet or as_json
-    workers = workers or told.workers
-    with (
-        _executor(scheduler, cluster, workers) as executor,
-        sweep_progress(scenario.stem, quiet=quiet) as progress,
-    ):
-        result = planned.run(
-            folder,
-            workers=workers,
-            executor=executor,
-            fail_fast=fail_fast or told.fail_fast,
-            force=force,
-            progress=progress,
+    with reported(junit, scenario.stem, "sweep") as report:
+        told = _definition(scenario, vary or [])
+        design = Design(
+            told.axes,
+            zipped or told.zip,
+            told.samples if samples is None else samples,
+            method or told.method,  # type: ignore[arg-type]  # it refuses other methods
+            told.seed if seed is None else seed,
         )
+        if len(design) > MANY and not yes:
+            raise UsageError(f"these are {len(design):,} runs", "If that is meant: --yes")
+        planned = Sweep(
+            told.scenario,
+            design,
+            overrides=(*told.set, *(overrides or ())),
+            quantities=quantities or told.quantities,
+            record=record or told.record,
+        )
+        folder = Path("outputs") / f"{told.scenario.stem}-sweep" if output is None else output
+        report.keep_out_of(folder)
+        columns = None if plot is None else _plotted(plot)
+        if columns is not None:
+            check_plot(*columns, planned.columns, folder / PLOT)
+        workers = workers or told.workers
+        with (
+            _executor(scheduler, cluster, workers) as executor,
+            sweep_progress(scenario.stem, quiet=quiet) as progress,
+        ):
+            result = planned.run(
+                folder,
+                workers=workers,
+                executor=executor,
+                fail_fast=fail_fast or told.fail_fast,
+                force=force,
+                progress=progress,
+            )
+        report.of_sweep(result, len(design.keys))
     picture = None
     if columns is not None and not result.interrupted:
         picture = folder / PLOT

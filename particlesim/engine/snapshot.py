@@ -84,10 +84,8 @@ def snapshot(simulation: Simulation) -> Snapshot:
 
     Raises TypeError for an attribute of a kind that cannot be stored.
     """
-    found = Snapshot()
-    _capture(simulation, "simulation", found)
-    for island, name in _islands(simulation):
-        _capture(island, name, found)
+    found = _captured(simulation)
+    found.arrays = {name: array.copy() for name, array in found.arrays.items()}
     births, deaths = simulation.events.births, simulation.events.deaths
     found.arrays["births.ids"] = _joined([each.ids for each in births], np.int64)
     found.arrays["births.times"] = _joined([each.times for each in births], np.float64)
@@ -97,12 +95,14 @@ def snapshot(simulation: Simulation) -> Snapshot:
     return found
 
 
+def weight(simulation: Simulation) -> int:
+    """About how many bytes a snapshot of the state would take; nothing is copied."""
+    return sum(array.nbytes for array in _captured(simulation).arrays.values())
+
+
 def restore(simulation: Simulation, saved: Snapshot) -> None:
     """Put a snapshot into a simulation of the same scenario that has not begun. Raises MisfitError if it is of another."""
-    known = Snapshot()
-    _capture(simulation, "simulation", known)
-    for island, name in _islands(simulation):
-        _capture(island, name, known)
+    known = _captured(simulation)
     events = {"births.ids", "births.times", "deaths.ids", "deaths.times", "deaths.causes"}
     if set(known.arrays) | events != set(saved.arrays) or set(known.numbers) != set(saved.numbers):
         raise MisfitError("it holds the state of another simulation")
@@ -117,6 +117,15 @@ def restore(simulation: Simulation, saved: Snapshot) -> None:
         simulation.events.deaths.append(
             Deaths(array["deaths.ids"], array["deaths.times"], array["deaths.causes"])
         )
+
+
+def _captured(simulation: Simulation) -> Snapshot:
+    """The state itself, not copied."""
+    found = Snapshot()
+    _capture(simulation, "simulation", found)
+    for island, name in _islands(simulation):
+        _capture(island, name, found)
+    return found
 
 
 def _islands(simulation: Simulation) -> list[tuple[Any, str]]:
@@ -157,7 +166,7 @@ def _columns(state: GroupState) -> dict[str, Array]:
 
 def _capture(value: Any, name: str, found: Snapshot) -> None:
     if isinstance(value, np.ndarray):
-        found.arrays[name] = value.copy()
+        found.arrays[name] = value
     elif isinstance(value, bool | int | float | np.generic):
         found.numbers[name] = value.item() if isinstance(value, np.generic) else value
     elif isinstance(value, FIXED):
@@ -166,7 +175,7 @@ def _capture(value: Any, name: str, found: Snapshot) -> None:
         raise TypeError(f"{name} is a {type(value).__name__}, which a checkpoint cannot hold")
     else:
         columns = _columns(value) if isinstance(value, GroupState) else {}
-        found.arrays |= {f"{name}.{key}": column.copy() for key, column in columns.items()}
+        found.arrays |= {f"{name}.{key}": column for key, column in columns.items()}
         apart = {key.split(".")[0] for key in columns}
         for key, child in children:
             if key not in apart:

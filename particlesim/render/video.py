@@ -11,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from particlesim.engine.compiling import compiling_seconds
 from particlesim.errors import UsageError
 from particlesim.interruption import Held, held_signals
 from particlesim.render.renderer import Picture, Renderer
@@ -27,12 +28,13 @@ QUEUE = 3
 @dataclass(frozen=True)
 class RenderReport:
     """What was made: the number of pictures, the seconds it took, the files (several only of PNG),
-    warnings."""
+    warnings, and how many of the seconds went into compiling kernels, which are kept."""
 
     frames: int
     seconds: float
     paths: tuple[Path, ...]
     warnings: tuple[str, ...]
+    compiling: float = 0.0
 
     @property
     def path(self) -> Path:
@@ -84,7 +86,7 @@ def render_video(
     or an interrupt nothing is left. The picture does not depend on `threads`. Raises UsageError when the
     request cannot be met (nothing is written), InputOutputError when writing fails.
     """
-    started = time.perf_counter()
+    started, compiled = time.perf_counter(), compiling_seconds()
     chosen = range(len(source))[frames or slice(None)]
     if not chosen:
         raise UsageError(
@@ -112,7 +114,8 @@ def render_video(
         warnings.append(f"{number} not finite and left out of the pictures")
     if not renderer.scene.count:
         warnings.append("there is no particle in the trajectory")
-    return RenderReport(len(shown), time.perf_counter() - started, paths, tuple(warnings))
+    compiling = compiling_seconds() - compiled
+    return RenderReport(len(shown), time.perf_counter() - started, paths, tuple(warnings), compiling)
 
 
 def _pictures(

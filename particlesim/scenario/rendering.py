@@ -56,7 +56,10 @@ class RenderSettings(Model):
     look: Literal["dots", "spheres"] = Field(
         "spheres", description="Shaded spheres, or round dots that suit millions of particles."
     )
-    size: tuple[Pixels, Pixels] = Field((1920, 1080), description="Width and height [pixels], both even.")
+    size: tuple[Pixels, Pixels] = Field(
+        (1920, 1080),
+        description="Width and height [pixels], both even; unless given, psim run --video takes 1280 × 720.",
+    )
     fps: Annotated[Hertz, Gt(0), Le(240)] = Field(30.0, description="Frames per second of video.")
     speed: Annotated[Number, Gt(0)] | None = Field(
         None,

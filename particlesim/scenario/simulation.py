@@ -63,8 +63,9 @@ class Output(Model):
     """Energy, momentum and angular momentum at every frame."""
     checkpoint_every: Annotated[Seconds, Gt(0)] | None = None
     """Simulated time between checkpoints, from which psim run --resume goes on; it does not matter unless given."""
-    checkpoint_wall: Annotated[Seconds, Gt(0)] = 60.0
-    """Wall-clock time between checkpoints."""
+    checkpoint_wall: Annotated[Seconds, Gt(0)] | None = None
+    """Wall-clock time between checkpoints. Left out: 1 s, then twice as long each time, up to 60 s, and longer where they
+    would take more than 2 % of the run."""
     work: bool = False
     """In the ledger also the work of drag, dampers, contact, motions, births and whatever else gives energy or takes it, and
     what is left of the balance. Takes a few times as long as the run without."""

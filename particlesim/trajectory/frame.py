@@ -18,7 +18,8 @@ class Frame:
     """The particles at `time` [s], after `step` steps; the `index`-th frame of its file.
 
     Fields are attributes (`frame.position`, `frame.velocity`) or items (`frame["velocity"]`): arrays [n] or
-    [n, 3] in SI units, row by row the same particles. They are read when first used, and kept.
+    [n, 3] in SI units, row by row the same particles. They are read when first used, and kept. A pickled frame or a copy
+    holds all of them, and needs neither its file nor its run.
     """
 
     time: float
@@ -63,6 +64,11 @@ class Frame:
         if name.startswith("_"):  # copy and pickle probe for these before __init__ has run
             raise AttributeError(name)
         return self[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        for field in self.fields:
+            self[field]  # loaded while that can be done
+        return {**vars(self), "_load": None}
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]

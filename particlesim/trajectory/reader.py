@@ -172,6 +172,10 @@ class Trajectory(Sequence[Frame]):
         if wrong.any():
             raise damaged(self.path, f"its table of frames makes no sense at frame {int(wrong.argmax())}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled, it is its path: another process opens the file anew."""
+        return type(self), (self.path,)
+
     def refresh(self) -> None:
         """Take notice of the frames that a running simulation has added meanwhile."""
         self._open_file().close()

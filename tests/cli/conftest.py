@@ -78,7 +78,7 @@ def psim(capsys, monkeypatch):
 
     def run(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["psim", *map(str, arguments)])
-        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
         threshold = gc.get_threshold()
         capsys.readouterr()
         try:

@@ -67,10 +67,11 @@ def test_an_encoding_without_the_characters():
     assert "drag" in ended.out
 
 
-def test_ctrl_c_while_the_command_is_still_being_imported(tmp_path):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_while_the_command_is_still_being_imported(tmp_path, name):
     (tmp_path / "early").mkdir()
     (tmp_path / "early/typer.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(9)\n"
+        f"import os, signal, time\nos.kill(os.getpid(), signal.{name})\ntime.sleep(9)\n"
     )
     path = os.pathsep.join(map(str, (tmp_path / "early", REPOSITORY, REPOSITORY / "cli")))
     assert shell("psim --help", PYTHONPATH=path) == Ended(130, "", "")

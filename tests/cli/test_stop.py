@@ -6,7 +6,9 @@ import signal
 
 import pytest
 
-from psim import stop
+from psim import app, stop
+
+from .conftest import Ended
 
 
 @pytest.fixture(autouse=True)
@@ -45,3 +47,49 @@ def test_ctrl_c_that_compiled_code_makes_another_error_of(psim, monkeypatch):
     ended = psim("run", "tiny.toml")
     assert ended.code == 130
     assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_before_the_subcommand_begins(psim, monkeypatch, name):
+    import typer.main
+
+    monkeypatch.setattr(typer.main, "get_command", lambda _: signal.raise_signal(getattr(signal, name)))
+    assert psim("run", "tiny.toml") == Ended(130, "", "")
+
+
+def test_a_signal_after_the_subcommand_has_ended_keeps_its_exit_code(psim, monkeypatch):
+    def end(*_: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    ended = []
+    monkeypatch.setattr(stop.os, "_exit", ended.append)
+    monkeypatch.setattr(app.gc, "freeze", end)
+    assert psim("check", "tiny.toml").code == 0
+    assert psim("check", "gone.toml").code == 2
+    assert ended == [0, 2]
+
+
+class Mortal:
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("arguments", [("check", "tiny.toml"), ("run", "tiny.toml")])
+def test_a_signal_that_the_end_of_an_object_swallows_is_heard(psim, monkeypatch, arguments):
+    """As in the libraries of the compiler, which let go of many objects while kernels are loaded."""
+    from pathlib import Path
+
+    from particlesim.engine.simulation import Simulation
+
+    begin = Simulation.__init__
+
+    def swallow(*given, **named):
+        Mortal()
+        begin(*given, **named)
+
+    monkeypatch.setattr(Simulation, "__init__", swallow)
+    ended = psim(*arguments)
+    assert ended.code == 130
+    assert "interrupted" in ended.err
+    assert not Path("outputs/tiny.vtkhdf").exists()

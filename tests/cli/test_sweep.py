@@ -7,8 +7,11 @@ import signal
 import sys
 import time
 from pathlib import Path
+from xml.etree import ElementTree
 
-from .conftest import LONG, start
+import pytest
+
+from .conftest import LONG, TINY, start
 
 
 def test_a_sweep(psim) -> None:
@@ -167,3 +170,67 @@ def test_clusters_that_are_none(psim, monkeypatch) -> None:
         assert ended.code == 2
         assert message in ended.err
     assert not Path("outputs").exists()
+
+
+LIGHT = """
+[[checks]]
+name = "light"
+quantity = "kinetic"
+max = 1.0
+"""
+
+
+def test_a_report_has_a_case_for_every_run(psim) -> None:
+    Path("tiny.toml").write_text(TINY + LIGHT)
+    options = ("--vary", "particles.balls.mass=0.001,-1,100", "-j", 1, "--junit", "report.xml")
+    assert psim("sweep", "tiny.toml", *options).code == 2
+    suite = ElementTree.parse("report.xml").getroot()
+    counts = {key: suite.get(key) for key in ("name", "tests", "failures", "errors", "skipped")}
+    assert counts == {"name": "tiny", "tests": "4", "failures": "1", "errors": "1", "skipped": "0"}
+    assert [case.get("name") for case in suite] == [
+        "sweep",
+        *(f"run {k}: particles.balls.mass={mass}" for k, mass in ((1, "0.001"), (2, "-1"), (3, "100"))),
+    ]
+    assert [[problem.tag for problem in case] for case in suite] == [[], [], ["error"], ["failure"]]
+    error, failure = suite.find("testcase/error"), suite.find("testcase/failure")
+    assert (error.get("type"), failure.get("type")) == ("bad_scenario", "check_failed")
+    assert "light is not" in failure.get("message")
+    assert psim("sweep", "tiny.toml", *options).code == 2, "what is there already is told as well"
+    assert ElementTree.parse("report.xml").getroot().get("tests") == "4"
+
+
+def test_a_report_says_which_runs_were_not_done(psim) -> None:
+    values = ("--vary", "particles.balls.mass=-1,0.1,0.2", "-j", 1, "--fail-fast")
+    assert psim("sweep", "tiny.toml", *values, "--junit", "report.xml").code == 2
+    suite = ElementTree.parse("report.xml").getroot()
+    assert [[problem.tag for problem in case] for case in suite] == [[], ["error"], ["skipped"], ["skipped"]]
+
+
+@pytest.mark.parametrize("values", ["simulation.dtt=1,2", "simulation.seed="])
+def test_a_sweep_that_cannot_begin_is_an_error_in_the_report(psim, values: str) -> None:
+    assert psim("sweep", "tiny.toml", "--vary", values, "--junit", "report.xml").code == 2
+    suite = ElementTree.parse("report.xml").getroot()
+    assert [(case.get("name"), case[0].tag) for case in suite] == [("sweep", "error")]
+
+
+def test_a_sweep_that_is_stopped_is_an_error_in_the_report(psim, monkeypatch) -> None:
+    from particlesim.errors import Interrupted
+    from particlesim.sweep import task
+
+    def stop(*_: object, **__: object) -> None:
+        raise Interrupted("stopped at t = 0.05 s")
+
+    monkeypatch.setattr(task, "run", stop)
+    values = ("--vary", "particles.balls.mass=0.1,0.2", "-j", 1)
+    assert psim("sweep", "tiny.toml", *values, "--junit", "report.xml").code == 130
+    suite = ElementTree.parse("report.xml").getroot()
+    assert [case[0].tag for case in suite] == ["error", "skipped", "skipped"]
+    assert suite.find("testcase/error").get("type") == "Interrupted"
+
+
+def test_a_report_is_not_put_into_the_folder_of_the_sweep(psim) -> None:
+    values = ("--vary", "particles.balls.mass=0.1,0.2", "-o", "out", "--junit", "out/a/report.xml")
+    ended = psim("sweep", "tiny.toml", *values)
+    assert ended.code == 2
+    assert "outside of it" in ended.err
+    assert not Path("out").exists()
