@@ -11,8 +11,6 @@ from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
 
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
-LIVELY = 0.9
-"""Restitution above which projection out of a plane may add more energy than the bounce takes."""
 
 
 def advice(scenario: Scenario) -> tuple[str, ...]:
@@ -68,8 +66,23 @@ def _projection(scenario: Scenario) -> list[str]:
         f"plane {plane.name or k} with discrete detection and restitution {plane.restitution:g} can add energy: particles "
         'are lifted out of it; detection = "continuous" does not'
         for k, plane in enumerate(scenario.planes)
-        if plane.contact == "bounce" and plane.detection == "discrete" and plane.restitution > LIVELY
+        if plane.lifts()
     ]
+
+
+def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
+    """Planes on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches in
+    every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
+    return tuple(
+        f"plane {plane.name or k}: tangential_loss is taken at every contact, and a particle that lies on the plane touches "
+        "it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model of impacts, not of "
+        "friction, which psim does not have"
+        for k, plane in enumerate(scenario.planes)
+        if plane.contact == "bounce"
+        and plane.tangential_loss > 0
+        and plane.restitution < 1
+        and (group is None or plane.on is None or group in plane.on)
+    )
 
 
 def _twice(scenario: Scenario) -> list[str]:

@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.advice import loss_of_order
+from particlesim.advice import loss_of_order, sliding
 from particlesim.errors import UsageError
 from particlesim.graph import method_of
 from particlesim.groups import Group
@@ -69,12 +69,14 @@ class Convergence:
 
 @dataclass(frozen=True)
 class Verification:
-    """Convergence of every group, with the known reasons for losing order where it is lost."""
+    """Convergence of every group, with the known reasons for losing order where it is lost, and what the runs converge to
+    that no nature does (`notes`)."""
 
     steps: tuple[float, ...]
     """The steps dt, dt/2 and dt/4 [s]."""
     rows: tuple[Convergence, ...]
     reasons: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -113,7 +115,7 @@ def verify(
         rows = tuple(_converge(scenario, trajectories))
     below = [row.group for row in rows if row.verdict == "below"]
     reasons = tuple(dict.fromkeys(reason for name in below for reason in _reasons(scenario, name)))
-    return Verification(tuple(level.grid.dt for level in finer), rows, reasons)
+    return Verification(tuple(level.grid.dt for level in finer), rows, reasons, sliding(scenario))
 
 
 def _refined(scenario: Scenario, factor: int) -> Scenario:

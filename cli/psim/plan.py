@@ -26,7 +26,7 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
-    from particlesim.advice import advice
+    from particlesim.advice import advice, sliding
     from particlesim.bounds import check_fits, needs
     from particlesim.integrators import method_for
 
@@ -55,7 +55,7 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
         "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
-        "advice": [*doubts, *advice(scenario)],
+        "advice": [*doubts, *advice(scenario), *sliding(scenario)],
     }
 
 

@@ -34,7 +34,8 @@ def verify(
     """Run a scenario at dt, dt/2 and dt/4, and see how fast it converges.
 
     Prints the observed order of every group beside that of its method, and Richardson's estimate of the error at dt. Exit
-    code 1 when an order is clearly below that of its method, with the known reasons.
+    code 1 when an order is clearly below that of its method, with the known reasons. A note tells of planes with
+    tangential_loss, on which what lies slides by a distance that is a matter of dt.
     """
     import particlesim as ps
     from particlesim.verification import verify as converge
@@ -57,7 +58,7 @@ def verify(
 
 
 def _show(found: Verification, name: str) -> None:
-    """The table, and reasons, on stdout."""
+    """The table, reasons, and notes, on stdout."""
     out = sys.stdout
     steps = ", ".join(f"{step:.6g}" for step in found.steps)
     print(paint(f"{name} at dt = {steps} s", "bold", out))
@@ -72,6 +73,8 @@ def _show(found: Verification, name: str) -> None:
         print("  " + (paint(text, "red", out) if bad else paint(text, "dim", out) if not number else text))
     for reason in found.reasons:
         print(f"  {paint('reason', 'cyan', out)}: {reason}")
+    for note in found.notes:
+        print(f"  {paint('note', 'yellow', out)}: {note}")
     if not found.passed and not found.reasons:
         unknown = "none is known; a step that does not resolve the motion, or chaos, hides the order"
         print(f"  {paint('reason', 'cyan', out)}: {unknown}")

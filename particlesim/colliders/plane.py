@@ -15,6 +15,9 @@ from particlesim.model import Model, Name
 from particlesim.units import Metres, Number, Vector
 from particlesim.vectors import dot, unit
 
+LIVELY = 0.9
+"""Restitution above which projection out of a plane may add more energy than the bounce takes."""
+
 AnyPlaneRecord = PlaneRecord | PlaneXRecord | PlaneYRecord | PlaneZRecord
 
 
@@ -32,7 +35,8 @@ class Plane(Model):
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
     """Speed after over speed before the impact, along the normal: 1 elastic, 0 no rebound."""
     tangential_loss: Annotated[Number, Ge(0), Le(1)] = 0.0
-    """Part of the velocity along the plane that an impact takes away."""
+    """Part of the velocity along the plane that an impact takes away. No friction: what lies on the plane loses it in every
+    step, and slides by a distance that depends on dt."""
     detection: Literal["continuous", "discrete"] = "continuous"
     """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects."""
     contact: Literal["bounce", "stick", "kill"] = "bounce"
@@ -54,6 +58,10 @@ class Plane(Model):
                     also=[(("contact",), f"{self.contact} here")],
                 )
         return self
+
+    def lifts(self) -> bool:
+        """Whether particles may gain energy as they are lifted out of it."""
+        return self.contact == "bounce" and self.detection == "discrete" and self.restitution > LIVELY
 
     def record(self) -> AnyPlaneRecord:
         """The plane as kernels take it; planes along an axis have faster records of their own."""

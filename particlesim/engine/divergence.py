@@ -1,4 +1,4 @@
-"""When a run has gone wrong, and what the first sign of it was.
+"""The post-mortem of a run that has gone wrong: what the first sign of it was.
 
 Numbers that are no longer finite are the end of a divergence, not its beginning: by then everything near has been thrown
 about. So the last interval is run again from its beginning, on a copy, to find by bisection the first step at which a
@@ -8,43 +8,30 @@ particle was much faster than its speed and the forces at that beginning could m
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.emitters import Emitter
 from particlesim.engine.astray import astray
 from particlesim.engine.blame import strongest
-from particlesim.engine.books import is_energy
 from particlesim.engine.columns import Columns
 from particlesim.engine.coupled_island import CoupledIsland
 from particlesim.engine.islands import Fault, IndependentIsland
 from particlesim.engine.linear import IslandModel
-from particlesim.engine.misplaced import overlaps
 from particlesim.engine.pace import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.stability import advice
 from particlesim.errors import DivergenceError, PostMortem
-from particlesim.forces import Force
-from particlesim.graph import Island
 from particlesim.integrators.regions import largest_step
-from particlesim.laws import Particle, has_law, potential
+from particlesim.laws import Particle
 
 if TYPE_CHECKING:
     from particlesim.engine.simulation import Simulation
 
 TOO_FAST = 100.0
 """Times the speed that an interval's beginning explains, beyond which a particle has run away."""
-TOO_MUCH = 1000.0
-"""Times the energy that is accounted for, beyond which energy comes from nothing. Symplectic methods near their limit let
-the energy of a stable mode swing by a factor of 1/(1 − (hω/2)²): a hundred, at 99.5 % of it."""
 RUINED = 1000.0
 """Times that a step would have to be shorter beyond which the interval began in ruins, where no step is worth a hint."""
-NOISE = 1e-9
-"""Part of the energies at the start that rounding may feign."""
-LIGHT = 299_792_458.0
-"""Speed of light [m/s]."""
 
 WHY = {
     NOT_FINITE: (
@@ -79,94 +66,6 @@ class Sign(NamedTuple):
     place: int
     bonds: tuple[Any, ...]
     columns: Columns
-
-
-class Guard:
-    """Looks at every frame whether islands are still in their senses.
-
-    An island that nothing feeds (no emission, wind, motion, field without a potential, or start inside of a plane) must not
-    gain energy: with K the kinetic energy and U_f the potentials,
-
-        K + Σ_f max(U_f − U_f⁰, 0)  ≤  1000 · (K⁰ + Σ_f max(U_f⁰, U_f⁰ − U_f, 0))
-
-    up to rounding, where ⁰ is the start, or the time of the last kick: what has been gained is at most what there was or has
-    been given. It takes the ledger. Other islands are only watched
-    for speeds beyond that of light that have grown a thousandfold since the last frame.
-    """
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._closed = [
-            _closed(structure) and not any(overlaps(island, structure))
-            for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True)
-        ]
-        self._names = [name for name in simulation.ledger_columns() if is_energy(name)]
-        # Of every island: its energies and its number of particles at the beginning (−1: not known), its largest speed.
-        self._base = np.zeros((len(self._closed), len(self._names)))
-        self._count = np.full(len(self._closed), -1)
-        self._fastest = np.full(len(self._closed), math.inf)
-
-    def forget(self) -> None:
-        """Take the energies of the next frame as a new beginning: something has changed them from outside."""
-        self._count[:] = -1
-
-    def look(self, simulation: Simulation, energies: Sequence[dict[str, float]] | None) -> None:
-        """Judge the present state of a simulation; `energies` are those of its islands [J], if known.
-
-        Raises DivergenceError.
-        """
-        for number, island in enumerate(simulation.islands):
-            if energies is not None and self._closed[number]:
-                excess = self._excess(number, island, energies[number])
-                if excess > TOO_MUCH:
-                    raise ran_away(simulation, number, "energy", excess)
-                continue
-            fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
-            if fastest > LIGHT and fastest > TOO_MUCH * self._fastest[number]:
-                raise ran_away(simulation, number, "speed", fastest)
-            self._fastest[number] = fastest
-
-    def _excess(self, number: int, island: IndependentIsland | CoupledIsland, now: dict[str, float]) -> float:
-        """How many times the energy that there can be there is."""
-        count = sum(state.count for state in island.states)
-        if self._count[number] != count:
-            self._count[number] = count
-            self._base[number] = [now.get(name, 0.0) for name in self._names]
-            return 0.0
-        start = dict(zip(self._names, self._base[number].tolist(), strict=True))
-        gained = now["kinetic"]
-        given = start["kinetic"] + NOISE * sum(map(abs, start.values()))
-        for name in now:
-            if name != "kinetic":
-                gained += max(now[name] - start[name], 0.0)
-                given += max(start[name], start[name] - now[name], 0.0)
-        return gained / given if given > 0 else 0.0
-
-
-def _closed(structure: Island) -> bool:
-    """Whether nothing feeds energy to an island."""
-    winds = any(law.flow for laws in structure.surfaces for law in laws)
-    return (
-        not winds
-        and not any(structure.motions)
-        and all(
-            not isinstance(group, Emitter)
-            and group.dynamics.type == "second_order"
-            and all(_conserves(law) for law in forces)
-            for group, forces in zip(structure.groups, structure.forces, strict=True)
-        )
-    )
-
-
-def _conserves(law: Force) -> bool:
-    """Whether a force derives from a potential that stands still, or only takes energy."""
-    if has_law(potential, law.record()):
-        return law.type != "field"  # a written potential may depend on time
-    return hasattr(law, "flow") and not law.flow
-
-
-def _fastest(v: NDArray[Any]) -> float:
-    """The largest component of a velocity [m/s]."""
-    return float(max(v.max(), -v.min())) if v.size else 0.0
 
 
 def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) -> DivergenceError:
@@ -259,16 +158,35 @@ def _looked_back(simulation: Simulation, number: int) -> Sign | None:
 
 
 def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> DivergenceError:
-    """The post-mortem of an island whose energy or speed has grown beyond reason by the present step."""
+    """The post-mortem of an island that has gained energy from nothing [J], or speed beyond reason [m/s], by the present
+    step."""
     island = simulation.islands[number]
-    sign = _looked_back(simulation, number) or _fastest_now(simulation, number)
     names = " and ".join(repr(state.name) for state in island.states)
+    hint = None
     if cause == "energy":
-        why = f"the energy of {names} had grown {size:.3g}-fold with nothing to feed it"
+        fed = "with nothing to feed it" if island.books is None else "beyond all work that was done"
+        why = f"{names} had gained {size:.3g} J of energy {fed}, more than a tenth of what there was"
+        hint = _better(simulation, number)
     else:
         why = f"speeds in {names} had grown a thousandfold since the last frame, to {size:.3g} m/s"
-    text = f"particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; by t = {simulation.time:.9g} s {why}; it was"
-    return _report(simulation, number, sign, cause, simulation.time, text)
+    sign = _looked_back(simulation, number)
+    if sign is None:
+        sign = _fastest_now(simulation, number)
+        text = f"by t = {simulation.time:.9g} s {why}; particle {{who}} was"
+    else:
+        first = f"particle {{who}} ran away first, at t = {sign.particle.t:.9g} s"
+        text = f"{first}; by t = {simulation.time:.9g} s {why}; it was"
+    return _report(simulation, number, sign, cause, simulation.time, text, hint)
+
+
+def _better(simulation: Simulation, number: int) -> str | None:
+    """What keeps the energy of an island better; None where only a smaller step does."""
+    structure = simulation.graph.islands[number]
+    if any(plane.lifts() for planes in structure.planes for plane in planes):
+        return 'detection = "continuous" adds no energy when particles bounce; or try a smaller dt'
+    if structure.method.adaptive:
+        return "allow less error: a smaller tolerance"
+    return None
 
 
 def _fastest_now(simulation: Simulation, number: int) -> Sign:

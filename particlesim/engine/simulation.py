@@ -15,7 +15,8 @@ from particlesim.engine.astray import astray, led_are_finite
 from particlesim.engine.books import total_energy
 from particlesim.engine.corners import sum_hinges
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.divergence import Guard, not_finite, overflowed
+from particlesim.engine.divergence import not_finite, overflowed
+from particlesim.engine.guard import Guard
 from particlesim.engine.islands import OWN_STEPS, Births, IndependentIsland
 from particlesim.engine.measure import MOTION, bond_energy, measure
 from particlesim.engine.populate import populate
@@ -296,11 +297,20 @@ class Simulation:
     def check(self) -> None:
         """Whether the present state makes sense; costs next to nothing.
 
-        Energies are those of the last `ledger`, if it was taken at this step. Raises DivergenceError.
+        Energies are those of the last `ledger`, if it was taken at this step, else taken now and then.
+        Raises DivergenceError.
         """
         if not all(map(led_are_finite, self.states)) and (lost := astray(self, self.step)) is not None:
             raise lost
-        self._guard.look(self, self._energies if self._energies_of == self.step else None)
+        known = dict(enumerate(self._energies)) if self._energies_of == self.step else {}
+        if not known and (wanted := self._guard.wants(self)):
+            rest = dict.fromkeys(self._ledger_columns, 0.0)
+            known = {number: self._island_energies(number, rest) for number in wanted}
+        self._guard.look(self, known)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What to tell of the steps so far, though they made sense."""
+        return self._guard.warnings(self)
 
     def overflow(self, quantity: str) -> DivergenceError:
         """The error to raise when a quantity of the ledger is no longer finite: what the fastest particle does."""

@@ -19,7 +19,8 @@ from particlesim.emitters import Schedule
 from particlesim.engine.bonding import Bonds
 from particlesim.engine.books import Books
 from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.divergence import Guard
+from particlesim.engine.gain import Account
+from particlesim.engine.guard import Guard
 from particlesim.engine.islands import Births, IndependentIsland
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.staging import Work
@@ -52,7 +53,8 @@ FOLLOWS: dict[type, frozenset[str]] = {
             *("_energies", "_energies_of"),
         }
     ),
-    Guard: frozenset(("_closed", "_names")),
+    Guard: frozenset(("_judged", "_from", "_drift")),
+    Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(

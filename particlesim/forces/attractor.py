@@ -81,6 +81,9 @@ class Attractor(Force):
             return LogarithmicRecord(*self.center, self.mu, self.softening**2)
         return PowerLawRecord(*self.center, self.mu, self.softening**2, (self.exponent + 1) / 2)
 
+    def has_zero(self) -> bool:
+        return self.exponent > 1 or (self.exponent < 1 and self.mu > 0)  # infinitely far away; in the center
+
 
 class InverseSquareRecord(NamedTuple):
     """Center [m], μ [m³/s²], ε² [m²]."""

@@ -54,3 +54,8 @@ class Force(Model):
     def kink(self) -> str | None:
         """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""
         return None
+
+    def has_zero(self) -> bool:
+        """Whether its potential, if it has one, has a zero of its own, so that its value means something and not only its
+        differences."""
+        return False

@@ -31,6 +31,7 @@ from particlesim.forces.operations import (
     Ray,
     Sign,
     Temperature,
+    Time,
     slope,
     value,
 )
@@ -110,6 +111,10 @@ class Field(Force):
 
     def needs_temperature(self) -> bool:
         return any(reads(node, Temperature) for node in self.nodes())
+
+    def changes(self) -> bool:
+        """Whether it changes while a particle stands still: with time, or with the temperature."""
+        return any(reads(node, kind) for node in self.nodes() for kind in (Time, Temperature))
 
     def kink(self) -> str | None:
         return (

@@ -27,6 +27,9 @@ class PointSpring(Force):
     def record(self) -> PointSpringRecord:
         return PointSpringRecord(self.stiffness, self.stiffness / 2, *self.anchor)
 
+    def has_zero(self) -> bool:
+        return True
+
 
 class PointSpringRecord(NamedTuple):
     """k and k/2 [N/m], anchor [m]."""

@@ -124,6 +124,11 @@ def test_nan_fails() -> None:
     assert got.as_data()["value"] is None
 
 
+def test_drift_is_measured_from_the_start() -> None:
+    assert total("energy.drift", {"kinetic": 5.0, "potential.well": 1.0, "momentum.x": 9.0}, 4.0) == 0.5
+    assert total("energy.drift", {"kinetic": 1.0, "potential.sun": -4.0}, -4.0) == 0.25
+
+
 def test_drift_from_no_energy() -> None:
     assert total("energy.drift", {"kinetic": 0.0}, 0.0) == 0
     assert total("energy.drift", {"kinetic": 1.0}, 0.0) == math.inf

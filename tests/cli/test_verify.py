@@ -48,3 +48,28 @@ def test_a_file_that_is_missing_is_told_with_its_place(psim) -> None:
 def test_quiet(psim) -> None:
     ended = psim("verify", "tiny.toml", "--set", "planes=[]", "--quiet")
     assert (ended.code, ended.out, ended.err) == (0, "", "")
+
+
+def test_what_no_nature_does(psim) -> None:
+    """A block that lies on a slope converges as its method promises, to no sliding at all: check and verify say so."""
+    Path("slope.toml").write_text(
+        """[simulation]
+duration = 0.5
+dt = 0.01
+[[particles]]
+name = "block"
+mass = 1
+layout = { type = "points", position = [[0, 0, 0]] }
+[[forces]]
+type = "gravity"
+[[planes]]
+normal = [0.5, 0.8660254, 0]
+restitution = 0
+tangential_loss = 0.3
+"""
+    )
+    ended = psim("verify", "slope.toml")
+    assert "note: plane 0: tangential_loss is taken at every contact" in ended.out
+    assert "depends on dt" in psim("verify", "slope.toml", "--json").json["notes"][0]
+    assert "not of friction" in " ".join(psim("check", "slope.toml").err.split())
+    assert "note" not in psim("verify", "tiny.toml").out

@@ -87,22 +87,56 @@ def test_exact_data_give_back_their_parameters(ball, tmp_path):
     assert np.nanmax(np.abs(found.residuals)) < 1e-7
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["sigma", "no sigma"])
-def test_stated_errors_cover_the_truth(ball, tmp_path, known):
-    """Of 100 data sets, 68 % have the truth within one standard error: 68 ± 14 at three standard deviations."""
+def test_stated_errors_are_the_scatter_of_many_fits(ball, tmp_path):
+    """100 data sets of 6 numbers with σ = 0.01 and 2 parameters, each fitted with σ known and not: 4 degrees of freedom.
+
+    With σ known the stated variance is that of the fitted values over the data sets, which is known to √(2/99); with σ from
+    the residuals it is the same on average, within √(2/4/100), and so is χ²/4. Divided by 4 ± 2 instead, it would be off by
+    a factor of 2/3 or 2. Of the data sets, 68 % have the truth within one standard error. Three standard deviations each.
+    """
     times, states = truth(ball)
+    times, states = times[[2, 7, 11]], states[[2, 7, 11]]
     random = np.random.default_rng(5)
-    inside = np.zeros(2)
-    chi2 = []
+    values, stated, guessed, chi2 = [], [], [], []
     for _ in range(100):
         noisy = states + random.normal(0, 0.01, states.shape)
-        data = read_measurements(write(tmp_path / "m.csv", times, noisy, 0.01 if known else None))
-        found = fit(ball, data, RANGES)
-        inside += [abs(p.value - t) < p.error for p, t in zip(found.parameters, TRUE, strict=True)]
-        chi2.append(found.chi2 / found.freedom)
+        known, unknown = (
+            fit(ball, read_measurements(write(tmp_path / "m.csv", times, noisy, sigma)), RANGES)
+            for sigma in (0.01, None)
+        )
+        assert (known.freedom, unknown.freedom) == (4, 4)
+        values.append([p.value for p in known.parameters])
+        stated.append([p.error for p in known.parameters])
+        guessed.append([p.error for p in unknown.parameters])
+        chi2.append(known.chi2 / known.freedom)
+    variance = np.mean(np.square(stated), axis=0)
+    assert np.var(values, axis=0, ddof=1) / variance == pytest.approx(1, abs=3 * math.sqrt(2 / 99))
+    assert np.mean(np.square(guessed), axis=0) / variance == pytest.approx(1, abs=3 * math.sqrt(2 / 400))
+    assert np.mean(chi2) == pytest.approx(1, abs=3 * math.sqrt(2 / 400))
+    inside = (np.abs(np.array(values) - TRUE) < stated).sum(axis=0)
     assert ((inside > 54) & (inside < 82)).all(), inside
-    if known:
-        assert np.mean(chi2) == pytest.approx(1, abs=3 * math.sqrt(2 / 22 / 100))
+
+
+def test_a_straight_line_has_the_errors_of_the_textbook(tmp_path):
+    """Height and speed of a throw without drag are a straight line's a + b t: s² = χ²/(n − 2), var b = s²/S, S = Σ (t − t̄)²,
+    var a = s² (1/n + t̄²/S), and their correlation is −t̄/√(S/n + t̄²)."""
+    path = tmp_path / "throw.toml"
+    path.write_text(BALL[: BALL.rindex("[[forces]]")])
+    times = np.array([0.1, 0.3, 0.45, 0.8, 0.9])
+    off = np.array([0.02, -0.03, 0.01, 0.04, -0.02])
+    states = np.zeros((5, 2))
+    states[:, 1] = 1 + 4 * times - 9.80665 / 2 * times**2 + off
+    rows = "\n".join(f"{t!r},{y!r}" for t, y in zip(times.tolist(), states[:, 1].tolist(), strict=True))
+    (tmp_path / "m.csv").write_text("time,y\n" + rows)
+    keys = ("particles.ball.layout.position.0.1", "particles.ball.layout.velocity.0.1")
+    found = fit(path, read_measurements(tmp_path / "m.csv"), [parse_range(key) for key in keys])
+    slope, height = np.polyfit(times, 1 + 4 * times + off, 1)
+    assert [p.value for p in found.parameters] == pytest.approx([height, slope], rel=1e-6)
+    n, mean, total = 5, times.mean(), ((times - times.mean()) ** 2).sum()
+    s2 = ((1 + 4 * times + off - height - slope * times) ** 2).sum() / (n - 2)
+    errors = [math.sqrt(s2 * (1 / n + mean**2 / total)), math.sqrt(s2 / total)]
+    assert [p.error for p in found.parameters] == pytest.approx(errors, rel=1e-6)
+    assert found.correlation[0, 1] == pytest.approx(-mean / math.sqrt(total / n + mean**2), rel=1e-6)
 
 
 def test_several_starts_find_the_best_of_several_minima(tmp_path):

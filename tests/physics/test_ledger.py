@@ -54,6 +54,22 @@ def test_ledger_sums_are_numpys_sums() -> None:
     )
 
 
+def test_groups_of_an_island_have_their_potentials_together() -> None:
+    # A spring between two groups makes them one island: U is the sum of both in gravity, and half k s² in the spring.
+    result = simulate(
+        0.1,
+        0.01,
+        particles=[points((0, 2, 0), mass=2.0, name="a"), points((0, 3.5, 0), mass=3.0, name="b")],
+        springs=[{"between": ["a", "b"], "pairs": [[0, 0]], "stiffness": 8.0, "rest_length": 1.0}],
+        forces=[{"type": "gravity"}, {"type": "point_spring", "stiffness": 5.0, "on": ["a"]}],
+        output={"ledger": True},
+    )
+    first = {name: column[0] for name, column in result.ledger.items()}
+    assert first["potential.gravity"] == pytest.approx(G * (2 * 2 + 3 * 3.5), rel=1e-12)
+    assert first["potential.springs"] == pytest.approx(8.0 / 2 * 0.5**2, rel=1e-12)
+    assert first["potential.point_spring"] == pytest.approx(5.0 / 2 * 4, rel=1e-12)
+
+
 def test_the_energy_of_a_free_fall_stays_in_the_ledger() -> None:
     # Velocity Verlet in a constant field keeps ½ m v² + m g y exactly, step by step.
     result = simulate(

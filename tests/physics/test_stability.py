@@ -120,6 +120,16 @@ def test_a_method_that_lets_everything_grow_is_told_of_when_it_matters() -> None
     assert short.step == long.step == 0.0
     assert not short.warnings
     assert "symplectic_euler" in long.warnings[0]
+    for found, steps in ((short, 1e5), (long, 1e7)):  # log10 of the growth over the run
+        assert found.islands[0].growth == pytest.approx(steps / 2 * math.log10(1 + 0.00316**2), rel=1e-4)
+
+
+def test_growth_beyond_the_limit_is_that_of_the_run() -> None:
+    # Symplectic Euler at hω = 2.1: μ + 1/μ = 2 − (hω)², so that |μ| = 1.205 + √(1.205² − 1) = 1.877 in each of 40 steps.
+    half = 2.1**2 / 2 - 1
+    factor = half + math.sqrt(half**2 - 1)
+    found = judged(dumbbell(2.1 / OMEGA, "symplectic_euler", 40))
+    assert found.islands[0].growth == pytest.approx(40 * math.log10(factor), rel=1e-5)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.02])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 import particlesim as ps
@@ -141,3 +142,16 @@ def test_provenance(tmp_path) -> None:
         for name in ("psim", "python", "llvmlite", "numpy", "h5py", "platform", "host", "command", "started"):
             assert facts[name], name
     assert state_digest(result.final) == state_digest(ps.run(run).final)
+
+
+@pytest.mark.parametrize("field", ["id", "position", "velocity"])
+def test_the_digest_of_a_state_hears_of_its_last_bit(field) -> None:
+    final = ps.run(scenario()).final
+    columns = {name: final[name].copy() for name in ("id", "position", "velocity", "mass")}
+    first = state_digest(columns)
+    assert first == state_digest(final)
+    columns["mass"] *= 2  # follows from the scenario
+    assert state_digest(columns) == first
+    value = columns[field].reshape(-1)[-1:]
+    value.view(np.uint8)[0] ^= 1
+    assert state_digest(columns) != first

@@ -51,18 +51,20 @@ def test_the_error_is_the_error(tmp_path) -> None:
         "position": lambda t: math.cos(omega * t) + 3 / omega * math.sin(omega * t),
         "velocity": lambda t: -omega * math.sin(omega * t) + 3 * math.cos(omega * t),
     }
-    squares = dict.fromkeys(exact, 0.0)
+    squares, largest = dict.fromkeys(exact, 0.0), dict.fromkeys(exact, 0.0)
     ps.run(scenario, tmp_path / "run.vtkhdf")
     with ps.open(tmp_path / "run.vtkhdf") as trajectory:
         assert len(trajectory) == frames
         for frame in trajectory:
             for field, truth in exact.items():
                 squares[field] += (frame[field][0, 0] - truth(frame.time)) ** 2
+                largest[field] = max(largest[field], abs(frame[field][0, 0]))
     for row in found.rows:
         assert row.order == pytest.approx(2, abs=0.05)
         assert row.error == pytest.approx(math.sqrt(squares[row.field] / frames), rel=0.05)
         assert row.error is not None
         assert row.finest_error == pytest.approx(row.error / 16, rel=0.1)
+        assert row.relative == pytest.approx(row.error / largest[row.field])
 
 
 @pytest.mark.parametrize("name", ["symplectic_euler", "heun", "rk3", "yoshida4"])

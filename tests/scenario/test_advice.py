@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.advice import advice
+from particlesim.advice import advice, sliding
 
 
 def table(method: str, force: dict[str, Any], **plane: Any) -> dict[str, Any]:
@@ -86,3 +87,22 @@ def test_bodies_without_springs_and_springs_stated_twice() -> None:
     assert advice(ps.from_table({**parts, "springs": [one, *others]})) == (
         "one and two both join particles 2 and 1, and 1 more pairs: their stiffness adds up",
     )
+
+
+def test_sliding_is_no_friction() -> None:
+    """A block on a slope of 30° with k = 0.3 creeps at about g sin θ dt (1 − k)/k: ten times dt, ten times as far."""
+    block = table("symplectic_euler", {"type": "gravity"}, restitution=0.0, tangential_loss=0.3)
+    block["planes"][0] |= {"normal": [0.5, 0.8660254, 0], "name": "slope"}
+    block["particles"] = [{"layout": {"type": "points", "position": [[0, 0, 0]]}}]
+    crept = []
+    for dt in (0.01, 0.001):
+        block["simulation"]["dt"] = dt
+        crept.append(float(np.linalg.norm(ps.run(ps.from_table(block)).final.position)))
+        assert crept[-1] == pytest.approx(9.80665 / 2 * dt * 0.7 / 0.3, rel=0.25)
+    assert crept[0] / crept[1] == pytest.approx(10, rel=0.1)
+    (said,) = sliding(ps.from_table(block))
+    assert said.startswith("plane slope: tangential_loss")
+    assert "depends on dt" in said
+    for silent in ({"tangential_loss": 0.0}, {"restitution": 1.0}):
+        block["planes"] = [{"restitution": 0.0, "tangential_loss": 0.3} | silent]
+        assert sliding(ps.from_table(block)) == ()

@@ -1,0 +1,122 @@
+"""Energy from nothing: what an island has gained beyond all work, beside the energy that it has.
+
+With E the kinetic energy K and all potentials U_f, ⁰ the beginning, and W the work that has been booked since (none where
+none is booked, as then nothing but losses can have been done), the gain is
+
+    E − E⁰ − W,
+
+and it is held against
+
+    max(|K⁰ + Σ U_f⁰|, min(K⁰, K)) + Σ (max U_g − min U_g) + Σ |W_c|,
+
+over potentials U_f that have a zero of their own (springs, attraction) and U_g that have none and count by what has been
+exchanged so far (gravity), and causes c of work. So it does not matter where heights are measured from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.state import GroupState
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 64.0
+"""Times the distance of floating-point numbers that rounding may change a position in a step."""
+DRIFT = 1e-9
+"""Part of all energies that rounding of many steps may feign in double precision."""
+
+
+class Gain(NamedTuple):
+    """Energy from nothing [J], what it is held against [J], and what methods and rounding may feign [J]."""
+
+    joule: float
+    scale: float
+    noise: float
+
+    @property
+    def ratio(self) -> float:
+        """The gain that is surely one, as a part of the energy there is; 0 where there is none yet."""
+        return max(self.joule - self.noise, 0.0) / self.scale if self.scale > 0 else 0.0
+
+
+class Account:
+    """The energies of an island since a beginning: `names` of all potentials, which of them have a zero of their own, and
+    the number of causes whose work is booked.
+
+    There are few of them, and Python's own numbers are faster than arrays then.
+    """
+
+    def __init__(self, names: tuple[str, ...], absolute: tuple[bool, ...], causes: int) -> None:
+        self._names, self._absolute = names, absolute
+        # Potentials at the beginning, when last looked at, and the least and the most so far.
+        self._start, self._now, self._low, self._high = ([0.0] * len(names) for _ in range(4))
+        self._kinetic = 0.0
+        self._work = [0.0] * causes
+        self._first, self._last = -1, -1
+
+    def forget(self) -> None:
+        """Take what comes next as a new beginning."""
+        self._first = -1
+
+    @property
+    def first_step(self) -> int:
+        """The step of the beginning; −1 before there is one."""
+        return self._first
+
+    def begin(self, step: int, energies: Mapping[str, float], work: Floats) -> None:
+        """Start from the energies [J] at a step, and the work booked up to there [J]."""
+        for values in (self._start, self._now, self._low, self._high):
+            values[:] = self._potentials(energies)
+        self._kinetic = energies["kinetic"]
+        self._work[:] = work.tolist()
+        self._first = self._last = step
+
+    def _potentials(self, energies: Mapping[str, float]) -> list[float]:
+        return [energies.get(name, 0.0) for name in self._names]
+
+    def look(self, step: int, energies: Mapping[str, float], work: Floats, drift: float = DRIFT) -> Gain:
+        """The gain up to a step; `drift` is the part of all energies that rounding may feign."""
+        kinetic = energies["kinetic"]
+        joule, own, sums = kinetic - self._kinetic, self._kinetic, abs(kinetic)
+        exchanged = turned = 0.0
+        for k, now in enumerate(self._potentials(energies)):
+            self._low[k], self._high[k] = min(self._low[k], now), max(self._high[k], now)
+            joule += now - self._start[k]
+            sums += max(abs(self._low[k]), abs(self._high[k]))
+            if self._absolute[k]:
+                own += self._start[k]
+            else:
+                exchanged += self._high[k] - self._low[k]
+                turned += abs(now - self._now[k])
+            self._now[k] = now
+        for before, after in zip(self._work, work.tolist(), strict=True):
+            joule -= after - before
+            exchanged += abs(after - before)
+        # Methods of first order know the time of an energy to one step: what is turned over in it, which is twice the mean
+        # of a fall from rest, is no gain.
+        turned *= 2 / max(step - self._last, 1)
+        self._last = step
+        scale = max(abs(own), min(self._kinetic, kinetic)) + exchanged
+        return Gain(joule, scale, turned + drift * sums)
+
+
+def drift_of(precision: str) -> float:
+    """Part of all energies that rounding of many steps may feign, in "single" or "double" precision."""
+    return max(DRIFT, 1024 * float(np.finfo(precision).eps))
+
+
+def jitter(states: Iterable[GroupState], dt: float) -> float:
+    """The energy that rounding of positions gives particles in a step [J]: masses, extent and precision decide."""
+    total = 0.0
+    for state in states:
+        if n := state.count:
+            x = state.x[:, :n]
+            far = max(float(x.max()), -float(x.min()))
+            slip = ROUNDING * float(np.finfo(state.dtype).eps) * far / dt
+            total += float(state.mass[:n].sum(dtype=float)) * slip * slip
+    return total

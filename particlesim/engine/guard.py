@@ -1,0 +1,199 @@
+"""The guard: whether islands are still in their senses, looked at where the state is looked at anyway."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.emitters import Emitter
+from particlesim.engine.divergence import ran_away
+from particlesim.engine.gain import Account, Gain, drift_of, jitter
+from particlesim.engine.misplaced import overlaps
+from particlesim.engine.shadow import swing, swings
+from particlesim.engine.stability import island_stability
+from particlesim.errors import UsageError
+from particlesim.forces import Force
+from particlesim.forces.field import Field
+from particlesim.graph import Island
+from particlesim.laws import has_law, potential
+
+if TYPE_CHECKING:
+    from particlesim.engine.simulation import Simulation
+
+MOST_GAIN = 0.1
+"""Part of its energy that an island may gain from nothing."""
+MUCH_FASTER = 1000.0
+"""Times that speeds beyond that of light must have grown since the last frame."""
+SELDOM = 256
+"""Steps between two looks at energies that nobody else asks for: what they cost is lost in that of so many steps."""
+LIGHT = 299_792_458.0
+"""Speed of light [m/s]."""
+
+
+class Guard:
+    """Looks at every frame whether islands are still in their senses.
+
+    An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
+    stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
+    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a plane begin after a step,
+    which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at
+    least 256 steps apart, and at the end. All other islands are only watched for speeds beyond that of light that have
+    grown a thousandfold since the last frame.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        pairs = list(zip(simulation.islands, simulation.graph.islands, strict=True))
+        self._judged = [island.books is not None or _closed(structure) for island, structure in pairs]
+        self._judged = [
+            judged and all(group.dynamics.type == "second_order" for group in structure.groups)
+            for judged, (_, structure) in zip(self._judged, pairs, strict=True)
+        ]
+        # The first step at which the energies of an island can be a beginning.
+        self._from = [int(any(overlaps(island, structure))) for island, structure in pairs]
+        names = tuple(name for name in simulation.ledger_columns() if name.startswith("potential."))
+        absolute = tuple(_has_zero(simulation, name) for name in names)
+        self._drift = drift_of(simulation.scenario.simulation.precision)
+        self._accounts = [
+            Account(names, absolute, 0 if island.books is None else len(island.books.names))
+            for island, _ in pairs
+        ]
+        # Of every island: the number of its particles at the beginning, the gain up to which its steps were found to be
+        # stable [J], the largest swing as a part of its energy, its largest speed [m/s].
+        self._count = np.full(len(pairs), -1)
+        self._stable, self._swung = np.zeros((2, len(pairs)))
+        self._fastest = np.full(len(pairs), math.inf)
+        self._looked = -SELDOM
+
+    def forget(self) -> None:
+        """Take the energies of the next frame as a new beginning: something has changed them from outside."""
+        for account in self._accounts:
+            account.forget()
+
+    def wants(self, simulation: Simulation) -> list[int]:
+        """Islands whose energies are to be looked at now, though nobody else asks for them."""
+        steps, now = simulation.scenario.grid.steps, simulation.step
+        if steps < SELDOM or (now < steps and now - self._looked < SELDOM):
+            return []
+        return [number for number, judged in enumerate(self._judged) if judged]
+
+    def look(self, simulation: Simulation, energies: Mapping[int, dict[str, float]]) -> None:
+        """Judge the present state of a simulation; `energies` are those of its islands by number [J], as far as known.
+
+        Raises DivergenceError.
+        """
+        if energies:
+            self._looked = simulation.step
+        for number, island in enumerate(simulation.islands):
+            if self._judged[number]:
+                if number in energies:
+                    self._judge(simulation, number, energies[number])
+                if island.books is None:
+                    continue
+            fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
+            if fastest > LIGHT and fastest > MUCH_FASTER * self._fastest[number]:
+                raise ran_away(simulation, number, "speed", fastest)
+            self._fastest[number] = fastest
+
+    def _judge(self, simulation: Simulation, number: int, energies: dict[str, float]) -> None:
+        """Hold the gain of an island against its energy. Raises DivergenceError."""
+        island, account, step = simulation.islands[number], self._accounts[number], simulation.step
+        count = sum(state.count for state in island.states)
+        work = np.zeros(0) if island.books is None else island.books.totals
+        lost = island.books is None and count != self._count[number]  # with particles that died
+        if lost or account.first_step < 0:
+            self._count[number] = count
+            if step >= self._from[number]:
+                account.begin(step, energies, work)
+            return
+        gain = account.look(step, energies, work, self._drift)
+        if gain.ratio <= MOST_GAIN:
+            return
+        gain = gain._replace(noise=gain.noise + jitter(island.states, simulation.scenario.grid.dt))
+        if gain.ratio > MOST_GAIN and not self._swings(simulation, number, gain):
+            raise ran_away(simulation, number, "energy", gain.joule)
+
+    def _swings(self, simulation: Simulation, number: int, gain: Gain) -> bool:
+        """Whether a gain is one that the method will take back."""
+        island, structure = simulation.islands[number], simulation.graph.islands[number]
+        dt, start = simulation.scenario.grid.dt, self._accounts[number].first_step
+        if not swings(structure):
+            return False
+        swung = swing(island, structure, simulation.time, dt)
+        if start == 0:
+            swung -= _swing_at_start(simulation, number)
+        kept = gain._replace(joule=gain.joule - swung)
+        if not (math.isfinite(kept.joule) and kept.ratio <= MOST_GAIN):
+            return False
+        if gain.joule > 2 * self._stable[number]:  # seldom enough to look closely
+            try:
+                stable = island_stability(simulation, number).step
+            except UsageError:
+                return False
+            if dt > stable:
+                return False
+            self._stable[number] = gain.joule
+        self._swung[number] = max(self._swung[number], gain.ratio)
+        return True
+
+    def warnings(self, simulation: Simulation) -> tuple[str, ...]:
+        """A sentence for every island whose energy has swung by more than a tenth, though its steps are stable."""
+        found = []
+        for part, island, structure in zip(
+            self._swung, simulation.islands, simulation.graph.islands, strict=True
+        ):
+            if part > MOST_GAIN:
+                names = " and ".join(repr(state.name) for state in island.states)
+                other = ", or velocity_verlet" if structure.method.order < 2 else ""
+                found.append(
+                    f"the energy of {names} swings by {100 * part:.3g} %: dt = {simulation.scenario.grid.dt:.6g} s is "
+                    f"stable for {structure.method.name}, but too long to be accurate; try a smaller dt{other}"
+                )
+        return tuple(found)
+
+
+def _swing_at_start(simulation: Simulation, number: int) -> float:
+    """What `swing` was when the run began [J]."""
+    began = type(simulation)(simulation.scenario, threads=1)
+    try:
+        return swing(
+            began.islands[number], began.graph.islands[number], began.time, simulation.scenario.grid.dt
+        )
+    finally:
+        began.close()
+
+
+def _has_zero(simulation: Simulation, column: str) -> bool:
+    """Whether a potential of the ledger has a zero of its own: springs and hinges at rest, and some forces."""
+    label = column.removeprefix("potential.")
+    scenario = simulation.scenario
+    forces = dict(zip(scenario.force_labels(), scenario.forces, strict=False))
+    return forces[label].has_zero() if label in forces else True
+
+
+def _closed(structure: Island) -> bool:
+    """Whether nothing feeds energy to an island."""
+    winds = any(law.flow for laws in structure.surfaces for law in laws)
+    return (
+        not winds
+        and not any(structure.motions)
+        and all(
+            not isinstance(group, Emitter) and all(_conserves(law) for law in forces)
+            for group, forces in zip(structure.groups, structure.forces, strict=True)
+        )
+    )
+
+
+def _conserves(law: Force) -> bool:
+    """Whether a force derives from a potential that stands still, or only takes energy."""
+    if has_law(potential, law.record()):
+        return not (isinstance(law, Field) and law.changes())
+    return hasattr(law, "flow") and not law.flow
+
+
+def _fastest(v: NDArray[Any]) -> float:
+    """The largest component of a velocity [m/s]."""
+    return float(max(v.max(), -v.min())) if v.size else 0.0

@@ -1,0 +1,61 @@
+"""What a leapfrog keeps instead of the energy: the energy of a system nearby, in which its own swing is left out.
+
+Symplectic methods do not gain energy on linear forces: what they take they give back. Exactly kept, step after step, are
+
+    E + ½ h Σ v·f          with symplectic Euler,
+    E − ⅛ h² Σ f²/m        with velocity Verlet and Störmer–Verlet,
+
+where E is the energy, as long as the step is stable: beyond that they are kept too, and say nothing. Störmer–Verlet keeps
+the second with the velocities of velocity Verlet: those between two places, and half a kick. Forces that keep rods do no
+work, so that the first holds for rods as well.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter IX.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.islands import IndependentIsland
+from particlesim.engine.state import GroupState
+from particlesim.graph import Island
+from particlesim.integrators import METHODS
+
+Floats = NDArray[np.float64]
+
+LEAPFROGS = ("velocity_verlet", "stormer_verlet")
+
+
+def swings(structure: Island) -> bool:
+    """Whether it is known what the method of an island keeps."""
+    name = structure.method.name
+    return name == METHODS["symplectic_euler"].name or (name in LEAPFROGS and not structure.rods)
+
+
+def swing(island: IndependentIsland | CoupledIsland, structure: Island, time: float, h: float) -> float:
+    """What the energy of an island is at present beyond what its method keeps [J]; `h` is the step [s]."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        f = island.forces(time).astype(float)
+        total, first = 0.0, 0
+        for state in island.states:
+            n = state.count
+            here = f[:, first : first + n]
+            first += n
+            free = np.isfinite(state.start[:n]) if state.clocked else np.ones(n, np.bool_)
+            if structure.method.name in LEAPFROGS:
+                total += h * h / 8 * float(((here**2).sum(axis=0) / state.mass[:n])[free].sum())
+                total += _of_places(state, here, h) if state.memory else 0.0
+            else:
+                total -= h / 2 * float((here * state.v[:, :n]).sum(axis=0)[free].sum())
+        return total
+
+
+def _of_places(state: GroupState, f: Floats, h: float) -> float:
+    """The kinetic energy with the velocities that are told beyond that with those of velocity Verlet [J]."""
+    n = state.count
+    *between, known = (column[:n].astype(float) for column in state.memory)
+    m, v = state.mass[:n].astype(float), state.v[:, :n].astype(float)
+    leapfrog = np.stack(between) + h / 2 * f / m
+    return float((0.5 * m * (v**2 - leapfrog**2).sum(axis=0))[known != 0].sum())
