@@ -78,7 +78,7 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
         with _told_when_long(name):
             yield line
     else:
-        from particlesim.engine.compiling import told_of_compiling
+        from particlesim.compiler import told_of_compiling
 
         with _bar(name, remaining=False) as bar:
             task = bar.add_task(plain(name), total=None, note="preparing")
@@ -163,7 +163,7 @@ class _Pace:
 
     def of(self, done: int) -> float:
         """Pieces per second, after so many; 0 while nothing tells."""
-        from particlesim.engine.compiling import compiling_seconds
+        from particlesim.compiler import compiling_seconds
 
         now = time.perf_counter() - compiling_seconds()
         if self._first is None:

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from particlesim.engine.compiling import compiling_seconds
+from particlesim.compiler import compiling_seconds
 from particlesim.errors import UsageError
 from particlesim.interruption import Held, held_signals
 from particlesim.render.renderer import Picture, Renderer
