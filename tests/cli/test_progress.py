@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from particlesim.engine import compiling
+from particlesim import compiler
+from particlesim.compiler.kernel import _timed as compiling
 from particlesim.sweep.sweep import SweepProgress
 from psim import progress
 from psim.progress import render_progress, sweep_progress
@@ -18,7 +19,7 @@ def clock(monkeypatch):
     """Seconds that the test lets pass, and how many of them went into compiling."""
     now = SimpleNamespace(seconds=0.0, compiling=0.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: now.seconds))
-    monkeypatch.setattr(compiling, "compiling_seconds", lambda: now.compiling)
+    monkeypatch.setattr(compiler, "compiling_seconds", lambda: now.compiling)
     return now
 
 
@@ -56,10 +57,8 @@ def test_a_video_says_that_it_compiles(told, monkeypatch):
     heard = threading.Event()
     monkeypatch.setattr(progress, "FIRST_LINE", 0.0)
     monkeypatch.setattr(progress, "say", lambda text: (told.append(text), heard.set()))
-    with render_progress("a.mp4", quiet=False):
-        compiling._WATCH.tell(True)
+    with render_progress("a.mp4", quiet=False), compiling():
         assert heard.wait(60)
-        compiling._WATCH.tell(False)
     assert told == ["a.mp4: compiling kernels, which are kept for the next run"]
 
 
@@ -82,8 +81,8 @@ def test_a_bar_says_that_it_compiles(monkeypatch):
     monkeypatch.setattr(progress, "animated", lambda: True)
     monkeypatch.setattr(progress, "_bar", lambda *_, **__: Bar())
     with render_progress("a.mp4", quiet=False) as show:
-        compiling._WATCH.tell(True)
-        compiling._WATCH.tell(False)
+        with compiling():
+            pass
         show(1, 10)
     assert notes == ["preparing", "compiling kernels, to be kept", "preparing", "picture 1 of 10"]
 
