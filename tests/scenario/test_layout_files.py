@@ -106,6 +106,7 @@ NO_ARRAYS = {
     "a truth as length": (npy(HEADER % ("'<f8'", "(True, 3)"), bytes(24)), "is no NPY file"),
     "a negative length": (npy(HEADER % ("'<f8'", "(-1, 3)"), bytes(24)), "is no NPY file"),
     "brackets": (npy("(" * 4000), "is no NPY file"),
+    "spaces": (npy("{'descr': '<f8', \0" + " " * 9900), "is no NPY file"),
     "minus signs": (npy("-" * 9000 + "1"), "is no NPY file"),
     "a header without an end": (npy("", length=0xFFFFFFFF), "is no NPY file"),
     "complex": (npy(HEADER % ("'<c16'", "(1, 3)"), bytes(48)), "type complex128"),
