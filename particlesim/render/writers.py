@@ -7,11 +7,13 @@ cannot be used, InputOutputError when writing fails later.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import logging
 import os
 import struct
+import traceback
 from collections import deque
 from pathlib import Path
 from typing import Protocol
@@ -149,6 +151,7 @@ class Mp4Writer:
                 raise InputOutputError(
                     f"cannot start ffmpeg: {error}", "Reinstall the package imageio-ffmpeg, which carries it."
                 ) from error
+            _close_pipe(error)
             raise self._failure() from error
 
     def finish(self) -> tuple[Path, ...]:
@@ -173,8 +176,18 @@ class Mp4Writer:
 
     def discard(self) -> None:
         self.part.unlink(missing_ok=True)
-        self.video.close()
+        self.video.close()  # ffmpeg encodes the pictures that it holds, a few dozen, and ends
         self.part.unlink(missing_ok=True)  # ffmpeg may just have made it
+
+
+def _close_pipe(error: BaseException) -> None:
+    """Close the pipe that broke: imageio-ffmpeg leaves it open when ffmpeg has ended, and Python complains of what is
+    still in it once it is thrown away."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        pipe = getattr(frame.f_locals.get("p"), "stdin", None)
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
 
 
 def is_whole_mp4(path: Path) -> bool:

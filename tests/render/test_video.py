@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import stat
 import subprocess
 import sys
@@ -140,6 +141,7 @@ def test_a_failing_ffmpeg_leaves_nothing(cloud, settings, tmp_path, monkeypatch,
     fake.chmod(fake.stat().st_mode | stat.S_IXUSR)
     with pytest.raises(InputOutputError, match="ffmpeg ended before the video did"):
         render_video(cloud, folder / "a.mp4", settings)
+    gc.collect()
     assert capfd.readouterr().err == "Unknown encoder\n", "what ffmpeg says, and nothing else"
     assert not list(folder.iterdir())
 
