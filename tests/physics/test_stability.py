@@ -279,7 +279,7 @@ def test_an_angle_limits_the_step_as_runs_show() -> None:
     assert not bounded.warnings
     assert math.hypot(*bounded.final.position[2, 1:]) < 5.1 * 0.5e-5
     told: list[str] = []
-    with pytest.raises(ps.DivergenceError, match="particle 2 of 'arm' ran away"):
+    with pytest.raises(ps.DivergenceError, match="particle 2 of 'arm'"):
         ps.run(ps.from_table(arm(1.01 * limit, "velocity_verlet")), warn=told.append)
     assert len(told) == 1
     assert "beyond the largest stable step" in told[0]
