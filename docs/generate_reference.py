@@ -17,26 +17,26 @@ from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
-from particlesim.distributions import Choice, Exponential, LogNormal, Normal, Uniform
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
+from particlesim.expressions.operations import FUNCTIONS, VARIABLES
+from particlesim.expressions.parser import MAX_DEPTH, MAX_LENGTH
 from particlesim.flows import FLOWS
-from particlesim.fluids import FLUIDS
+from particlesim.flows.fluids import FLUIDS
 from particlesim.forces import FORCES, SURFACE_FORCES, Force
 from particlesim.forces.drag import Atmosphere
-from particlesim.forces.expression import MAX_DEPTH, MAX_LENGTH
-from particlesim.forces.operations import FUNCTIONS, VARIABLES
-from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
-from particlesim.impulses import Impulse
+from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
+from particlesim.groups.impulse import Impulse
+from particlesim.groups.motion import Waypoint
 from particlesim.integrators import METHODS
 from particlesim.layouts import LAYOUTS
-from particlesim.model import field_docs
-from particlesim.motions import Waypoint
-from particlesim.regions import HalfSpace
+from particlesim.model.base import field_docs
+from particlesim.sampling.distributions import Choice, Exponential, LogNormal, Normal, Uniform
+from particlesim.sampling.regions import HalfSpace
+from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.simulation import Output, Simulation
-from particlesim.shapes import Ball, Box, Disc, Point, Shell, Sphere
+from particlesim.scenario.time_and_output import Output, Simulation
 
 TARGET = Path(__file__).with_name("scenario.md")
 TEXTS = Path(__file__).with_name("reference")

@@ -10,27 +10,27 @@ from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
-from particlesim.checks import Check
+from particlesim.checks.check import Check
+from particlesim.checks.quantities import InUnitOfQuantity
 from particlesim.colliders import Plane
-from particlesim.distributions import Distribution
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import Flow
-from particlesim.fluids import FluidName
+from particlesim.flows.fluids import FluidName
 from particlesim.forces import Force
 from particlesim.forces.drag import Atmosphere
-from particlesim.groups import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
-from particlesim.impulses import Impulse
+from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
+from particlesim.groups.impulse import Impulse
+from particlesim.groups.motion import Motion, Waypoint
 from particlesim.integrators import MethodName, Options
 from particlesim.layouts import Layout
-from particlesim.model import Name
-from particlesim.motions import Motion, Waypoint
-from particlesim.quantities import InUnitOfQuantity
-from particlesim.regions import HalfSpace
+from particlesim.model.base import Name
+from particlesim.model.units import Unit
+from particlesim.sampling.distributions import Distribution
+from particlesim.sampling.regions import HalfSpace
+from particlesim.sampling.shapes import Shape
 from particlesim.scenario.rendering import Camera, RenderSettings
-from particlesim.scenario.simulation import Output, Simulation
-from particlesim.shapes import Shape
-from particlesim.units import Unit
+from particlesim.scenario.time_and_output import Output, Simulation
 
 # What a table is called, and where on the page it is described. The first match counts.
 TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (

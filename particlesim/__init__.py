@@ -25,8 +25,8 @@ if TYPE_CHECKING:
         ScenarioError,
         UsageError,
     )
-    from particlesim.filming import film
-    from particlesim.runner import Progress, Result, run
+    from particlesim.render.film import film
+    from particlesim.run.runner import Progress, Result, run
     from particlesim.scenario.load import from_table, load, loads
     from particlesim.scenario.scenario import Scenario
     from particlesim.trajectory.frame import Frame
@@ -40,10 +40,10 @@ _HOME = {
     "PsimError": "particlesim.errors",
     "ScenarioError": "particlesim.errors",
     "UsageError": "particlesim.errors",
-    "film": "particlesim.filming",
-    "Progress": "particlesim.runner",
-    "Result": "particlesim.runner",
-    "run": "particlesim.runner",
+    "film": "particlesim.render.film",
+    "Progress": "particlesim.run.runner",
+    "Result": "particlesim.run.runner",
+    "run": "particlesim.run.runner",
     "from_table": "particlesim.scenario.load",
     "load": "particlesim.scenario.load",
     "loads": "particlesim.scenario.load",

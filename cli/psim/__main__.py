@@ -5,7 +5,7 @@ Nothing is imported here that takes time: Ctrl-C, SIGTERM and SIGHUP count from 
 
 from __future__ import annotations
 
-from psim.stop import end_at_once
+from psim.signals import end_at_once
 
 
 def main() -> None:

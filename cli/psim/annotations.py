@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from particlesim.errors import PsimError
-    from particlesim.runner import Result
+    from particlesim.run.runner import Result
 
 
 def annotate(
@@ -55,7 +55,7 @@ def annotate_checks(result: Result, file: Path) -> None:
 
 def _line(result: Result, name: str) -> int | None:
     """The line of a check in the scenario's file."""
-    from particlesim.scenario.agreement import check_labels
+    from particlesim.scenario.rules.checks import check_labels
 
     source = result.scenario.source
     labels = check_labels(result.scenario)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from psim import standard
+from psim import std_streams as standard
 from psim.check import check
 from psim.describe import describe
 from psim.diff import diff
@@ -28,8 +28,8 @@ from psim.report import guarded, report
 from psim.rerun import rerun
 from psim.run import run
 from psim.schema import schema
+from psim.signals import INTERRUPTED, end_at_once, listen
 from psim.stability import stability
-from psim.stop import INTERRUPTED, end_at_once, listen
 from psim.sweep import sweep
 from psim.verify import verify
 

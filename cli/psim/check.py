@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from psim.complete import scenario_files
+from psim.console import print_json
 from psim.options import Overrides, Quiet
 from psim.report import as_data, report
-from psim.talk import print_json
 
 
 def check(

@@ -52,7 +52,7 @@ def _words() -> list[str]:
 
 def example_names(incomplete: str) -> list[str]:
     """Names of the shipped scenarios."""
-    from particlesim.examples_folder import examples_folder
+    from particlesim.scenario.examples import examples_folder
 
     return sorted(path.stem for path in examples_folder().glob(f"{incomplete}*.toml"))
 

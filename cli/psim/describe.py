@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psim.talk import facts, paint
+from psim.console import facts, paint
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -50,9 +50,9 @@ def describe(
 
 def _show_word(word: str) -> bool:
     """Say where in a scenario a key or a type of something stands, and what it means there; False where it is neither."""
-    from particlesim.scenario import typewalk
     from particlesim.scenario.scenario import Scenario
-    from particlesim.scenario.vocabulary import Place, vocabulary, whereabouts
+    from particlesim.scenario.text import typewalk
+    from particlesim.scenario.text.vocabulary import Place, vocabulary, whereabouts
 
     said: dict[str, list[Place]] = {}
     for place in vocabulary(Scenario).get(word, ()):
@@ -207,10 +207,10 @@ def _toml(value: Any) -> str:
 
 def _unknown(name: str) -> Exception:
     from particlesim.errors import UsageError
-    from particlesim.names import did_you_mean
+    from particlesim.model.spelling import did_you_mean
     from particlesim.scenario.scenario import Scenario
-    from particlesim.scenario.suggestions import translation
-    from particlesim.scenario.vocabulary import vocabulary
+    from particlesim.scenario.text.suggestions import translation
+    from particlesim.scenario.text.vocabulary import vocabulary
 
     known = (*_names(), *vocabulary(Scenario))
     hint = translation(name) or did_you_mean(name, known) or "psim describe lists what there is."

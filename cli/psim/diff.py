@@ -11,8 +11,8 @@ import typer
 
 from psim.annotations import annotate
 from psim.complete import trajectory_files
+from psim.console import counted, facts, paint, print_json
 from psim.options import Tolerance
-from psim.talk import counted, facts, paint, print_json
 
 if TYPE_CHECKING:
     from particlesim.analysis.difference import Change, Comparison, Difference

@@ -26,7 +26,7 @@ def examples(
 
     Each is a documented scene to start from.
     """
-    from particlesim.examples_folder import examples_folder
+    from particlesim.scenario.examples import examples_folder
 
     folder = examples_folder()
     shipped = sorted(folder.glob("*.toml"))
@@ -42,7 +42,7 @@ def examples(
 
 def _find(name: str, shipped: list[Path]) -> Path:
     from particlesim.errors import UsageError
-    from particlesim.names import did_you_mean
+    from particlesim.model.spelling import did_you_mean
 
     for path in shipped:
         if path.stem == name.removesuffix(".toml"):
@@ -55,7 +55,7 @@ def _find(name: str, shipped: list[Path]) -> Path:
 def _list(shipped: list[Path]) -> None:
     import tomllib
 
-    from psim.talk import facts
+    from psim.console import facts
 
     tables: list[dict[str, Any]] = [tomllib.loads(path.read_text(encoding="utf-8")) for path in shipped]
     facts(
@@ -72,7 +72,7 @@ def _copy(files: list[Path], target: Path, force: bool) -> None:
     import shutil
 
     from particlesim.trajectory.target import check_target, replacing
-    from psim.talk import print_path
+    from psim.console import print_path
 
     for file in files:
         check_target(target / file.name, overwrite=force or file.suffix == ".json")

@@ -30,7 +30,7 @@ def export(
     CSV has a row per particle and frame, NPZ the arrays for numpy.load. Numbers come back with the same bits.
     """
     from particlesim.trajectory.export import export as convert
-    from psim.talk import counted, print_path, say
+    from psim.console import counted, print_path, say
 
     names = None if fields is None else [name.strip() for name in fields.split(",") if name.strip()]
     rows = convert(trajectory, output, frames=parse_frames(frames), fields=names, overwrite=force)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from psim.complete import override_keys
+from psim.console import facts, number, print_json, print_path, say, warn
 from psim.options import Force, Overrides, Quiet, ScenarioFile
-from psim.talk import facts, number, print_json, print_path, say, warn
 
 if TYPE_CHECKING:
     from particlesim.fit import Aim, Fit, Shot

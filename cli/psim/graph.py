@@ -18,7 +18,7 @@ def graph(
 ) -> None:
     """Draw the graph of a simulation: its groups, what acts on them, and which step together."""
     import particlesim as ps
-    from particlesim.graph import build_graph
+    from particlesim.graph.graph import build_graph
 
     built = build_graph(ps.load(scenario, overrides or ()))
     print(built.as_mermaid() if mermaid else built.as_text())

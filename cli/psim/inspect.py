@@ -30,7 +30,7 @@ def inspect(
     """
     from particlesim.trajectory.describe import describe
     from particlesim.trajectory.recovery import recover
-    from psim.talk import plain, print_json, say
+    from psim.console import plain, print_json, say
 
     if repair:
         repaired = recover(trajectory)
@@ -47,9 +47,9 @@ def inspect(
 
 
 def _show(found: dict[str, Any]) -> None:
-    from particlesim.bounds import size
+    from particlesim.preflight.resources import size
+    from psim.console import facts, number, paint
     from psim.summary import check_text
-    from psim.talk import facts, number, paint
 
     origin, particles = found["provenance"], found["particles"]
     title = origin.get("title") or Path(found["path"]).stem
@@ -103,7 +103,7 @@ def _advise(path: Path) -> None:
 
     from particlesim.trajectory.files import check_readable
     from particlesim.trajectory.lock import is_being_written
-    from psim.talk import plain, say
+    from psim.console import plain, say
 
     if check_readable(path).marked and not is_being_written(path):
         say(
@@ -112,7 +112,7 @@ def _advise(path: Path) -> None:
 
 
 def _table(name: str, what: str, rows: list[tuple[str, str, str]]) -> None:
-    from psim.talk import facts, paint
+    from psim.console import facts, paint
 
     if rows:
         print(paint(name, "bold", sys.stdout) + paint(f" {what}", "dim", sys.stdout))

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 
-from psim.talk import plain
+from psim.console import plain
 
 if TYPE_CHECKING:
-    from particlesim.runner import Result
+    from particlesim.run.runner import Result
     from particlesim.sweep import SweepResult
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from psim.complete import scenario_files
-from psim.talk import print_json, print_path, say
+from psim.console import print_json, print_path, say
 
 
 def migrate(
@@ -28,8 +28,8 @@ def migrate(
     """
     import particlesim as ps
     from particlesim.scenario.load import scenario_of
-    from particlesim.scenario.migration import CURRENT, format_of, migrated
-    from particlesim.scenario.source import read_source
+    from particlesim.scenario.text.migration import CURRENT, format_of, migrated
+    from particlesim.scenario.text.source import read_source
     from particlesim.trajectory.target import replacing
 
     found = []

@@ -33,9 +33,9 @@ def new(
     import shlex
 
     from particlesim.errors import UsageError
-    from particlesim.names import did_you_mean
+    from particlesim.model.spelling import did_you_mean
     from particlesim.trajectory.target import check_target, replacing
-    from psim.talk import plain, print_path, say
+    from psim.console import plain, print_path, say
 
     if template not in _templates():
         raise UsageError(

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import duration, facts, listed, number, paint, warn
+from psim.console import duration, facts, listed, number, paint, warn
 
 if TYPE_CHECKING:
-    from particlesim.engine.stability import Stability
+    from particlesim.engine.stability.limits import Stability
     from particlesim.scenario.scenario import Scenario
 
 MOST_PARTICLES = 2_000_000
@@ -26,9 +26,9 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
-    from particlesim.advice import advice, sliding
-    from particlesim.bounds import check_fits, needs
     from particlesim.integrators import method_for
+    from particlesim.preflight.advice import advice, sliding
+    from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
     if must_fit:
@@ -62,8 +62,8 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     """What the initial state tells: largest stable steps, and what to doubt."""
     from particlesim.engine.simulation import Simulation
-    from particlesim.engine.stability import stability
-    from particlesim.validity import misplaced
+    from particlesim.engine.stability.limits import stability
+    from particlesim.run.validity import misplaced
 
     simulation = Simulation(scenario, threads=1)
     try:
@@ -75,7 +75,7 @@ def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:
     """A plan on stdout, for people."""
-    from particlesim.bounds import size
+    from particlesim.preflight.resources import size
 
     steps = f"{planned['steps']:,} of {planned['dt']:.6g} s"
     if planned["dt_asked"] is not None:

@@ -44,7 +44,7 @@ def plot(
     """
     import particlesim as ps
     from particlesim.analysis.plot import plot as draw
-    from psim.talk import print_path
+    from psim.console import print_path
 
     chosen = None if ids is None else _ids(ids)
     out = output or trajectory.with_name(f"{trajectory.stem}-{quantity}.png")

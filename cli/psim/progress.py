@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import animated, counted, duration, plain, rate, say
+from psim.console import animated, counted, duration, plain, rate, say
 
 if TYPE_CHECKING:
-    from particlesim.runner import Progress
+    from particlesim.run.runner import Progress
     from particlesim.sweep import SweepProgress
 
 FIRST_LINE, LINE_EVERY = 10.0, 30.0

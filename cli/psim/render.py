@@ -53,8 +53,8 @@ def render(
     import json
 
     import particlesim as ps
+    from psim.console import print_path, say, warn
     from psim.progress import render_progress
-    from psim.talk import print_path, say, warn
 
     given = {"look": look, "color_by": color_by, "fps": fps, "speed": speed}
     settings = [f"render.{name}={json.dumps(value)}" for name, value in given.items() if value is not None]
@@ -88,8 +88,8 @@ def render(
 
 def _took(made: RenderReport) -> str:
     """'181 pictures in 31.2 s, 12.1 s of them for compiling kernels, which are kept; 9.5 per second'."""
+    from psim.console import counted, duration
     from psim.summary import LONG
-    from psim.talk import counted, duration
 
     text = f"{counted(made.frames, 'picture')} in {duration(made.seconds)}"
     if made.compiling >= LONG:

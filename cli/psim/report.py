@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from psim.standard import OUTPUT, discard_output
-from psim.stop import requested
-from psim.talk import paint, plain
+from psim.console import paint, plain
+from psim.signals import requested
+from psim.std_streams import OUTPUT, discard_output
 
 if TYPE_CHECKING:
     from particlesim.errors import Diagnostic, PsimError
@@ -119,7 +119,7 @@ def _print(error: Any) -> None:
 
     color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
     if isinstance(error, ScenarioError):
-        from particlesim.scenario.report import render_all
+        from particlesim.scenario.text.report import render_all
 
         print(render_all(error.diagnostics, color=color), file=sys.stderr)
         return

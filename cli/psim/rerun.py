@@ -31,7 +31,7 @@ def rerun(
     The same version of psim on the same kind of machine gives the same bits. Exit code 1 when something differs, which is
     shown as by psim diff.
     """
-    from particlesim.repeat import rerun as repeat
+    from particlesim.verification.rerun import rerun as repeat
 
     with run_progress(trajectory.stem, quiet=quiet or as_json) as progress:
         compared = repeat(

@@ -24,7 +24,7 @@ from psim.options import (
 from psim.progress import render_progress, run_progress
 
 if TYPE_CHECKING:
-    from particlesim.runner import Result
+    from particlesim.run.runner import Result
     from particlesim.scenario.scenario import Scenario
 
 VIDEO_SIZE = [1280, 720]
@@ -126,8 +126,8 @@ def _tell(
 ) -> None:
     """How a run ended, for people or as JSON, without the warnings that were `said` before; failures as annotations, too."""
     from psim.annotations import annotate_checks
+    from psim.console import print_json, print_path
     from psim.summary import show_failures, show_summary, summary
-    from psim.talk import print_json, print_path
 
     told = summary(result, scenario, film, warnings)
     if as_json:
@@ -144,8 +144,8 @@ def _tell(
 
 
 def _show_blessed(loaded: Scenario) -> None:
-    from particlesim.references import reference_paths
-    from psim.talk import say
+    from particlesim.run.references import reference_paths
+    from psim.console import say
 
     for reference in reference_paths(loaded):
         say(f"written: {reference}, the reference of later runs")
@@ -180,9 +180,9 @@ def _dry_run(
     *,
     must_fit: bool,
 ) -> None:
-    from particlesim.calibration import estimated_seconds
+    from particlesim.preflight.run_time import estimated_seconds
+    from psim.console import print_json
     from psim.plan import plan, show_plan
-    from psim.talk import print_json
 
     loaded, path = _prepare(scenario, overrides, output)
     planned = plan(loaded, path, must_fit=must_fit)
@@ -199,7 +199,7 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool,
 
     check_target(path, overwrite=force or resume)
     if film is not None:
-        from particlesim.filming import check_film
+        from particlesim.render.film import check_film
 
         check_film(loaded, film, overwrite=force or resume)
 
@@ -210,7 +210,7 @@ def _simulate(
     """Run with the options of `ps.run`; an error in the middle says where the frames before it are. What is warned of at
     the start goes to `said`."""
     import particlesim as ps
-    from psim.talk import warn
+    from psim.console import warn
 
     def tell(text: str) -> None:
         warn(text)
@@ -239,7 +239,7 @@ def _render(
     import shlex
 
     import particlesim as ps
-    from psim.stop import requested
+    from psim.signals import requested
 
     kept = f"the trajectory {path} is complete; its video: psim render {shlex.quote(str(path))}"
     kept += " --force" if film.exists() else ""

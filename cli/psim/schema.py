@@ -32,7 +32,7 @@ def schema(
         print(text)
         return
     from particlesim.trajectory.target import check_target, replacing
-    from psim.talk import print_path
+    from psim.console import print_path
 
     check_target(output, overwrite=force)
     with replacing(output) as temporary:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from psim.console import facts, paint, print_json, print_path, warn
 from psim.options import Force, Overrides, ScenarioFile
-from psim.talk import facts, paint, print_json, print_path, warn
 
 
 def stability(

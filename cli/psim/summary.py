@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.talk import counted, duration, facts, paint, rate, say, warn
+from psim.console import counted, duration, facts, paint, rate, say, warn
 
 if TYPE_CHECKING:
-    from particlesim.runner import Result
+    from particlesim.run.runner import Result
 
 DIGITS = 16
 """Digits of a digest that people are shown; two runs agree in them by chance once in 10¹⁹."""
@@ -28,7 +28,7 @@ _CAUSES = {
 
 def summary(result: Result, scenario: Path, video: Path | None, warnings: list[str]) -> dict[str, Any]:
     """The facts of a run as plain data, in SI units."""
-    from particlesim.digest import physics_digest
+    from particlesim.scenario.digest import physics_digest
 
     grid = result.scenario.grid
     dead = sum(result.died.values())
@@ -96,7 +96,7 @@ def _momentum(result: Result) -> dict[str, list[float]] | None:
 
 def show_summary(told: dict[str, Any]) -> None:
     """The table on stderr."""
-    from particlesim.bounds import size
+    from particlesim.preflight.resources import size
 
     steps = f"{told['time']:.6g} s in {counted(told['steps'], 'step')} of {told['dt']:.6g} s"
     if told["dt_asked"] is not None:

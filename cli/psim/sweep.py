@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from psim.annotations import annotate
+from psim.console import duration, facts, paint, plain, print_json, print_path, say
 from psim.junit import reported
 from psim.options import JUnit, Overrides, Quiet
 from psim.progress import sweep_progress
@@ -34,7 +35,6 @@ from psim.sweep_options import (
     Yes,
     Zip,
 )
-from psim.talk import duration, facts, paint, plain, print_json, print_path, say
 
 if TYPE_CHECKING:
     from particlesim.sweep import Executor, SweepResult
@@ -187,8 +187,8 @@ class _Definition:
 
 def _definition(path: Path, vary: list[str]) -> _Definition:
     from particlesim.errors import UsageError
-    from particlesim.scenario.overrides import override_from_python
-    from particlesim.scenario.source import read_source
+    from particlesim.scenario.text.overrides import override_from_python
+    from particlesim.scenario.text.source import read_source
     from particlesim.sweep import parse_axis
     from particlesim.sweep.definition import is_sweep, load_sweep
 

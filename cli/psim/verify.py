@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from psim.annotations import annotate
+from psim.console import paint, plain, print_json, say
 from psim.options import Overrides, Quiet, ScenarioFile, Threads
 from psim.progress import run_progress
-from psim.talk import paint, plain, print_json, say
 
 if TYPE_CHECKING:
-    from particlesim.verification import Convergence, Verification
+    from particlesim.verification.convergence import Convergence, Verification
 
 _WORDS = {
     "ok": "as promised",
@@ -38,7 +38,7 @@ def verify(
     tangential_loss, on which what lies slides by a distance that is a matter of dt.
     """
     import particlesim as ps
-    from particlesim.verification import verify as converge
+    from particlesim.verification.convergence import verify as converge
 
     loaded = ps.load(scenario, overrides or ())
     with run_progress(scenario.stem, quiet=quiet or as_json) as progress:

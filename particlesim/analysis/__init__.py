@@ -1,1 +1,1 @@
-
+"""What trajectories tell: series, plots, differences, stability."""

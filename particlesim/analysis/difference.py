@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.digest import physics_of
 from particlesim.errors import UsageError
+from particlesim.scenario.digest import physics_of
 from particlesim.trajectory.fields import FIELDS, Precision
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from particlesim.analysis.figure import COLORS, INK, blank_figure, check_image, dress, save
 from particlesim.engine.simulation import Simulation
-from particlesim.engine.stability import IslandStability, Stability
-from particlesim.engine.stability import stability as of_simulation
+from particlesim.engine.stability.limits import IslandStability, Stability
+from particlesim.engine.stability.limits import stability as of_simulation
 from particlesim.integrators.base import Method
 from particlesim.integrators.regions import Linear, amplification, has_function, one_step
 from particlesim.scenario.scenario import Scenario

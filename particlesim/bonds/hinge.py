@@ -40,10 +40,10 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import Floats, Ints
 from particlesim.bonds.pairs import Index
-from particlesim.crossfield import invalid
-from particlesim.laws import hinge_energy, hinge_moment, hinge_stiffness, law
-from particlesim.model import Model, Name
-from particlesim.units import Degrees, Joules
+from particlesim.laws.registry import hinge_energy, hinge_moment, hinge_stiffness, law
+from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Degrees, Joules
 
 Form = Literal["harmonic", "cosine"]
 AngleGradient = tuple[float, float, float, float, float, float, float]

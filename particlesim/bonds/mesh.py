@@ -8,9 +8,9 @@ from annotated_types import Ge, Gt
 from pydantic import model_validator
 
 from particlesim.bonds.base import SpringLaw
-from particlesim.crossfield import invalid
-from particlesim.model import Model
-from particlesim.units import Joules, KilogramsPerSecond, Newtons, NewtonsPerMetre, Number
+from particlesim.model.base import Model
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Joules, KilogramsPerSecond, Newtons, NewtonsPerMetre, Number
 
 Stiffness = Annotated[NewtonsPerMetre, Gt(0)]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from particlesim.crossfield import invalid
+from particlesim.model.mistakes import invalid
 
 Index = Annotated[int, Field(ge=0, strict=True)]
 Pairs = tuple[tuple[Index, Index], ...]

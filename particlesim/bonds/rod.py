@@ -3,7 +3,7 @@
     |x₁ − x₂| = L,   hence (x₁ − x₂)·(v₁ − v₂) = 0
 
 The rod pulls or pushes along itself with whatever it takes, f on 1 = λ (x₁ − x₂), f on 2 = −f on 1, and does no work but on
-ends that are led. The engine solves for all λ of connected rods at once, after every drift (`particlesim.engine.rods`).
+ends that are led. The engine solves for all λ of connected rods at once, after every drift (`shake_rattle`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import Ints
 from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
-from particlesim.crossfield import Path
-from particlesim.model import Model, Name
-from particlesim.units import Metres
+from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import Path
+from particlesim.model.units import Metres
 
 LENGTH_TOLERANCE = 1e-4
 """Part of a given length by which particles may be too near or too far at the start."""

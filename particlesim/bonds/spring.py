@@ -18,10 +18,10 @@ from pydantic import Field, model_validator
 from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
 from particlesim.bonds.near import near_pairs
 from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
-from particlesim.crossfield import invalid
-from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
-from particlesim.model import Model, Name
-from particlesim.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
+from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
+from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
 
 
 class Springs(Model):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from particlesim.bonds.spring import Pair, spring_dv, spring_dx
-from particlesim.laws import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
+from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 
 
 class StrutRecord(NamedTuple):

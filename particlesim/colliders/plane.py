@@ -9,11 +9,11 @@ from annotated_types import Ge, Le
 from pydantic import Field, field_validator, model_validator
 
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.crossfield import invalid
-from particlesim.laws import KILL, PASS, STICK
-from particlesim.model import Model, Name
-from particlesim.units import Metres, Number, Vector
-from particlesim.vectors import dot, unit
+from particlesim.laws.registry import KILL, PASS, STICK
+from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, Number, Vector
+from particlesim.model.vectors import dot, unit
 
 LIVELY = 0.9
 """Restitution above which projection out of a plane may add more energy than the bounce takes."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from particlesim.laws import PASS, Particle, contact, gap, law, moved_to
+from particlesim.laws.registry import PASS, Particle, contact, gap, law, moved_to
 
 
 class PlaneRecord(NamedTuple):

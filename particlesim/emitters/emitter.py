@@ -10,14 +10,14 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from particlesim.crossfield import invalid
-from particlesim.distributions import Distribution, Sampled, draw, smallest
-from particlesim.groups import Group
-from particlesim.model import Model, Name
-from particlesim.shapes import AnyShape
-from particlesim.streams import Streams
-from particlesim.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
-from particlesim.vectors import perpendicular, unit
+from particlesim.groups.group import Group
+from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
+from particlesim.model.vectors import perpendicular, unit
+from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
+from particlesim.sampling.random_streams import Streams
+from particlesim.sampling.shapes import AnyShape
 
 Floats = NDArray[np.float64]
 

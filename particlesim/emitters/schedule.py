@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters.emitter import Emitter
-from particlesim.streams import Streams
+from particlesim.sampling.random_streams import Streams
 
 Floats = NDArray[np.float64]
 

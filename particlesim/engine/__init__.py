@@ -1,1 +1,1 @@
-
+"""The engine: what advances a scenario in time."""

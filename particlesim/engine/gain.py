@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.state import GroupState
+from particlesim.engine.state.group_state import GroupState
 
 Floats = NDArray[np.float64]
 

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.divergence import ran_away
+from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
-from particlesim.engine.misplaced import overlaps
 from particlesim.engine.shadow import swing, swings
-from particlesim.engine.stability import island_stability
+from particlesim.engine.stability.limits import island_stability
 from particlesim.errors import UsageError
 from particlesim.forces import Force
 from particlesim.forces.field import Field
-from particlesim.graph import Island
-from particlesim.laws import has_law, potential
+from particlesim.graph.graph import Island
+from particlesim.laws.registry import has_law, potential
 
 if TYPE_CHECKING:
     from particlesim.engine.simulation import Simulation

@@ -17,10 +17,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.islands import IndependentIsland
-from particlesim.engine.state import GroupState
-from particlesim.graph import Island
+from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.state.group_state import GroupState
+from particlesim.graph.graph import Island
 from particlesim.integrators import METHODS
 
 Floats = NDArray[np.float64]

@@ -11,25 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
-from particlesim.engine.astray import astray, led_are_finite
-from particlesim.engine.books import total_energy
-from particlesim.engine.corners import sum_hinges
-from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.divergence import not_finite, overflowed
+from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
+from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands import OWN_STEPS, Births, IndependentIsland
-from particlesim.engine.measure import MOTION, bond_energy, measure
-from particlesim.engine.populate import populate
-from particlesim.engine.program import as_precision
-from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.interactions.elements import sum_hinges
+from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.independent import OWN_STEPS, Births, IndependentIsland
+from particlesim.engine.islands.initial import populate
+from particlesim.engine.ledger.sums import MOTION, bond_energy, measure
+from particlesim.engine.ledger.work import total_energy
+from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.step.records import as_precision
 from particlesim.engine.topology import topology
 from particlesim.errors import DivergenceError
-from particlesim.graph import Graph, build_graph
-from particlesim.laws import has_law, potential
+from particlesim.graph.graph import Graph, build_graph
+from particlesim.laws.registry import has_law, potential
+from particlesim.process.threads import Team
+from particlesim.scenario.ledger_columns import work_columns
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.totals import work_columns
-from particlesim.team import Team
 from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
-from particlesim.engine.bonding import Bonds
-from particlesim.engine.books import Books
-from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.coupled.workspace import Work
 from particlesim.engine.gain import Account
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands import Births, IndependentIsland
+from particlesim.engine.interactions.bonds import Bonds
+from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.independent import Births, IndependentIsland
+from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
-from particlesim.engine.staging import Work
-from particlesim.engine.state import Deaths, GroupState
+from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.integrators import Method
-from particlesim.streams import Streams
+from particlesim.sampling.random_streams import Streams
 
 Array = NDArray[Any]
 Number = int | float

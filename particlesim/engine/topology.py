@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from particlesim.engine.coupled_island import CoupledIsland
-from particlesim.engine.state import GroupState
-from particlesim.graph import Graph
+from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.state.group_state import GroupState
+from particlesim.graph.graph import Graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 

@@ -12,11 +12,11 @@ import numpy as np
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.shooting import CLOSE, Hit, Range
-from particlesim.interruption import held_signals
+from particlesim.model.vectors import unit
+from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import read_source
-from particlesim.vectors import unit
+from particlesim.scenario.text.source import read_source
 
 SAME = 1e-6
 """Angle between two directions that are one [rad]."""

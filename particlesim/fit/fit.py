@@ -20,11 +20,11 @@ from particlesim.errors import DivergenceError, ScenarioError, UsageError
 from particlesim.fit.measurements import Measurements
 from particlesim.fit.parameters import Range, value_of, within_limits
 from particlesim.fit.predict import predict
-from particlesim.interruption import held_signals
+from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
-from particlesim.scenario.overrides import overrides_from_mapping
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import read_source
+from particlesim.scenario.text.overrides import overrides_from_mapping
+from particlesim.scenario.text.source import read_source
 
 Floats = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
 from particlesim.layouts.input_file import bounded_lines, check_regular, require_memory
-from particlesim.names import did_you_mean
-from particlesim.units import Metres, MetresPerSecond, Seconds, Unit
+from particlesim.model.spelling import did_you_mean
+from particlesim.model.units import Metres, MetresPerSecond, Seconds, Unit
 
 Floats = NDArray[np.float64]
 

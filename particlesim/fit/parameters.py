@@ -9,12 +9,12 @@ from typing import Any
 from annotated_types import Ge, Gt, Le, Lt
 
 from particlesim.errors import ScenarioError, UsageError
-from particlesim.names import did_you_mean
-from particlesim.scenario import typewalk
+from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.dump import to_table
-from particlesim.scenario.overrides import resolve_path
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.typewalk import Node
+from particlesim.scenario.text import typewalk
+from particlesim.scenario.text.overrides import resolve_path
+from particlesim.scenario.text.typewalk import Node
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.predict import hermite
-from particlesim.groups import Particles
+from particlesim.groups.group import Particles
 from particlesim.layouts.points import Points
-from particlesim.names import did_you_mean
+from particlesim.model.spelling import did_you_mean
+from particlesim.model.vectors import unit
 from particlesim.scenario.load import scenario_of
-from particlesim.scenario.overrides import Override, overrides_from_mapping
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import Source
-from particlesim.vectors import unit
+from particlesim.scenario.text.overrides import Override, overrides_from_mapping
+from particlesim.scenario.text.source import Source
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from particlesim.model import Model
+from particlesim.model.base import Model
 
 
 class Flow(Model):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from particlesim.flows.base import Flow
-from particlesim.laws import ZERO_MATRIX, Matrix, Particle, Vector, law, velocity, velocity_dx
-from particlesim.units import MetresPerSecond
-from particlesim.units import Vector as Vector3
+from particlesim.laws.registry import ZERO_MATRIX, Matrix, Particle, Vector, law, velocity, velocity_dx
+from particlesim.model.units import MetresPerSecond
+from particlesim.model.units import Vector as Vector3
 
 
 class Uniform(Flow):

@@ -17,10 +17,10 @@ from annotated_types import Gt
 from pydantic import field_validator
 
 from particlesim.flows.base import Flow
-from particlesim.laws import Matrix, Particle, Vector, law, velocity, velocity_dx
-from particlesim.units import Metres, SquareMetresPerSecond
-from particlesim.units import Vector as Vector3
-from particlesim.vectors import unit
+from particlesim.laws.registry import Matrix, Particle, Vector, law, velocity, velocity_dx
+from particlesim.model.units import Metres, SquareMetresPerSecond
+from particlesim.model.units import Vector as Vector3
+from particlesim.model.vectors import unit
 
 
 class Vortex(Flow):

@@ -13,9 +13,8 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.forces.base import Force
-from particlesim.laws import (
+from particlesim.laws.registry import (
     ZERO_MATRIX,
     Matrix,
     Particle,
@@ -26,8 +25,9 @@ from particlesim.laws import (
     law,
     potential,
 )
-from particlesim.units import CubicMetresPerSecondSquared, Kilograms, Metres, Number
-from particlesim.units import Vector as Vector3
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import CubicMetresPerSecondSquared, Kilograms, Metres, Number
+from particlesim.model.units import Vector as Vector3
 
 GRAVITATIONAL_CONSTANT = 6.67430e-11
 """G [m³/(kg s²)], CODATA 2018."""

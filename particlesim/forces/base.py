@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from particlesim.model import Model, Name
+from particlesim.model.base import Model, Name
 
 
 class Force(Model):

@@ -14,11 +14,10 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from annotated_types import Gt
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
-from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.gravity import STANDARD_GRAVITY
-from particlesim.laws import (
+from particlesim.laws.registry import (
     ZERO_MATRIX,
     Matrix,
     Particle,
@@ -29,9 +28,10 @@ from particlesim.laws import (
     law,
     potential,
 )
-from particlesim.units import CubicMetres, KilogramsPerCubicMetre, Metres, MetresPerSecondSquared
-from particlesim.units import Vector as Vector3
-from particlesim.vectors import norm, unit
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import CubicMetres, KilogramsPerCubicMetre, Metres, MetresPerSecondSquared
+from particlesim.model.units import Vector as Vector3
+from particlesim.model.vectors import norm, unit
 
 
 class Buoyancy(Force):

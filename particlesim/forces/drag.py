@@ -17,11 +17,10 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.flows import AnyFlow
-from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
-from particlesim.forces.fluid_laws import (
+from particlesim.forces.drag_laws import (
     Constant,
     SchillerNaumann,
     Sphere,
@@ -32,7 +31,7 @@ from particlesim.forces.fluid_laws import (
     drag_slope,
     drag_speed,
 )
-from particlesim.laws import (
+from particlesim.laws.registry import (
     Matrix,
     Particle,
     Vector,
@@ -44,8 +43,9 @@ from particlesim.laws import (
     velocity,
     velocity_dx,
 )
-from particlesim.model import Model
-from particlesim.units import (
+from particlesim.model.base import Model
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import (
     KelvinDifference,
     KilogramsPerCubicMetre,
     Metres,

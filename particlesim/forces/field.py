@@ -12,11 +12,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import Field as _Default
 from pydantic import StringConstraints, model_validator
 
-from particlesim.crossfield import invalid
-from particlesim.forces.base import Force
-from particlesim.forces.expression import ExpressionError, parse, reads
-from particlesim.forces.jumps import creased, jumping
-from particlesim.forces.operations import (
+from particlesim.expressions.discontinuities import creased, jumping
+from particlesim.expressions.operations import (
     FUNCTIONS,
     VARIABLES,
     VX,
@@ -35,7 +32,9 @@ from particlesim.forces.operations import (
     slope,
     value,
 )
-from particlesim.laws import (
+from particlesim.expressions.parser import ExpressionError, parse, reads
+from particlesim.forces.base import Force
+from particlesim.laws.registry import (
     Matrix,
     Particle,
     Vector,
@@ -46,8 +45,9 @@ from particlesim.laws import (
     moved_to,
     potential,
 )
-from particlesim.model import Name
-from particlesim.units import Number
+from particlesim.model.base import Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Number
 
 Expression = Annotated[str, StringConstraints(max_length=2000)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal, NamedTuple
 
 from particlesim.forces.base import Force
-from particlesim.laws import (
+from particlesim.laws.registry import (
     ZERO_MATRIX,
     Matrix,
     Particle,
@@ -16,8 +16,8 @@ from particlesim.laws import (
     law,
     potential,
 )
-from particlesim.units import MetresPerSecondSquared
-from particlesim.units import Vector as Vector3
+from particlesim.model.units import MetresPerSecondSquared
+from particlesim.model.units import Vector as Vector3
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s²] (CGPM 1901)."""

@@ -11,7 +11,7 @@ from annotated_types import Ge
 
 from particlesim.flows import AnyFlow
 from particlesim.forces.base import Force
-from particlesim.laws import (
+from particlesim.laws.registry import (
     Matrix,
     Particle,
     Vector,
@@ -22,7 +22,7 @@ from particlesim.laws import (
     velocity,
     velocity_dx,
 )
-from particlesim.units import KilogramsPerSecond
+from particlesim.model.units import KilogramsPerSecond
 
 
 class LinearDrag(Force):

@@ -7,9 +7,19 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from annotated_types import Ge
 
 from particlesim.forces.base import Force
-from particlesim.laws import ZERO_MATRIX, Matrix, Particle, Vector, force, force_dv, force_dx, law, potential
-from particlesim.units import Metres, NewtonsPerMetre
-from particlesim.units import Vector as Vector3
+from particlesim.laws.registry import (
+    ZERO_MATRIX,
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    law,
+    potential,
+)
+from particlesim.model.units import Metres, NewtonsPerMetre
+from particlesim.model.units import Vector as Vector3
 
 
 class PointSpring(Force):

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from particlesim.forces.base import Force
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, law, potential
-from particlesim.units import Metres, RadiansPerSecond, RadiansPerSecondSquared
-from particlesim.units import Vector as Vector3
+from particlesim.laws.registry import Matrix, Particle, Vector, force, force_dv, force_dx, law, potential
+from particlesim.model.units import Metres, RadiansPerSecond, RadiansPerSecondSquared
+from particlesim.model.units import Vector as Vector3
 
 
 class RotatingFrame(Force):

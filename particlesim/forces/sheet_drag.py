@@ -19,12 +19,20 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.flows import AnyFlow
-from particlesim.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
-from particlesim.laws import Matrix, Particle, Vector, law, triangle_force, triangle_force_dv, velocity
-from particlesim.units import KilogramsPerCubicMetre, Number
+from particlesim.laws.registry import (
+    Matrix,
+    Particle,
+    Vector,
+    law,
+    triangle_force,
+    triangle_force_dv,
+    velocity,
+)
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import KilogramsPerCubicMetre, Number
 
 
 class SheetDrag(Force):

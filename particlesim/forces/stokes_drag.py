@@ -12,13 +12,13 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from annotated_types import Gt
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.flows import AnyFlow
-from particlesim.fluids import FLUIDS, FluidName
+from particlesim.flows.fluids import FLUIDS, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.linear_drag import scaled, viscous_dv, viscous_force
-from particlesim.laws import Matrix, Particle, Vector, force, force_dv, force_dx, law, velocity_dx
-from particlesim.units import KilogramsPerCubicMetre, PascalSeconds
+from particlesim.laws.registry import Matrix, Particle, Vector, force, force_dv, force_dx, law, velocity_dx
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import KilogramsPerCubicMetre, PascalSeconds
 
 
 class StokesDrag(Force):

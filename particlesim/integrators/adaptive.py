@@ -22,7 +22,7 @@ from annotated_types import Gt
 from particlesim.integrators.base import RungeKutta, none_if_zero
 from particlesim.integrators.options import Options
 from particlesim.integrators.trees import order_conditions
-from particlesim.units import Metres, MetresPerSecond, Seconds
+from particlesim.model.units import Metres, MetresPerSecond, Seconds
 
 AdaptiveName = Literal["adaptive_euler", "rk45", "dop853"]
 

@@ -17,10 +17,10 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.integrators.base import Method, none_if_zero
 from particlesim.integrators.options import Options
-from particlesim.units import Number
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Number
 
 TOLERANCE = 1e-8
 LINEAR_TOLERANCE = 1e-3

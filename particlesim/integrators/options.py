@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from particlesim.model import Model
+from particlesim.model.base import Model
 
 FixedStepName = Literal[
     "symplectic_euler",

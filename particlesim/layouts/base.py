@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pydantic import StringConstraints
 
 from particlesim.errors import UsageError
-from particlesim.model import Model
-from particlesim.streams import Streams
+from particlesim.model.base import Model
+from particlesim.sampling.random_streams import Streams
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.layouts.base import Floats, Placed
 from particlesim.layouts.mesh import SHEAR, STRUCTURAL, Ints, Mesh
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Vector
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, MetresPerSecond, Vector
+from particlesim.sampling.random_streams import Streams
 
 Length = Annotated[Metres, Gt(0)]
 Place = Literal["ends", "left", "right", "towers", "supports", "deck"]

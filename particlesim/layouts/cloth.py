@@ -9,12 +9,12 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.layouts.base import Floats, Line, Placed
 from particlesim.layouts.mesh import BEND, DIHEDRAL, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Number, Vector
-from particlesim.vectors import dot, unit
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
+from particlesim.model.vectors import dot, unit
+from particlesim.sampling.random_streams import Streams
 
 Place = Literal[
     "corners", "left", "right", "top", "bottom", "top_left", "top_right", "bottom_left", "bottom_right"

@@ -16,9 +16,9 @@ from particlesim.layouts.csv_file import line_of, read_csv
 from particlesim.layouts.input_file import check_regular, require_memory
 from particlesim.layouts.npy_file import open_npy
 from particlesim.layouts.table import Columns, Table
-from particlesim.model import Name
-from particlesim.names import did_you_mean
-from particlesim.streams import Streams
+from particlesim.model.base import Name
+from particlesim.model.spelling import did_you_mean
+from particlesim.sampling.random_streams import Streams
 
 if TYPE_CHECKING:
     from particlesim.trajectory.frame import Frame

@@ -9,13 +9,13 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.layouts.base import Floats, Placed
 from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Ints, Mesh, Resolution
-from particlesim.shapes import AnyShape
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Number, Vector
-from particlesim.vectors import unit
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
+from particlesim.model.vectors import unit
+from particlesim.sampling.random_streams import Streams
+from particlesim.sampling.shapes import AnyShape
 
 Place = Literal["roots", "clamped", "tips"]
 

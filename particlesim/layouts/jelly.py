@@ -10,8 +10,8 @@ from pydantic import Field
 
 from particlesim.layouts.base import Placed
 from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Vector
+from particlesim.model.units import Metres, MetresPerSecond, Vector
+from particlesim.sampling.random_streams import Streams
 
 Length = Annotated[Metres, Gt(0)]
 Place = Literal["corners", "left", "right", "bottom", "top", "back", "front"]

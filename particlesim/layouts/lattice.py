@@ -8,10 +8,10 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import Field
 
-from particlesim.distributions import Sampled, draw
 from particlesim.layouts.base import Layout, Placed
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Vector
+from particlesim.model.units import Metres, MetresPerSecond, Vector
+from particlesim.sampling.distributions import Sampled, draw
+from particlesim.sampling.random_streams import Streams
 
 Count = Annotated[int, Field(ge=1, le=10**7, strict=True)]
 

@@ -11,8 +11,8 @@ from pydantic import Field
 from particlesim.layouts.base import Placed
 from particlesim.layouts.cloth import Pinned, Sheet
 from particlesim.layouts.mesh import BEND, STRUCTURAL, Ints
-from particlesim.streams import Streams
-from particlesim.units import Metres
+from particlesim.model.units import Metres
+from particlesim.sampling.random_streams import Streams
 
 Meshes = Annotated[int, Field(ge=1, le=1000, strict=True)]
 Length = Annotated[Metres, Gt(0)]

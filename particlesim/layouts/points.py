@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.layouts.base import Layout, Placed
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Vector
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, MetresPerSecond, Vector
+from particlesim.sampling.random_streams import Streams
 
 
 class Points(Layout):

@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from particlesim.distributions import Sampled, draw
 from particlesim.layouts.base import Layout, Placed
-from particlesim.shapes import AnyShape
-from particlesim.streams import Streams
-from particlesim.units import MetresPerSecond, Vector
+from particlesim.model.units import MetresPerSecond, Vector
+from particlesim.sampling.distributions import Sampled, draw
+from particlesim.sampling.random_streams import Streams
+from particlesim.sampling.shapes import AnyShape
 
 
 class Random(Layout):

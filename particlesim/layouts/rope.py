@@ -7,11 +7,11 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import model_validator
 
-from particlesim.crossfield import invalid
 from particlesim.layouts.base import Placed
 from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Ints, Mesh, Resolution
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Vector
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, MetresPerSecond, Vector
+from particlesim.sampling.random_streams import Streams
 
 
 class Rope(Mesh):

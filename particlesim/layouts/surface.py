@@ -12,8 +12,8 @@ from pydantic import PrivateAttr, StringConstraints
 from particlesim.layouts.base import Floats, Placed
 from particlesim.layouts.mesh import BEND, DIHEDRAL, STRUCTURAL, Ints, Mesh, folds, require_manifold
 from particlesim.layouts.mesh_formats import read_surface
-from particlesim.streams import Streams
-from particlesim.units import Metres, MetresPerSecond, Number, Vector
+from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
+from particlesim.sampling.random_streams import Streams
 
 
 class SurfaceFile(Mesh):

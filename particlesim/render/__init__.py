@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from particlesim.render.scene import FrameSource, PlaneShape
+from particlesim.render.scene.source import FrameSource, PlaneShape
 from particlesim.scenario.rendering import Camera, RenderSettings
 
 if TYPE_CHECKING:

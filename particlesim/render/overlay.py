@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.render.fields import Coloring
-from particlesim.render.lighting import is_light
-from particlesim.render.stage import Array
+from particlesim.render.kernels.records import Array
+from particlesim.render.scene.coloring import Coloring
+from particlesim.render.scene.lighting import is_light
 from particlesim.scenario.rendering import RenderSettings
 
 _RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-", strict=True))

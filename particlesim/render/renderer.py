@@ -11,33 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.render import colormaps, project, raster, shade
-from particlesim.render.bodies import Bodies
-from particlesim.render.camera import Viewpoint, choose_viewpoint
-from particlesim.render.cast import NO_BOX, Act, Buffers, Cast
-from particlesim.render.fields import NOTHING, choose_coloring, color_indices, quantized, values_of
-from particlesim.render.lighting import (
-    choose_light,
-    choose_theme,
-    grid_planes,
-    is_light,
-    readable,
-    tone_curve,
-)
-from particlesim.render.maps import depth_map
-from particlesim.render.overlay import Overlay
-from particlesim.render.project import BAND
-from particlesim.render.samples import (
+from particlesim.process.threads import Team
+from particlesim.render.kernels import project, raster, shade
+from particlesim.render.kernels.multisample import (
     clear_samples,
     nearest_depth,
     raster_balls,
     raster_triangles,
     raster_tubes,
 )
-from particlesim.render.scene import Frame, FrameSource, PlaneShape
-from particlesim.render.shade_solids import shade_samples
-from particlesim.render.solids import box_triangles, box_tubes
-from particlesim.render.stage import (
+from particlesim.render.kernels.project import BAND
+from particlesim.render.kernels.records import (
     Array,
     Axes,
     Light,
@@ -50,10 +34,27 @@ from particlesim.render.stage import (
     View,
     axes_of,
 )
-from particlesim.render.survey import survey
-from particlesim.render.trails import AUTOMATIC, collect_trails
+from particlesim.render.kernels.shade_solids import shade_samples
+from particlesim.render.kernels.solids import box_triangles, box_tubes
+from particlesim.render.overlay import Overlay
+from particlesim.render.scene import colormaps
+from particlesim.render.scene.bodies import Bodies
+from particlesim.render.scene.camera import Viewpoint, choose_viewpoint
+from particlesim.render.scene.coloring import NOTHING, choose_coloring, color_indices, quantized, values_of
+from particlesim.render.scene.draw_list import NO_BOX, Act, Buffers, Cast
+from particlesim.render.scene.extents import survey
+from particlesim.render.scene.lighting import (
+    choose_light,
+    choose_theme,
+    grid_planes,
+    is_light,
+    readable,
+    tone_curve,
+)
+from particlesim.render.scene.shadow_maps import depth_map
+from particlesim.render.scene.source import Frame, FrameSource, PlaneShape
+from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
-from particlesim.team import Team
 
 Picture = npt.NDArray[np.uint8]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 from particlesim.compiler import compiling_seconds
 from particlesim.errors import UsageError
-from particlesim.interruption import Held, held_signals
+from particlesim.process.signals import Held, held_signals
+from particlesim.process.threads import Team
 from particlesim.render.renderer import Picture, Renderer
-from particlesim.render.scene import Frame, FrameSource, PlaneShape
+from particlesim.render.scene.source import Frame, FrameSource, PlaneShape
 from particlesim.render.timeline import timeline
 from particlesim.render.writers import Writer, open_writer
 from particlesim.scenario.rendering import RenderSettings
-from particlesim.team import Team
 
 QUEUE = 3
 """Finished pictures that may wait for the encoder."""

@@ -9,13 +9,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from particlesim.crossfield import Invalid
 from particlesim.errors import UsageError
-from particlesim.scenario.diagnose import diagnose, scenario_error
-from particlesim.scenario.migration import format_of, migrated
-from particlesim.scenario.overrides import Override, apply_overrides, overrides_from_mapping, parse_override
+from particlesim.model.mistakes import Invalid
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import Source, parse_source, read_source, source_from_dict
+from particlesim.scenario.text.diagnose import diagnose, scenario_error
+from particlesim.scenario.text.migration import format_of, migrated
+from particlesim.scenario.text.overrides import (
+    Override,
+    apply_overrides,
+    overrides_from_mapping,
+    parse_override,
+)
+from particlesim.scenario.text.source import Source, parse_source, read_source, source_from_dict
 
 Overrides = Mapping[str, object] | Iterable[str]
 

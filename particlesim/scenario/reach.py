@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from particlesim.crossfield import Path
 from particlesim.forces import Force
 from particlesim.forces.field import Field
-from particlesim.groups import Group, Particles
+from particlesim.groups.group import Group, Particles
+from particlesim.model.mistakes import Path
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario

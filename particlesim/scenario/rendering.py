@@ -11,9 +11,9 @@ from typing import Annotated, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import Field, model_validator
 
-from particlesim.crossfield import invalid
-from particlesim.model import Model
-from particlesim.units import Degrees, Hertz, Metres, Number, Vector
+from particlesim.model.base import Model
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Degrees, Hertz, Metres, Number, Vector
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "steel", "blackbody"]

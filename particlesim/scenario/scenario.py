@@ -10,30 +10,30 @@ from typing import Literal
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
-from particlesim.checks import Check
+from particlesim.checks.check import Check
 from particlesim.colliders import Plane
-from particlesim.crossfield import Invalid, invalid
 from particlesim.emitters import Emitter
 from particlesim.errors import InputOutputError, ResourceError, UsageError
 from particlesim.forces import AnyForce
-from particlesim.groups import Group, Particles
-from particlesim.impulses import Impulse
+from particlesim.groups.group import Group, Particles
+from particlesim.groups.impulse import Impulse
+from particlesim.groups.motion import Motion
 from particlesim.layouts import Layout
 from particlesim.layouts.base import LayoutError
 from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
 from particlesim.layouts.surface import SurfaceFile
-from particlesim.model import Line, Model, Prose
-from particlesim.motions import Motion
-from particlesim.scenario.agreement import untimely
-from particlesim.scenario.crosschecks import contradictions
-from particlesim.scenario.diagnose import scenario_error
+from particlesim.model.base import Line, Model, Prose
+from particlesim.model.mistakes import Invalid, invalid
+from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.rendering import RenderSettings
-from particlesim.scenario.rods import rod_sets
-from particlesim.scenario.simulation import Output, Simulation
-from particlesim.scenario.source import Source
+from particlesim.scenario.rules.checks import untimely
+from particlesim.scenario.rules.consistency import contradictions
+from particlesim.scenario.rules.rods import rod_sets
+from particlesim.scenario.text.diagnose import scenario_error
+from particlesim.scenario.text.source import Source
+from particlesim.scenario.time_and_output import Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
-from particlesim.streams import Streams
 
 
 class Scenario(Model):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from particlesim.crossfield import Invalid
-from particlesim.scenario.simulation import Output, Simulation
+from particlesim.model.mistakes import Invalid
+from particlesim.scenario.time_and_output import Output, Simulation
 
 FRAMES_BY_DEFAULT = 300
 MOST_STEPS = 10**15

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from particlesim.errors import UsageError
-from particlesim.names import did_you_mean
-from particlesim.scenario.overrides import Override, toml_value
+from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.text.overrides import Override, toml_value
 
 MOST_VALUES = 10**7
 """Values that a function may make: as many as fit in memory and in the folder of a sweep with ease."""

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 from annotated_types import MinLen
 from pydantic import Field, StrictBool, StringConstraints, ValidationError
 
-from particlesim.model import Model
-from particlesim.scenario.diagnose import diagnose
-from particlesim.scenario.source import Source, read_source
+from particlesim.model.base import Model
+from particlesim.scenario.text.diagnose import diagnose
+from particlesim.scenario.text.source import Source, read_source
 from particlesim.sweep.axes import Listed, Sampled, parse_axis
 from particlesim.sweep.design import Method
 

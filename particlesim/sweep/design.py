@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
-from particlesim.names import did_you_mean
+from particlesim.model.spelling import did_you_mean
 from particlesim.sweep.axes import MOST_VALUES, Listed, Sampled
 
 Method = Literal["sobol", "lhs", "random"]

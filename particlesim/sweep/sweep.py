@@ -9,24 +9,24 @@ from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+from particlesim.checks.quantities import is_count
 from particlesim.errors import InputOutputError, Interrupted, ScenarioError, UsageError
-from particlesim.interruption import held_signals
-from particlesim.names import did_you_mean
-from particlesim.quantities import is_count
-from particlesim.scenario.agreement import check_labels
+from particlesim.model.spelling import did_you_mean
+from particlesim.process.signals import held_signals
+from particlesim.process.threads import available_cores
+from particlesim.scenario.ledger_columns import booked, totals
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
-from particlesim.scenario.migration import migrated
-from particlesim.scenario.overrides import Override, apply_overrides, resolve_path
+from particlesim.scenario.rules.checks import check_labels
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import Source, read_source
-from particlesim.scenario.totals import booked, totals
+from particlesim.scenario.text.migration import migrated
+from particlesim.scenario.text.overrides import Override, apply_overrides, resolve_path
+from particlesim.scenario.text.source import Source, read_source
 from particlesim.sweep.design import Design
 from particlesim.sweep.executor import Executor, InProcess, LocalWorkers
 from particlesim.sweep.files import PARQUET, TABLE, alone, finished, prepare, run_folder, write_atomically
 from particlesim.sweep.outcome import EXIT_CODES, Outcome
 from particlesim.sweep.table import Table, write_parquet
 from particlesim.sweep.task import Task, present_digest
-from particlesim.team import available_cores
 from particlesim.version import __version__
 
 TABLE_EVERY = 5.0

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from particlesim.quantities import is_count
+from particlesim.checks.quantities import is_count
 from particlesim.sweep.axes import Listed, Sampled
 from particlesim.sweep.design import Design
 from particlesim.sweep.files import plain

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from particlesim.checking import count, total
+from particlesim.checks.quantities import is_count
 from particlesim.errors import (
     DivergenceError,
     InputOutputError,
@@ -18,14 +18,14 @@ from particlesim.errors import (
     ResourceError,
     UsageError,
 )
-from particlesim.quantities import is_count
-from particlesim.runner import Result, run
+from particlesim.run.checks import count, total
+from particlesim.run.runner import Result, run
+from particlesim.scenario.ledger_columns import totals
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.named_files import dump_for, file_digest, layout_files, reference_files
-from particlesim.scenario.overrides import Override, overrides_from_mapping
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.source import Source
-from particlesim.scenario.totals import totals
+from particlesim.scenario.text.overrides import Override, overrides_from_mapping
+from particlesim.scenario.text.source import Source
 from particlesim.sweep.design import Design
 from particlesim.sweep.files import RESULT, SCENARIO, TRAJECTORY, run_folder, write_atomically, write_json
 from particlesim.sweep.outcome import Outcome, Status

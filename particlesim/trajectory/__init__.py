@@ -1,1 +1,1 @@
-
+"""Trajectory files: written while a run goes on, read by everyone."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from particlesim.errors import UsageError
-from particlesim.names import near_miss
+from particlesim.model.spelling import near_miss
 
 Precision = Literal["single", "double"]
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import particlesim as ps
-from particlesim.engine.coupled_island import CoupledIsland
+from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.simulation import Simulation
 
 STEP = 1 / 60

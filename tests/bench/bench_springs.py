@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 
 import particlesim as ps
-from particlesim.engine.gathering import island_forces
+from particlesim.engine.coupled.forces import island_forces
 from particlesim.engine.simulation import Simulation
 
 HERE = Path(__file__).resolve().parent

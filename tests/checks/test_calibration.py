@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import particlesim as ps
-from particlesim.calibration import estimated_seconds
+from particlesim.preflight.run_time import estimated_seconds
 
 SCENARIO = """
 [simulation]

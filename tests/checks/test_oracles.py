@@ -12,11 +12,11 @@ from simulate import G
 
 import particlesim as ps
 from particlesim.errors import ScenarioError, UsageError
-from particlesim.forces.expression import on_arrays, parse
-from particlesim.forces.operations import FUNCTIONS, VARIABLES, value
-from particlesim.laws import Particle
-from particlesim.regions import HalfSpace, inside
-from particlesim.shapes import Ball, Box
+from particlesim.expressions.operations import FUNCTIONS, VARIABLES, value
+from particlesim.expressions.parser import on_arrays, parse
+from particlesim.laws.registry import Particle
+from particlesim.sampling.regions import HalfSpace, inside
+from particlesim.sampling.shapes import Ball, Box
 
 SCENARIO = """
 [simulation]

@@ -17,11 +17,11 @@ from rich.text import Text
 
 import particlesim as ps
 from particlesim.errors import UsageError
-from particlesim.examples_folder import examples_folder
+from particlesim.scenario.examples import examples_folder
 from particlesim.version import __version__
 from psim import app, complete
+from psim.console import duration, rate
 from psim.options import parse_frames
-from psim.talk import duration, rate
 
 from .conftest import REPOSITORY, TINY, Ended, environment, files, real
 
@@ -226,7 +226,7 @@ def test_examples(psim):
 
 def test_examples_of_an_installed_package(tmp_path, monkeypatch):
     """In a wheel the scenarios lie inside of the package."""
-    import particlesim.examples_folder as module
+    import particlesim.scenario.examples as module
 
     package = tmp_path / "site-packages" / "particlesim"
     (package / "examples").mkdir(parents=True)
@@ -396,7 +396,7 @@ def test_a_path_with_spaces_is_quoted_where_it_is_to_be_copied(psim):
 
 
 def test_sizes_in_words():
-    from particlesim.bounds import size
+    from particlesim.preflight.resources import size
 
     words = [size(b) for b in (0, 999, 1000, 2.5e6, 1e15, 2e18, 4e24)]
     assert words == ["0 B", "999 B", "1.0 kB", "2.5 MB", "1.0 PB", "2.0 EB", "4e+06 EB"]

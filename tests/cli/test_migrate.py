@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from particlesim.scenario import migration
-from particlesim.scenario.migration import Edit
+from particlesim.scenario.text import migration
+from particlesim.scenario.text.migration import Edit
 
 
 def test_nothing_to_do(psim) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import particlesim as ps
-from particlesim import bounds
+from particlesim.preflight import resources as bounds
 
 from .conftest import LONG, TINY, Ended, environment, files, start
 
@@ -253,7 +253,7 @@ def test_terminal_shows_progress_and_colors():
 
 def test_compiling_is_no_part_of_the_speed():
     # 40 s of 50 s go into compiling: the other ten make 100 steps of 7 particles, and 100 more are to come.
-    from particlesim.results import Progress
+    from particlesim.run.result import Progress
     from psim.progress import _Speed
     from psim.summary import _took
 

@@ -6,7 +6,8 @@ import signal
 
 import pytest
 
-from psim import app, stop
+from psim import app
+from psim import signals as stop
 
 from .conftest import Ended
 

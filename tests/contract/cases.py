@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.bounds_laws import BoundsRecord
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.expressions.operations import FUNCTIONS
+from particlesim.expressions.parser import parse
 from particlesim.flows import Flow
 from particlesim.flows.uniform import Uniform
 from particlesim.flows.vortex import Vortex
@@ -27,9 +29,7 @@ from particlesim.forces import (
     StokesDrag,
 )
 from particlesim.forces.drag import Atmosphere
-from particlesim.forces.expression import parse
-from particlesim.forces.operations import FUNCTIONS
-from particlesim.laws import Particle
+from particlesim.laws.registry import Particle
 
 UNIFORM = Uniform(velocity=(1.0, -2.0, 0.5))
 AXIS = (1.0, 2.0, -0.5)

@@ -28,7 +28,7 @@ from particlesim.bonds.hinge import (
 from particlesim.bonds.spring import Pair
 from particlesim.flows.uniform import Uniform
 from particlesim.forces.sheet_drag import SheetDrag, Triangle
-from particlesim.laws import (
+from particlesim.laws.registry import (
     GENERICS,
     Particle,
     bond_force,
@@ -41,7 +41,7 @@ from particlesim.laws import (
     triangle_force,
     triangle_force_dv,
 )
-from particlesim.model import field_docs
+from particlesim.model.base import field_docs
 
 H = 1e-3
 TOLERANCE = 1e-8

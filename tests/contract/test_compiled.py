@@ -14,11 +14,11 @@ import pytest
 from contract.cases import COLLIDER_RECORDS, EXPRESSIONS, FLOW_CASES, FORCE_CASES, particles, records_in
 
 from particlesim.compiler import compiling_seconds, kernel, told_of_compiling
-from particlesim.forces.expression import parse
+from particlesim.expressions.operations import Ray, slope, value
+from particlesim.expressions.parser import parse
+from particlesim.forces.drag_laws import StandardAtmosphere
 from particlesim.forces.field import PotentialRecord
-from particlesim.forces.fluid_laws import StandardAtmosphere
-from particlesim.forces.operations import Ray, slope, value
-from particlesim.laws import (
+from particlesim.laws.registry import (
     GENERICS,
     Particle,
     contact,

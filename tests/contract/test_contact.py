@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from support import careful, clock, position, program, run, state, velocity
 from support import columns as plain_columns
 
-from particlesim.colliders.bounds_laws import BoundsRecord
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.engine.contact import MAX_HALVINGS, MAX_STALLS, Careful, Simple
-from particlesim.engine.independent import BLOCK, new_room, step_range
+from particlesim.engine.independent.kernel import BLOCK, new_room, step_range
+from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS, Careful, Simple
 from particlesim.forces import Gravity
-from particlesim.laws import GENERICS, KILL, LEAVE, PASS, STICK, force
+from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, force
 
 EPS = np.finfo(float).eps
 G = 9.80665

@@ -12,17 +12,8 @@ from contract.cases import EXPRESSIONS, particles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from particlesim.forces import Field
-from particlesim.forces.expression import (
-    BUILTIN_CONSTANTS,
-    MAX_DEPTH,
-    MAX_LENGTH,
-    ExpressionError,
-    parse,
-    reads,
-)
-from particlesim.forces.jumps import creased, jumping
-from particlesim.forces.operations import (
+from particlesim.expressions.discontinuities import creased, jumping
+from particlesim.expressions.operations import (
     FUNCTIONS,
     VARIABLES,
     VX,
@@ -34,7 +25,16 @@ from particlesim.forces.operations import (
     slope,
     value,
 )
-from particlesim.laws import Particle, force, force_dx
+from particlesim.expressions.parser import (
+    BUILTIN_CONSTANTS,
+    MAX_DEPTH,
+    MAX_LENGTH,
+    ExpressionError,
+    parse,
+    reads,
+)
+from particlesim.forces import Field
+from particlesim.laws.registry import Particle, force, force_dx
 
 PARTICLES = particles(8)
 P = PARTICLES[0]

@@ -20,8 +20,8 @@ from particlesim.flows import FLOWS, Flow
 from particlesim.flows.vortex import Vortex
 from particlesim.forces import FORCES, Attractor, Drag, Force, LinearDrag
 from particlesim.forces.drag import Atmosphere
-from particlesim.forces.fluid_laws import StandardAtmosphere, density
-from particlesim.laws import (
+from particlesim.forces.drag_laws import StandardAtmosphere, density
+from particlesim.laws.registry import (
     GENERICS,
     Particle,
     force,
@@ -32,7 +32,7 @@ from particlesim.laws import (
     velocity,
     velocity_dx,
 )
-from particlesim.model import field_docs
+from particlesim.model.base import field_docs
 
 H = 1e-3
 TOLERANCE = 1e-8
@@ -72,7 +72,7 @@ def test_every_registered_class_and_record_is_reached() -> None:
     beyond = (
         "particlesim.engine.",
         "particlesim.bonds.",
-        "particlesim.motions",
+        "particlesim.groups.motion",
         "particlesim.forces.sheet_drag",
     )
     package = {r for r in registered if r.__module__.startswith("particlesim.")}

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from particlesim import interruption, team
-from particlesim.interruption import held_signals
-from particlesim.team import Team
+from particlesim.process import signals as interruption
+from particlesim.process import threads as team
+from particlesim.process.signals import held_signals
+from particlesim.process.threads import Team
 
 
 def test_a_signal_waits_for_the_safe_point():

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from particlesim.engine.stability import unlimited
+from particlesim.engine.stability.limits import unlimited
 from particlesim.integrators import METHODS
 from particlesim.integrators.regions import Linear, eigenvalues, growth, largest_step
 

@@ -106,7 +106,7 @@ def history(method: str, threads: int, block: int, every: int) -> dict[str, byte
 
 @pytest.fixture(autouse=True)
 def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.independent.WORTH_THREADS", 1)
 
 
 @pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.engine.runs import shares
+from particlesim.engine.interactions.bond_layout import shares
 from particlesim.engine.simulation import Simulation
 
 STRANDS, COUNT, STEPS = 150, 16, 24
@@ -14,8 +14,8 @@ STRANDS, COUNT, STEPS = 150, 16, 24
 
 @pytest.fixture(autouse=True)
 def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_SPRINGS", 1)
-    monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 1)
 
 
 def scene() -> ps.Scenario:

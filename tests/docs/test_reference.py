@@ -17,7 +17,7 @@ from typing import NamedTuple
 import pytest
 
 import particlesim as ps
-from particlesim.laws import Particle, force, force_dx, potential
+from particlesim.laws.registry import Particle, force, force_dx, potential
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

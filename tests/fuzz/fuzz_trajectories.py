@@ -33,11 +33,11 @@ import numpy as np
 import particlesim as ps
 from particlesim.analysis import series
 from particlesim.analysis.difference import compare
-from particlesim.repeat import recorded_scenario
 from particlesim.trajectory import reader
 from particlesim.trajectory.describe import describe
 from particlesim.trajectory.export import export
 from particlesim.trajectory.recovery import recover
+from particlesim.verification.rerun import recorded_scenario
 
 SECRET = "the content of another file, 5e7bd2"
 LONGEST = 5.0

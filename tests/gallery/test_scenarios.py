@@ -13,11 +13,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import particlesim as ps
-from particlesim.bounds import needs
 from particlesim.emitters import Emitter
 from particlesim.forces.attractor import Attractor
-from particlesim.groups import TracerMotion
+from particlesim.groups.group import TracerMotion
 from particlesim.layouts import Points
+from particlesim.preflight.resources import needs
 from particlesim.scenario.dump import dump
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -70,7 +70,7 @@ def test_a_scenario_survives_dump_and_load(name: str) -> None:
 def test_a_scenario_has_the_same_bits_for_any_number_of_threads(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.independent.WORTH_THREADS", 1)
     grid = shipped(name).grid
     few = shipped(name, duration=3 * grid.every * grid.dt)
     one, two = ps.run(few, threads=1), ps.run(few, threads=2)

@@ -116,7 +116,7 @@ def crowd(threads: int, block: int) -> NDArray[np.float64]:
 def test_steps_of_a_particle_do_not_depend_on_threads_blocks_or_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.independent.WORTH_THREADS", 1)
     reference = crowd(1, 256)
     assert np.unique(reference[:, 6]).size > 600, "particles have steps of their own"
     for threads, block in [(3, 7), (2, 512), (1, 1)]:

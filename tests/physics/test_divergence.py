@@ -14,10 +14,10 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.bonds.hinge import Harmonic, angles_at, harmonic_energy, wrapped
-from particlesim.engine.blame import _of_corners
-from particlesim.engine.columns import Columns
-from particlesim.engine.corners import AngleColumns, DihedralColumns, TriangleColumns
+from particlesim.engine.diagnosis.strongest_force import _of_corners
+from particlesim.engine.interactions.elements import AngleColumns, DihedralColumns, TriangleColumns
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.state.columns import Columns
 from particlesim.forces.sheet_drag import SheetDrag
 
 

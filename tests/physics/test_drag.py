@@ -10,8 +10,8 @@ import pytest
 from simulate import EPS, G, points, rows, simulate
 
 import particlesim as ps
-from particlesim.fluids import FLUIDS
-from particlesim.laws import Particle, force
+from particlesim.flows.fluids import FLUIDS
+from particlesim.laws.registry import Particle, force
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (3.0, -1.0, 2.0)])

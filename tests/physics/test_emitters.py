@@ -13,7 +13,7 @@ from scipy import stats
 from simulate import EPS, record, simulate
 
 import particlesim as ps
-from particlesim.bounds import BIRTH_MEMORY, EVENT_BYTES, needs
+from particlesim.preflight.resources import BIRTH_MEMORY, EVENT_BYTES, needs
 
 ORIGIN = {"type": "point", "position": [0, 0, 0]}
 SIGNIFICANT = 1e-3

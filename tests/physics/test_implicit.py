@@ -17,7 +17,7 @@ from simulate import EPS, points, simulate, table
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
 from particlesim.integrators import METHODS, ImplicitMethod
-from particlesim.laws import GENERICS, force_dx, triangle_force_dv
+from particlesim.laws.registry import GENERICS, force_dx, triangle_force_dv
 
 IMPLICIT = [name for name, method in METHODS.items() if isinstance(method, ImplicitMethod)]
 K, M = 50.0, 2.0
@@ -289,8 +289,8 @@ def test_a_fold_decays_by_the_amplification_factor() -> None:
 def test_any_number_of_threads_leaves_the_same_bytes(
     scenario: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_SPRINGS", 1)
-    monkeypatch.setattr("particlesim.engine.coupled_island.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 1)
     left = []
     for threads in (1, 2, 3):
         simulation = Simulation(ps.from_table(scenario), threads=threads)

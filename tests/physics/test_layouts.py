@@ -14,7 +14,7 @@ import particlesim as ps
 from particlesim.layouts import LAYOUTS, Bridge, Hair, Net, SurfaceFile
 from particlesim.layouts.mesh import is_closed
 from particlesim.layouts.mesh_formats import read_surface
-from particlesim.streams import Streams
+from particlesim.sampling.random_streams import Streams
 
 
 def lengths(layout: Any, kind: str, streams: Any = None) -> Any:

@@ -10,9 +10,9 @@ import pytest
 from simulate import EPS, points, simulate
 
 import particlesim as ps
+from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS
-from particlesim.laws import Particle, path
-from particlesim.motions import Motion
+from particlesim.laws.registry import Particle, path
 
 K, C, M, OMEGA, A = 50.0, 1.5, 0.8, 6.0, 0.1
 REST = 1.0

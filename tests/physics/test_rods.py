@@ -12,8 +12,8 @@ from scipy.special import ellipj, ellipk
 from simulate import EPS, G, points, simulate, table
 
 import particlesim as ps
-from particlesim.engine import linear
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability import linearised as linear
 
 METHODS = [("symplectic_euler", 1), ("velocity_verlet", 2), ("yoshida4", 4)]
 

@@ -12,14 +12,14 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.bonds.hinge import Harmonic, angle_forms, angle_gradient, dihedral_gradient, wrapped
-from particlesim.engine import linear
-from particlesim.engine.corner_tensors import corner_tensors
-from particlesim.engine.corners import AngleColumns, DihedralColumns
+from particlesim.engine.interactions.elements import AngleColumns, DihedralColumns
 from particlesim.engine.simulation import Simulation
-from particlesim.engine.spring_tensors import bound, network
-from particlesim.engine.stability import rounded, stability, suspects
+from particlesim.engine.stability import linearised as linear
+from particlesim.engine.stability.bond_tensors import bound, network
+from particlesim.engine.stability.element_tensors import corner_tensors
+from particlesim.engine.stability.limits import rounded, stability, suspects
 from particlesim.integrators import METHODS
-from particlesim.laws import hinge_moment
+from particlesim.laws.registry import hinge_moment
 
 M1, M2, K = 0.5, 1.5, 30.0
 OMEGA = math.sqrt(K * (1 / M1 + 1 / M2))

@@ -3,7 +3,7 @@
 import pytest
 
 import particlesim as ps
-from particlesim.filming import look_of
+from particlesim.render.film import look_of
 
 CONTACT = """
 [simulation]

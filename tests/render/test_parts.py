@@ -12,12 +12,14 @@ import pytest
 from pydantic import ValidationError
 
 from particlesim.errors import UsageError
-from particlesim.render import Camera, PlaneShape, RenderSettings, colormaps, project, raster
-from particlesim.render.camera import FILL, Viewpoint, choose_viewpoint, room_corners
-from particlesim.render.fields import choose_coloring, color_indices, values_of
-from particlesim.render.lighting import grid_spacing, readable, tone_curve
+from particlesim.render import Camera, PlaneShape, RenderSettings
+from particlesim.render.kernels import project, raster
 from particlesim.render.overlay import format_time, round_ticks, text_mask
-from particlesim.render.survey import survey
+from particlesim.render.scene import colormaps
+from particlesim.render.scene.camera import FILL, Viewpoint, choose_viewpoint, room_corners
+from particlesim.render.scene.coloring import choose_coloring, color_indices, values_of
+from particlesim.render.scene.extents import survey
+from particlesim.render.scene.lighting import grid_spacing, readable, tone_curve
 from particlesim.render.timeline import timeline, video_speed
 
 from .conftest import FLOOR, ArrayFrame, ArraySource, single

@@ -7,11 +7,11 @@ import pytest
 
 from particlesim.errors import UsageError
 from particlesim.layouts import Cloth, Jelly
+from particlesim.process.threads import Team
 from particlesim.render import Camera, RenderSettings, render_frame
-from particlesim.render.bodies import Bodies
-from particlesim.render.creases import is_closed, smooth_fans
-from particlesim.streams import Streams
-from particlesim.team import Team
+from particlesim.render.scene.bodies import Bodies
+from particlesim.render.scene.smooth_normals import is_closed, smooth_fans
+from particlesim.sampling.random_streams import Streams
 from particlesim.trajectory.topology import Topology
 
 from .conftest import FLOOR, ArrayFrame, ArraySource, single

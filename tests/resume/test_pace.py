@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import pytest
 
 import particlesim as ps
-from particlesim import checkpoints
-from particlesim.checkpoints import SHARE, SPEED, Keeper, Saving
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import snapshot, weight
+from particlesim.run import checkpoints
+from particlesim.run.checkpoints import SHARE, SPEED, Keeper, Saving
 
 Usage = namedtuple("Usage", "free")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.digest import physics_digest, state_digest
 from particlesim.errors import UsageError
-from particlesim.repeat import rerun
+from particlesim.scenario.digest import physics_digest, state_digest
+from particlesim.verification.rerun import rerun
 
 SCENARIO = """
 title = "Balls"

@@ -9,7 +9,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.integrators import METHODS
-from particlesim.verification import Verification, verify
+from particlesim.verification.convergence import Verification, verify
 
 SHIPPED = Path(__file__).parents[2] / "scenarios"
 

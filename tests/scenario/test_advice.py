@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.advice import advice, sliding
+from particlesim.preflight.advice import advice, sliding
 
 
 def table(method: str, force: dict[str, Any], **plane: Any) -> dict[str, Any]:

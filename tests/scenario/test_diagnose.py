@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import particlesim as ps
-from particlesim.crossfield import Invalid
 from particlesim.errors import Diagnostic, ScenarioError
-from particlesim.scenario.diagnose import MOST_SHOWN, scenario_error
-from particlesim.scenario.overrides import apply_overrides, override_from_python, parse_override
-from particlesim.scenario.source import parse_source, source_from_dict
+from particlesim.model.mistakes import Invalid
+from particlesim.scenario.text.diagnose import MOST_SHOWN, scenario_error
+from particlesim.scenario.text.overrides import apply_overrides, override_from_python, parse_override
+from particlesim.scenario.text.source import parse_source, source_from_dict
 
 from .toy import GOOD, Scenario, load
 

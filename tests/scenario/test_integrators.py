@@ -8,7 +8,7 @@ import pytest
 from simulate import points, table
 
 import particlesim as ps
-from particlesim.graph import build_graph
+from particlesim.graph.graph import build_graph
 from particlesim.integrators import METHODS, MethodName, method_for
 from particlesim.scenario.dump import to_table
 

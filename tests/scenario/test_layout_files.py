@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.bounds import needs
 from particlesim.layouts.file import File
+from particlesim.preflight.resources import needs
 
 SCENARIO = """\
 format = 1
@@ -169,7 +169,7 @@ def test_files_with_holes_take_no_memory(tmp_path: Path, ending: str) -> None:
     code = """
 import resource, sys
 import particlesim as ps
-from particlesim import bounds
+from particlesim.preflight import resources as bounds
 from particlesim.errors import ResourceError
 from particlesim.layouts import input_file
 bounds.available_memory = input_file.available_memory = lambda: 4 << 30

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 import particlesim as ps
-from particlesim.advice import advice
 from particlesim.errors import ScenarioError
-from particlesim.scenario import migration
+from particlesim.preflight.advice import advice
 from particlesim.scenario.dump import to_table
-from particlesim.scenario.migration import Edit, format_of, migrated
-from particlesim.scenario.source import Source, parse_source, read_source
+from particlesim.scenario.text import migration
+from particlesim.scenario.text.migration import Edit, format_of, migrated
+from particlesim.scenario.text.source import Source, parse_source, read_source
 
 FROZEN = sorted((Path(__file__).parents[1] / "data/format1").glob("*.toml"))
 

@@ -13,7 +13,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.errors import Diagnostic, OutputExistsError, PostMortem, PsimError, ResourceError, Span
-from particlesim.team import Team
+from particlesim.process.threads import Team
 
 DUST = """\
 simulation = { duration = 0.02, dt = 0.01 }

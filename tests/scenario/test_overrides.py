@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from particlesim.errors import ScenarioError, UsageError
-from particlesim.scenario.overrides import (
+from particlesim.scenario.text.overrides import (
     apply_overrides,
     dotted_path,
     overrides_from_mapping,
     parse_override,
     resolve_path,
 )
-from particlesim.scenario.source import parse_source
+from particlesim.scenario.text.source import parse_source
 
 from .toy import GOOD
 

@@ -8,8 +8,8 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from particlesim.scenario.positions import Path, decode, scan
-from particlesim.scenario.source import parse_source
+from particlesim.scenario.text.positions import Path, decode, scan
+from particlesim.scenario.text.source import parse_source
 
 DOCUMENT = """\
 title = "x"  # a comment = "no"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from particlesim.errors import Diagnostic, Label, Span
-from particlesim.scenario.report import render_all, render_text
+from particlesim.scenario.text.report import render_all, render_text
 
 SOURCE = 'a = 1\nb = "x"\n\n\ncoefficient = -1\n'
 

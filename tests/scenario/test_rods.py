@@ -8,7 +8,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
-from particlesim.graph import build_graph
+from particlesim.graph.graph import build_graph
 
 SCENE = """format = 1
 [simulation]

@@ -8,7 +8,7 @@ from jsonschema import Draft7Validator
 
 from particlesim.errors import ScenarioError
 from particlesim.scenario.schema import json_schema
-from particlesim.scenario.source import parse_source
+from particlesim.scenario.text.source import parse_source
 
 from .toy import GOOD, Scenario, load
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from particlesim.errors import Diagnostic, ScenarioError, UsageError
-from particlesim.scenario.source import parse_source, read_source
+from particlesim.scenario.text.source import parse_source, read_source
 
 
 def syntax_error(text: str) -> Diagnostic:

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import particlesim as ps
-from particlesim.names import folded, near_miss
-from particlesim.scenario import typewalk
+from particlesim.model.spelling import folded, near_miss
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.suggestions import ANYWHERE, THESAURUS, TOP, suggestion, thesaurus
-from particlesim.scenario.vocabulary import vocabulary
+from particlesim.scenario.text import typewalk
+from particlesim.scenario.text.suggestions import ANYWHERE, THESAURUS, TOP, suggestion, thesaurus
+from particlesim.scenario.text.vocabulary import vocabulary
 
 BALL = """
 [simulation]

@@ -14,8 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from particlesim import unit_table, units
-from particlesim.units import Degrees, Hertz, Kelvin, Kilograms, Metres, Number, RadiansPerSecond, Vector
+from particlesim.model import unit_table, units
+from particlesim.model.units import (
+    Degrees,
+    Hertz,
+    Kelvin,
+    Kilograms,
+    Metres,
+    Number,
+    RadiansPerSecond,
+    Vector,
+)
 
 
 def parse(kind: Any, value: object) -> float:
@@ -145,7 +154,7 @@ def test_schema_has_unit_limits_and_both_forms() -> None:
 
 def test_pint_is_imported_only_for_units_beyond_the_table() -> None:
     program = (
-        "import sys; from pydantic import TypeAdapter; from particlesim.units import Metres;"
+        "import sys; from pydantic import TypeAdapter; from particlesim.model.units import Metres;"
         "adapter = TypeAdapter(Metres); adapter.validate_python(3); assert 'pint' not in sys.modules;"
         "adapter.validate_python('3 inch'); assert 'pint' in sys.modules"
     )

@@ -26,7 +26,7 @@ stiffness = 3
 
 def test_a_list_gives_each_particle_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     # The centre of mass rests at (1·0 + 3·1)/4; the light end starts to move three times as fast as the heavy one.
-    monkeypatch.setattr("particlesim.engine.populate.CHUNK", 1)
+    monkeypatch.setattr("particlesim.engine.islands.initial.CHUNK", 1)
     final = ps.run(ps.loads(TWO)).final
     moved = final.position[:, 0] - [0.0, 1.0]
     assert moved[0] == pytest.approx(-3 * moved[1], rel=1e-12)

@@ -5,11 +5,9 @@ from typing import Annotated, Literal, Self
 from annotated_types import Ge, Gt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from particlesim.crossfield import invalid
-from particlesim.model import Name
-from particlesim.scenario.diagnose import diagnose
-from particlesim.scenario.source import Source, parse_source
-from particlesim.units import (
+from particlesim.model.base import Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import (
     Kilograms,
     KilogramsPerSecond,
     Metres,
@@ -19,6 +17,8 @@ from particlesim.units import (
     Seconds,
     Vector,
 )
+from particlesim.scenario.text.diagnose import diagnose
+from particlesim.scenario.text.source import Source, parse_source
 
 
 class Strict(BaseModel):

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 import particlesim as ps
-from particlesim.digest import state_digest
 from particlesim.errors import ScenarioError, UsageError
+from particlesim.scenario.digest import state_digest
 from particlesim.sweep import Design, InProcess, LocalWorkers, Sweep, SweepProgress, SweepResult, parse_axis
 from particlesim.sweep.plotting import check_plot, plot_table
 
@@ -276,7 +276,7 @@ def test_a_machine_that_is_too_small_is_no_fault_of_the_scenario(file, tmp_path,
     assert (full.counts, full.exit_code) == ({"failed": 2}, 4)
     assert "on disk" in full.failures[0].cause
     with monkeypatch.context() as small:
-        small.setattr("particlesim.bounds.available_memory", lambda: 1000)
+        small.setattr("particlesim.preflight.resources.available_memory", lambda: 1000)
         assert vary.run(tmp_path / "out", executor=InProcess()).counts == {"failed": 2}
     assert vary.run(tmp_path / "out", executor=InProcess()).counts == {"done": 2}
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import particlesim as ps
-from particlesim.bounds import needs
+from particlesim.preflight.resources import needs
 
 FALL = {
     "simulation": {"duration": 1.0, "dt": 0.01},
@@ -55,7 +55,7 @@ def test_size_of_a_trajectory(tmp_path, every):
 PEAK = """
 import json, sys, resource
 import particlesim as ps
-from particlesim.bounds import needs
+from particlesim.preflight.resources import needs
 table, output = json.loads(sys.argv[1]), sys.argv[2] or None
 scenario = ps.from_table(table)
 ps.run(scenario, output, checkpoint_wall=1e-3)

@@ -1,0 +1,1 @@
+"""What a run is held against: checks of quantities, with limits."""

@@ -1,0 +1,1 @@
+"""Rods: lengths held exactly, as constraints."""

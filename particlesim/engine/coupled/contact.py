@@ -1,0 +1,73 @@
+"""Contacts of particles that step together, at the end of a step."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from particlesim.engine.state.columns import fetch, note, span, store, type_of
+from particlesim.engine.step.impacts import Simple, overlapped, respond, trace
+from particlesim.engine.step.particle_step import Newtonian
+from particlesim.integrators.base import CompositionRecord
+from particlesim.laws.registry import Particle, Vector, force, law, moved_to
+
+
+class FrozenRecord(NamedTuple):
+    """A force that stays the same over a step [N]."""
+
+    x: float
+    y: float
+    z: float
+
+
+@law(force, FrozenRecord)
+def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
+    return f.x, f.y, f.z
+
+
+def forget(memory: Any, i: Any) -> None:
+    """What the method remembers of particle i no longer holds."""
+    if len(memory) > 0:
+        memory[-1][i] = 0
+
+
+def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """Contacts at the end of a step.
+
+    A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
+    """
+    for part in parts:
+        if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
+            first, last = max(share.first, part.first), min(share.last, part.last)
+            _collide(part.contacts, c, before, first, last, t, end, h)
+
+
+def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, end: Any, h: Any) -> None:
+    """`collide` for particles [first, last), which meet the same colliders."""
+    for i in range(first, last):
+        begin, hi = span(c.clock, i, t, end, h)
+        if hi > 0:
+            q = fetch(c, i, end)
+            if overlapped(contacts, q):
+                k = q.m / hi
+                mean = FrozenRecord(
+                    k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
+                )
+                p = moved_to(
+                    q,
+                    before[0, i],
+                    before[1, i],
+                    before[2, i],
+                    before[3, i],
+                    before[4, i],
+                    before[5, i],
+                    begin,
+                )
+                whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))
+                r, _, outcome = trace(whole, Newtonian(), (mean,), contacts, p, hi, ())
+                forget(c.memory, i)
+            else:
+                r, outcome = respond(contacts, q)
+                if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
+                    forget(c.memory, i)
+            store(c, i, r)
+            note(c.clock, i, outcome, r.t)

@@ -1,0 +1,159 @@
+"""What the stage-wise kernels work on: methods as arrays, groups of an island, scratch arrays, every thread's share."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.compiler.barrier import new_gate
+from particlesim.engine.constraints.elimination import divided
+from particlesim.engine.constraints.shake_rattle import Rods
+from particlesim.engine.interactions.bond_layout import chunk_size, shares
+from particlesim.engine.interactions.elements import Corners, corners_between
+from particlesim.engine.state.prescribed import Driven
+from particlesim.integrators.adaptive import EmbeddedRungeKutta
+from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+
+
+class Part(NamedTuple):
+    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last)."""
+
+    dynamics: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    contacts: tuple[Any, ...]
+    first: int
+    last: int
+
+
+class StagedComposition(NamedTuple):
+    """Kicks and drifts, 0 where there is none."""
+
+    kicks: Any
+    drifts: Any
+
+
+class StagedRungeKutta(NamedTuple):
+    """Tableau as arrays."""
+
+    a: Any
+    b: Any
+    c: Any
+
+
+class StagedVerlet(NamedTuple):
+    """Störmer's rule."""
+
+
+class StagedEmbedded(NamedTuple):
+    """Tableau with the slope at the end as its last stage, rows of error estimates; the rest as in `EmbeddedRecord`."""
+
+    a: Any
+    c: Any
+    errors: Any
+    tolerance: float
+    position: float
+    velocity: float
+    alpha: float
+    beta: float
+    shrink: float
+    grow: float
+    least: float
+
+
+class Work(NamedTuple):
+    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
+    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
+    `system`: the equations of implicit methods, else None."""
+
+    force: Any
+    before: Any
+    slopes: Any
+    pull: Any
+    spread: Any
+    system: Any = None
+
+
+class Share(NamedTuple):
+    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
+    among three and four of them; its number among the threads, and where they meet; the order in which it goes through its
+    chunks; the rods that it holds, None where there are none at all."""
+
+    first: int
+    last: int
+    chunk: int
+    number: int
+    threads: int
+    gate: Any
+    wild: Any
+    motions: tuple[Any, ...]
+    corners: tuple[Any, ...]
+    order: Any
+    rods: Any = None
+
+
+def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
+    """A method's coefficients for the stage-wise kernel; with `apart`, the leapfrogs of a composition stay apart."""
+    if isinstance(method, EmbeddedRungeKutta):
+        rows = (*method.a, method.b)
+        a = np.zeros((len(rows), len(rows)))
+        for i, row in enumerate(rows):
+            a[i, : len(row)] = row
+        return StagedEmbedded(a, np.array((*method.c, 1.0)), np.array(method.errors), *method.record()[4:])
+    if isinstance(method, Composition):
+        kicks, drifts = method.apart() if apart else (method.kicks, method.drifts)
+        return StagedComposition(np.array(kicks), np.array(drifts))
+    if isinstance(method, RungeKutta):
+        s = len(method.b)
+        a = np.zeros((s, s))
+        for i, row in enumerate(method.a):
+            a[i, : len(row)] = row
+        return StagedRungeKutta(a, np.array(method.b), np.array(method.c))
+    return StagedVerlet()
+
+
+def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work:
+    """Scratch arrays for an island; without `looks_back`, contacts and rods do not need the beginning of a step."""
+    stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
+    estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
+    return Work(
+        np.zeros((3, count), dtype),
+        np.zeros((6, count), dtype) if looks_back or not isinstance(method, Composition | Verlet) else None,
+        np.zeros((stages, 6, count), dtype),
+        np.zeros((3, chunk_size(count)), dtype),
+        np.zeros((estimates, 6, chunk_size(count)), dtype),
+    )
+
+
+def share_out(
+    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...], rods: Rods | None
+) -> list[Share]:
+    """Shares of an island for some threads, at most one for every chunk; without an order."""
+    ranges = shares(count, threads)
+    mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
+    gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
+    return [
+        Share(
+            first,
+            last,
+            chunk_size(count),
+            number,
+            len(ranges),
+            gate,
+            wild,
+            led_between(driven, first, last),
+            corners_between(corners, first, last),
+            None,
+            mine[number],
+        )
+        for number, (first, last) in enumerate(ranges)
+    ]
+
+
+def led_between(driven: tuple[Driven, ...], first: int, last: int) -> tuple[Driven, ...]:
+    """The motions of particles [first, last); their rows are sorted."""
+    parts = []
+    for each in driven:
+        a, b = np.searchsorted(each.rows, (first, last))
+        parts.append(Driven(each.law, *(column[a:b] for column in each[1:])))
+    return tuple(parts)

@@ -1,0 +1,1 @@
+"""Why a run went wrong: the particle, the time, the force, and what to try."""

@@ -1,0 +1,81 @@
+"""Led particles whose path has no value: expressions such as sqrt(1 - t) end before a run does."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.state.prescribed import drive_to
+from particlesim.errors import DivergenceError, PostMortem
+
+if TYPE_CHECKING:
+    from particlesim.engine.simulation import Simulation
+
+HINT = "roots, logarithms and quotients do not have a value everywhere: give a path that lasts until the end of the run"
+
+
+def astray(simulation: Simulation, last: int) -> DivergenceError | None:
+    """The error to raise when a path is not finite at the beginning of step `last`, None if all are."""
+    dt = simulation.scenario.grid.dt
+    for state in simulation.states:
+        if not state.driven or not _lost(state, last * dt)[0].size:
+            continue
+        low, high = 0, last  # all paths are finite at the start
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if _lost(state, middle * dt)[0].size else (middle, high)
+        return _told(simulation, state, high * dt, last * dt)
+    return None
+
+
+def led_are_finite(state: GroupState) -> bool:
+    """Whether all led particles of a group are somewhere, at some speed."""
+    return all(
+        bool(np.isfinite(column[:, each.rows]).all())
+        for each in state.driven
+        for column in (state.x, state.v)
+    )
+
+
+def _lost(
+    state: GroupState, time: float
+) -> tuple[NDArray[np.int64], NDArray[np.floating], NDArray[np.floating]]:
+    """Rows of the led particles whose path is not finite at a time [s]; places [m] and velocities [m/s] of all, [3, n]."""
+    x, v = (np.array(column[:, : state.count]) for column in (state.x, state.v))
+    drive_to(state.driven, x, v, time)
+    rows = np.sort(np.concatenate([each.rows for each in state.driven]))
+    wild = ~(np.isfinite(x[:, rows]).all(axis=0) & np.isfinite(v[:, rows]).all(axis=0))
+    return rows[wild], x, v
+
+
+def _told(simulation: Simulation, state: GroupState, time: float, noticed: float) -> DivergenceError:
+    rows, x, v = _lost(state, time)
+    row = int(rows[0])
+    motions = [motion for motion in simulation.scenario.motions if motion.on == state.name]
+    label = next(motion.label for motion, each in zip(motions, state.driven, strict=True) if row in each.rows)
+    place, speed = ((float(a), float(b), float(c)) for a, b, c in (x[:, row], v[:, row]))
+    who = int(state.id[row])
+    found = PostMortem(
+        "path",
+        noticed,
+        who,
+        state.name,
+        time,
+        place,
+        speed,
+        None,
+        math.nan,
+        simulation.scenario.grid.dt,
+        None,
+    )
+    many = f", nor are those of {rows.size - 1:,} others" if rows.size > 1 else ""
+    return DivergenceError(
+        f"the path that {label} gives particle {who} of {state.name!r} is not finite at t = {time:.9g} s{many}: place "
+        f"({place[0]:.6g}, {place[1]:.6g}, {place[2]:.6g}) m, velocity ({speed[0]:.6g}, {speed[1]:.6g}, {speed[2]:.6g}) m/s",
+        HINT,
+        found,
+    )

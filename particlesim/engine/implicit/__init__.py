@@ -1,0 +1,1 @@
+"""Implicit steps of islands: linear systems and their solvers."""

@@ -1,0 +1,293 @@
+"""Implicit steps of an island: one linear solve, or Newton's method.
+
+The unknown is the velocity V of all particles at a time t + c h, with X = X₀ + γ h V. A Newton iteration linearises at
+(X, V), with compressed springs made definite (`linear_system`), and solves for the change of V. What that
+leaves out belongs to the matrix alone and not to the forces, so that a converged step solves the equations of the method;
+without convergence, backward Euler is of first order all the same. Pinned particles have no unknown: they do not move, or
+are led.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.compiler import kernel, outlined
+from particlesim.compiler.barrier import meet
+from particlesim.engine.coupled.forces import evaluate
+from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
+from particlesim.engine.implicit.krylov import (
+    INDEFINITE,
+    SOLVED,
+    UNSOLVED,
+    WILD,
+    General,
+    Symmetric,
+    clear,
+    conjugate_gradients,
+    copy,
+    size2,
+    stabilised,
+    summed,
+)
+from particlesim.engine.implicit.linear_system import linearise
+from particlesim.engine.interactions.elements import TriangleColumns
+from particlesim.engine.state.columns import fetch, recall, span, type_of
+from particlesim.engine.step.particle_step import Newtonian
+from particlesim.integrators import ImplicitMethod
+from particlesim.laws.registry import velocity
+
+GOING = -1
+"""A solution is still looked for."""
+ROUNDING = 8
+"""Residuals of this many rounding errors of positions and velocities count as zero."""
+FORCING = 1e-2
+"""How far the linear solve of a Newton iteration reduces the residual."""
+GROWTH = 4.0
+"""Growth of the residual in an iteration beyond which half of the change is taken back."""
+HALVINGS = 6
+"""How often that is done in a row."""
+
+
+class StagedImplicit(NamedTuple):
+    """Numbers of an implicit method: γ, c, weights of the past and of the slope at the start, whether (X, V) is the middle;
+    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and linear iterations;
+    what equations the kernel can solve."""
+
+    gamma: float
+    node: float
+    past: float
+    slope: float
+    middle: bool
+    linear: bool
+    tolerance: float
+    rounding: float
+    limit: int
+    linear_limit: int
+    solver: Symmetric | General
+
+
+def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | General) -> StagedImplicit:
+    """A method's numbers for the stage-wise kernel."""
+    newton = method.record().newton
+    return StagedImplicit(
+        method.gamma,
+        method.node,
+        method.past,
+        method.slope,
+        method.ahead,
+        newton is None,
+        method.residual,
+        ROUNDING * float(np.finfo(dtype).eps),
+        1 if newton is None else newton.limit,
+        method.max_linear_iterations,
+        solver,
+    )
+
+
+def evolve_implicit(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    s = work.system
+    reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
+    begin(method, parts, bonds, c, work, share, t, end, h)
+    ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
+    first, last, goal, size = 0.0, np.inf, 0.0, 0.0
+    while ended == GOING:
+        evaluate(parts, bonds, c, work, share, now, None)
+        plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
+        size = size2(s, share)
+        if iterations == 0:
+            first = size
+            goal = max(
+                method.tolerance * method.tolerance * size, method.rounding * method.rounding * rounding
+            )
+        if not size < np.inf:
+            ended = WILD
+        elif size <= goal:
+            ended = SOLVED
+        elif size > GROWTH * GROWTH * last and halved < HALVINGS:
+            halved, taken = halved + 1, 0.5 * taken
+            change(c, s, share, -taken, reach)
+            meet(share.gate, share.threads)
+        elif iterations == method.limit:
+            ended = UNSOLVED
+        else:
+            wanted = goal if method.linear else max(FORCING * FORCING * size, 0.25 * goal)
+            last, halved, taken, iterations = size, 0, 1.0, iterations + 1
+            status, left, turns = solve(
+                method.solver, bonds, s, share, plain, symmetric, size, wanted, method.linear_limit
+            )
+            spent += turns
+            if status != SOLVED or method.linear:
+                ended, size = status, left
+            if status == SOLVED:
+                change(c, s, share, 1.0, reach)
+            meet(share.gate, share.threads)
+    if ended == SOLVED:
+        finish(method, parts, c, work, share, reach, t, end, h)
+    else:
+        share.wild[8 * share.number] = 1
+    if share.number == 0:
+        s.report[0], s.report[2], s.report[3] = ended, iterations, spent
+        s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
+
+
+def solve(
+    solver: Any, bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
+) -> Any:
+    """Solve the linear equations: how it ended, the size of what is left, and how many iterations it took."""
+    status, left, turns, more = INDEFINITE, size, 0, 0
+    if symmetric:
+        copy(s.residual, s.other, share.first, share.last)
+        status, left, turns = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
+        if status == SOLVED and plain and only_internal(share.corners):
+            keep_momentum(s, share)
+        if status == INDEFINITE:
+            copy(s.other, s.residual, share.first, share.last)
+    if status == INDEFINITE:
+        status, left, more = stabilised(solver, bonds, s, share, plain, size, goal, limit)
+    return status, left, turns + more
+
+
+def only_internal(corners: Any) -> Any:
+    """Whether what acts between particles does not care how they move as one: wind on triangles does."""
+    return all(not isinstance(each, TriangleColumns) for each in corners)
+
+
+@outlined
+def keep_momentum(s: Any, share: Any) -> None:
+    """Move all particles of an island by what makes the sum of the residuals vanish, if all can move.
+
+    Forces between them do not feel that: the momentum is kept to rounding, whatever the tolerance of the solution.
+    """
+    for lo in range(share.first, share.last, share.chunk):
+        hi = min(lo + share.chunk, share.last)
+        for axis in range(3):
+            total = 0.0
+            for i in range(lo, hi):
+                total += float(s.residual[axis, i])
+            s.partial[axis, lo // share.chunk] = total
+        inertia = 0.0
+        for i in range(lo, hi):
+            inertia += float(s.inertia[i]) if s.free[i] > 0 else np.inf
+        s.partial[3, lo // share.chunk] = inertia
+    meet(share.gate, share.threads)
+    inertia = summed(s, 3)
+    for axis in range(3):
+        shift = type_of(s.residual[axis, 0], summed(s, axis) / inertia)
+        for i in range(share.first, share.last):
+            s.solution[axis, i] += shift
+
+
+@outlined
+def change(c: Any, s: Any, share: Any, taken: Any, reach: Any) -> None:
+    """Add part of the solution to the velocities of a share, and put the particles where these lead."""
+    for k, (v, x) in enumerate(((c.vx, c.x), (c.vy, c.y), (c.vz, c.z))):
+        for i in range(share.first, share.last):
+            if s.free[i] > 0:
+                v[i] += type_of(reach, taken) * s.solution[k, i]
+                x[i] = s.base[k, i] + reach * v[i]
+
+
+def history(memory: Any, i: Any) -> Any:
+    """x − x₋ and v − v₋ of particle i, and the step for which they hold; zeros for a method without a past."""
+    if len(memory) == 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return recall(memory, i)
+
+
+def slope_of(dynamics: Any, forces: Any, p: Any, fx: Any, fy: Any, fz: Any) -> Any:
+    """Velocity and acceleration of a particle under a force, and which of both the solution begins with."""
+    if isinstance(dynamics, Newtonian):
+        return p.vx, p.vy, p.vz, p.w * fx, p.w * fy, p.w * fz
+    wx, wy, wz = velocity(dynamics.flow, p)
+    g, zero = dynamics.gamma, p.x - p.x
+    return wx + fx / g, wy + fy / g, wz + fz / g, zero, zero, zero
+
+
+def begin(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    """X₀, V₀ and the first guess; returns when those of all shares are there."""
+    if method.slope != 0 or method.past != 0 or inertialess(parts):
+        evaluate(parts, bonds, c, work, share, t, None)
+    else:
+        clear(work.force, share.first, share.last)
+    for part in parts:
+        begin_part(method, part, c, work, share, t, end, h)
+    meet(share.gate, share.threads)
+
+
+def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """`begin` for the particles of a group that are in a share."""
+    s, force = work.system, work.force
+    past, half = type_of(h, method.past), type_of(h, 0.5)
+    lean, reach = type_of(h, method.slope) * h, type_of(h, method.gamma) * h
+    for i in range(max(share.first, part.first), min(share.last, part.last)):
+        _, hi = span(c.clock, i, t, end, h)
+        s.free[i] = type_of(h, 1 if hi > 0 else 0)
+        p = fetch(c, i, t)
+        ux, uy, uz, ax, ay, az = slope_of(
+            part.dynamics, part.forces, p, force[0, i], force[1, i], force[2, i]
+        )
+        dx, dy, dz, ex, ey, ez, known = history(c.memory, i)
+        if known != h:  # as from a step before under the same force
+            dx, dy, dz = h * (ux - half * h * ax), h * (uy - half * h * ay), h * (uz - half * h * az)
+            ex, ey, ez = h * ax, h * ay, h * az
+        s.base[0, i], s.base[3, i] = p.x + past * dx + lean * ux, p.vx + past * ex + lean * ax
+        s.base[1, i], s.base[4, i] = p.y + past * dy + lean * uy, p.vy + past * ey + lean * ay
+        s.base[2, i], s.base[5, i] = p.z + past * dz + lean * uz, p.vz + past * ez + lean * az
+        if hi > 0:
+            c.vx[i], c.vy[i], c.vz[i] = ux, uy, uz
+            if not method.linear:
+                c.x[i] = s.base[0, i] + reach * ux
+                c.y[i] = s.base[1, i] + reach * uy
+                c.z[i] = s.base[2, i] + reach * uz
+        led = s.free[i] if method.linear else type_of(h, 0)
+        s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
+
+
+def recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> None:
+    """Remember how far particle i came in the step that has been done."""
+    if len(memory) == 0:
+        return
+    for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+        memory[k][i] = column[i] - before[k, i]
+    memory[6][i] = h
+
+
+@outlined
+def finish(
+    method: Any, parts: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any
+) -> None:
+    """The new state of a share from the solved one."""
+    s, before = work.system, work.before
+    two = type_of(h, 2)
+    for k, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
+        for i in range(share.first, share.last):
+            if s.free[i] > 0:
+                x[i] = s.base[k, i] + reach * v[i]
+                if method.middle:
+                    x[i] = two * x[i] - before[k, i]
+                    v[i] = two * v[i] - before[3 + k, i]
+    for i in range(share.first, share.last):
+        if s.free[i] > 0:
+            recollect(c.memory, i, before, c, h)
+
+
+@kernel
+def step_island_implicit(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, first_step: Any, steps: Any, dt: Any
+) -> int:
+    """As `step_island`, by an implicit method. What it left in `report` of the system tells how the last step ended."""
+    h = type_of(c.x[0], dt)
+    for step in range(steps):
+        t, end = (first_step + step) * dt, (first_step + step + 1) * dt
+        begin_step(c, work, share)
+        evolve_implicit(method, parts, bonds, c, work, share, t, end, h)
+        if not end_step(parts, bonds, c, work, share, t, end, h):
+            return step
+    end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
+    return steps

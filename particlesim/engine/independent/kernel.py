@@ -1,0 +1,158 @@
+"""The block kernel: particles that nothing forces to be at the same time take all their steps block by block.
+
+A block fits into the first-level cache, so an interval of many steps reads and writes main memory once.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import particlesim.engine.step.newton  # noqa: F401
+from particlesim.compiler import kernel
+from particlesim.engine.state.columns import (
+    KEPT,
+    Columns,
+    block_of,
+    chosen,
+    fetch,
+    fetch_known,
+    held,
+    keep,
+    note,
+    put_back,
+    recall,
+    remember,
+    span,
+    still,
+    store,
+    type_of,
+    unless,
+)
+from particlesim.engine.step.impacts import Simple, meet, overlapped, trace
+from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
+
+BLOCK = 256
+"""Particles in a block: 7 columns of 2 KiB and what a step remembers stay in a 32 KiB cache; more share evenly."""
+
+
+class Program(NamedTuple):
+    """What is compiled: method, dynamics, forces and contacts, as records."""
+
+    method: tuple[Any, ...]
+    dynamics: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    contacts: tuple[Any, ...]
+
+
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
+    """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the
+    inverse masses."""
+    if isinstance(program.contacts, Simple):
+        for i in range(c.x.size):
+            begin, hi = span(c.clock, i, t, end, h)
+            p = fetch_known(c, inverse, i, begin)
+            q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+            r, outcome = meet(program.contacts.colliders, q)
+            idle = still(c.clock, hi)
+            store(c, i, chosen(idle, p, r))
+            touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
+            remember(c.memory, i, not touched, memory)
+            remember(c.memory, i, touched, restart(memory))
+            note(c.clock, i, unless(idle, outcome), end)
+        return
+    # The few particles that end inside a collider keep their state here, and are traced one by one below.
+    for i in range(c.x.size):
+        begin, hi = span(c.clock, i, t, end, h)
+        p = fetch_known(c, inverse, i, begin)
+        q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+        inside = overlapped(program.contacts, q)
+        marks[i] = inside
+        store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
+        remember(c.memory, i, not inside, memory)
+    for i in range(c.x.size):
+        if marks[i]:
+            begin, hi = span(c.clock, i, t, end, h)
+            if hi > 0:
+                p = fetch_known(c, inverse, i, begin)
+                q, memory, outcome = trace(
+                    program.method,
+                    program.dynamics,
+                    program.forces,
+                    program.contacts,
+                    p,
+                    hi,
+                    recall(c.memory, i),
+                )
+                store(c, i, q)
+                remember(c.memory, i, True, memory)
+                note(c.clock, i, outcome, q.t)
+
+
+def refresh(program: Any, c: Any, t: Any) -> None:
+    """Give particles without inertia the velocity of their place, for the record; others have it already."""
+    if isinstance(program.dynamics, Newtonian):
+        return
+    for i in range(c.x.size):
+        rate = derivative(program.dynamics, program.forces, fetch(c, i, t))
+        fixed = held(c.clock, i)
+        c.vx[i] = type_of(c.x[i], 0 if fixed else rate.x)
+        c.vy[i] = type_of(c.x[i], 0 if fixed else rate.y)
+        c.vz[i] = type_of(c.x[i], 0 if fixed else rate.z)
+
+
+class Room(NamedTuple):
+    """What a thread remembers of a block: its state at the beginning [KEPT, block], marks and inverse masses [block]."""
+
+    kept: NDArray[np.float64]
+    marks: NDArray[np.bool_]
+    inverse: NDArray[np.floating[Any]]
+
+
+def new_room(columns: Columns, block: int) -> Room:
+    """Room for a block of some columns."""
+    return Room(np.empty((KEPT, block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype))
+
+
+@kernel
+def step_range(
+    program: Any,
+    columns: Any,
+    first_step: Any,
+    steps: Any,
+    dt: Any,
+    first: Any,
+    last: Any,
+    block: Any,
+    faults: Any,
+    room: Any,
+) -> None:
+    """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
+
+    A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
+    first particle k, so that the caller can look for the step and the particle. `room` is that of `new_room` for these
+    columns and this block, one for every thread.
+    """
+    kept, marks, inverse = room.kept, room.marks, room.inverse
+    for lo in range(first, last, block):
+        c = block_of(columns, lo, min(last, lo + block))
+        n = c.x.size
+        h = type_of(c.x[0], dt)
+        for i in range(n):
+            keep(c, kept, i)
+            inverse[i] = type_of(c.m[i], 1) / c.m[i]
+        for s in range(steps):
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, marks)
+        refresh(program, c, (first_step + steps) * dt)
+        broken = False
+        for i in range(n):
+            # x − x is 0 for every finite x, NaN otherwise
+            drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
+            drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
+            broken |= drop != 0
+        if broken:
+            faults[lo] = True
+            for i in range(n):
+                put_back(c, kept, i)

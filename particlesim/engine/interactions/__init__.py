@@ -1,0 +1,1 @@
+"""Forces between particles, kind by kind."""

@@ -1,0 +1,1 @@
+"""Islands: what steps together, from its first particles to its frames."""

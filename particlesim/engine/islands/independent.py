@@ -1,0 +1,431 @@
+"""Islands of independent particles as the engine runs them, with their births and deaths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.colliders import Plane
+from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
+from particlesim.engine.independent.kernel import BLOCK, Program, new_room, step_range
+from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
+from particlesim.engine.ledger.sums import sum_forces
+from particlesim.engine.ledger.work import Books
+from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, Deaths, GroupState
+from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.newton import unsolved
+from particlesim.engine.step.records import group_program
+from particlesim.engine.step.step_size import RESOLVED
+from particlesim.forces import Force
+from particlesim.graph.graph import Island
+from particlesim.groups.group import Group, Particles
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
+from particlesim.laws.registry import Particle
+from particlesim.layouts.file import File
+from particlesim.process.threads import Team
+from particlesim.scenario.scenario import Scenario
+
+WORTH_THREADS = 500_000
+"""Particle-steps below which one thread is faster than waking others."""
+
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+OWN_COST = 50
+"""How many times longer a particle's own step takes than one that it shares with its block: several evaluations, an error
+with its roots and powers, a decision."""
+
+BOOKED_TOGETHER = 4096
+"""Particles whose own steps are in memory at the same time, to book them."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
+
+    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
+    implicit ones that they found no solution.
+    """
+
+    member: int
+    row: int
+    step: int
+    stop: Stop | None = None
+    unsolved: Unsolved | None = None
+    unheld: Unheld | None = None
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
+
+    method: str
+    residual: float
+    iterations: int
+    linear: int = 0
+
+
+@dataclass(frozen=True)
+class Unheld:
+    """A rod that could not be held: its set, indices and groups of both ends, its length [m], and by which part of that it
+    is too long or too short."""
+
+    name: str
+    particles: tuple[int, int]
+    groups: tuple[str, str]
+    length: float
+    misfit: float
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where a particle was when its own steps could not go on.
+
+    Why (a code of `engine.pace`), when [s], the particle, and the shortest step that was allowed [s].
+    """
+
+    why: int
+    time: float
+    particle: Particle
+    least: float
+
+
+@dataclass
+class Births:
+    """Particles born in an interval: ids, times [s]."""
+
+    ids: NDArray[np.int64]
+    times: NDArray[np.float64]
+
+
+class IndependentIsland:
+    """One group of particles that do not act on each other, with its emitter if it has one."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        island: Island,
+        state: GroupState,
+        births: tuple[int, int],
+        block: int = BLOCK,
+    ) -> None:
+        (group,), (forces,), (planes,) = island.groups, island.forces, island.planes
+        self.states = [state]
+        self.group = group
+        self.dt = scenario.grid.dt
+        self.program: Program = group_program(island, forces, planes, group, state.dtype)
+        self._columns_of = {
+            "radius": group_uses_radius(forces, planes, group),
+            "thermal": any(force.needs_temperature() for force in forces),
+        }
+        self._block = block
+        self._method = island.method
+        self._adaptive = island.method.adaptive
+        self._fixed = isinstance(group, Particles) and group.pinned is True
+        self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
+        self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
+        self._booking = None if self.books is None else ParticleBooks(self.books, island, self.program.forces)
+        self._room = BOOKED_TOGETHER
+
+    @property
+    def state(self) -> GroupState:
+        """The only group."""
+        return self.states[0]
+
+    def columns(self) -> list[Columns]:
+        """Columns of every group of the island."""
+        return [self.state.columns(**self._columns_of)]
+
+    def forces(self, time: float) -> NDArray[np.floating[Any]]:
+        """Total force on every particle at a time [N], shape [3, n]."""
+        out = np.zeros((3, self.state.count))
+        if self.state.count:
+            sum_forces(self.program.forces, self.columns()[0], time, 0, self.state.count, out)
+        return out
+
+    def phase(self, first: int, last: int) -> int:
+        """How far steps may go from `first` towards `last` in one piece."""
+        waits = self._booking is not None or (self._source is not None and self._source.waits)
+        return min(first + 1, last) if waits else last
+
+    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        """Steps first … last − 1: births, motion, deaths."""
+        born = None
+        if self._source is not None:
+            born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        opened = self._open(born, first)
+        self.state.drive(last * self.dt)  # nobody else sees where they are in between
+        if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
+            self._close(opened, last)
+            return None, None, None
+        faults = self._no_faults(self.state.count)
+        if self.state.count:
+            self._move(opened, first, last, team, faults)
+        if faults.any():
+            return born, None, self._find(np.flatnonzero(faults), first, last)
+        self._close(opened, last)
+        deaths = self.state.bury(last * self.dt) if self.state.clocked else None
+        return born, deaths, None
+
+    def _move(self, opened: Opened | None, first: int, last: int, team: Team, faults: NDArray[Any]) -> None:
+        """Steps first … last − 1 of all particles."""
+        columns, number = self.columns()[0], self.state.count
+        if opened is not None and self._adaptive:
+            for a in range(0, number, BOOKED_TOGETHER):
+                self._move_booked(opened, columns, first, slice(a, min(a + BOOKED_TOGETHER, number)), faults)
+            return
+
+        def work(a: int, b: int) -> None:
+            self._step(columns, first, last - first, a, b, self._block, faults)
+
+        ahead = number * (last - first) * (OWN_STEPS * OWN_COST if self._adaptive else 1)
+        team.over_range(number, self._block, work, worth=ahead >= WORTH_THREADS)
+
+    def _move_booked(
+        self, opened: Opened, columns: Columns, step: int, part: slice, faults: NDArray[Any]
+    ) -> None:
+        """A step of an adaptive method for some particles, and the work in their own steps."""
+        while True:  # with a log that turns out too small once more, with a larger one
+            log = new_log(self._room)
+            range_ = (part.start, part.stop, self._block, True, faults, np.zeros(1), log)
+            step_range_adaptive(self.program, columns, step, 1, self.dt, *range_)
+            taken = int(log.number[0])
+            if taken <= self._room:
+                break
+            self._room = taken + taken // 4
+            for name in ("x", "y", "z", "vx", "vy", "vz", "memory", "clock"):
+                for mine, kept in zip(
+                    _arrays(getattr(columns, name)), _arrays(getattr(opened.columns, name)), strict=True
+                ):
+                    mine[part] = kept[part]
+        if self._booking is None or faults.any() or not taken:
+            return
+        assert isinstance(self._method, EmbeddedRungeKutta)
+        begin, h = log.spans[1, :taken], log.spans[2, :taken]
+        rows = log.spans[0, :taken].astype(np.intp)
+        order = np.lexsort((begin, rows))  # whatever the blocks
+        states = (log.states[6 * k : 6 * k + 6, order] for k in range(3))
+        self._booking.book_legs(Legs(rows[order], begin[order], h[order], *states), columns, self._method)
+
+    def _open(self, born: Births | None, step: int) -> Opened | None:
+        """The state at the beginning of a step whose work is booked; None where none is."""
+        if self._booking is None or not self.state.count:
+            return None
+        columns, n = self.columns()[0], self.state.count
+        if born is not None:
+            self._booking.born(columns, born.ids.size, born.times)
+        begin, h = spans(columns.clock, n, step * self.dt, (step + 1) * self.dt)
+        kept, free = snapshot(columns, slice(0, n)), None
+        touches = self.books is not None and "contact" in self.books.names
+        if touches and not self._fixed and not self._adaptive:
+            free = snapshot(columns, slice(0, n))
+            program = self.program._replace(contacts=Simple(()))
+            room = new_room(free, self._block)
+            step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_), room)
+        return Opened(kept, begin, h, free)
+
+    def _close(self, opened: Opened | None, last: int) -> None:
+        """Book the step that has been taken."""
+        if self._booking is not None and opened is not None:
+            if not self._adaptive:
+                self._booking.book_step(opened, self.columns()[0])
+            self._booking.close(opened, self.columns()[0], self.state.driven, last * self.dt)
+
+    def _no_faults(self, number: int) -> NDArray[Any]:
+        """For every particle whether its steps failed, as the kernel takes it; adaptive ones say why."""
+        return np.zeros(number, np.int8 if self._adaptive else np.bool_)
+
+    def _step(
+        self, columns: Columns, first: int, steps: int, a: int, b: int, block: int, faults: NDArray[Any]
+    ) -> None:
+        """Steps from `first` on for particles [a, b)."""
+        if self._adaptive:
+            last = (a, b, block, True, faults, np.zeros(1), new_log())
+            step_range_adaptive(self.program, columns, first, steps, self.dt, *last)
+        else:
+            room = new_room(columns, block)
+            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
+
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
+        """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.
+
+        The block must be back at `first`. Nothing of the island changes.
+        """
+        low = row - row % self._block
+        part = slice(low, min(low + self._block, self.state.count))
+        return self._stepped(part, first, steps)[0], (), part
+
+    def _stepped(self, part: slice, first: int, steps: int) -> tuple[Columns, NDArray[Any]]:
+        """A copy of some particles after some steps, each for itself, and which of them broke down (and stayed)."""
+        columns = snapshot(self.columns()[0], part)
+        number = part.stop - part.start
+        faults = self._no_faults(number)
+        self._step(columns, first, steps, 0, number, 1, faults)
+        return columns, faults
+
+    def _find(self, blocks: NDArray[np.intp], first: int, last: int) -> Fault:
+        """The first step and particle at which a number stopped being finite; blocks are back at step `first`."""
+        row, end = int(blocks[0]), last
+        for block in blocks[:64]:
+            part = slice(int(block), min(int(block) + self._block, self.state.count))
+            low, high = first, end
+            faults = self._stepped(part, first, high - first)[1]
+            if not faults.any():
+                continue
+            while high - low > 1:  # all is fine after the steps up to `low`, not after those up to `high`
+                middle = (low + high) // 2
+                there = self._stepped(part, first, middle - first)[1]
+                low, high, faults = (low, middle, there) if there.any() else (middle, high, faults)
+            row, end = part.start + int((faults != 0).argmax()), high
+        step = end - 1
+        if self._adaptive:
+            return Fault(0, row, step, stop=self._stop(row, first, step))
+        return Fault(0, row, step, unsolved=self._unsolved(row, first, step))
+
+    def _unsolved(self, row: int, first: int, step: int) -> Unsolved | None:
+        """What was left of the equations of an implicit step, where they were not solved."""
+        if not isinstance(self._method, ImplicitMethod):
+            return None
+        columns, _, part = self.replay(row, first, step - first)
+        time, end = step * self.dt, (step + 1) * self.dt
+        left, iterations = unsolved(self.program, columns, row - part.start, time, end, self.dt)
+        return Unsolved(self._method.label, left, iterations) if iterations and np.isfinite(left) else None
+
+    def _stop(self, row: int, first: int, step: int) -> Stop:
+        """Why, when and where a particle's own steps could not go on: that step once more."""
+        columns, _, part = self.replay(row, first, step - first)
+        number, i = part.stop - part.start, row - part.start
+        fault, moment = np.zeros(number, np.int8), np.zeros(1)
+        alone = (i, i + 1, 1, False, fault, moment, new_log())
+        step_range_adaptive(self.program, columns, step, 1, self.dt, *alone)
+        p = self.state.particle(row, moment[0])
+        place = {name: float(getattr(columns, name)[i]) for name in ("x", "y", "z", "vx", "vy", "vz")}
+        least = shortest_step(self._method, (step + 1) * self.dt)
+        return Stop(int(fault[i]), float(moment[0]), p._replace(**place), least)
+
+
+def snapshot(c: Columns, part: slice) -> Columns:
+    """Some rows of columns; what steps change is copied."""
+    clock = None if c.clock is None else Clock(*(column[part].copy() for column in c.clock))
+    heat = c.thermal
+    if heat is not None:
+        heat = Thermal(heat.start[part], heat.birth[part], heat.rate, heat.ambient)
+    return c._replace(
+        **{name: getattr(c, name)[part].copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        m=c.m[part],
+        r=None if c.r is None else c.r[part],
+        thermal=heat,
+        clock=clock,
+        memory=tuple(column[part].copy() for column in c.memory),
+    )
+
+
+def _arrays(columns: Any) -> tuple[NDArray[Any], ...]:
+    """A column, or those of a tuple; none of None."""
+    if columns is None:
+        return ()
+    return columns if isinstance(columns, tuple) else (columns,)
+
+
+class Source:
+    """Gives birth to the particles of an emitter."""
+
+    def __init__(self, scenario: Scenario, emitter: Emitter, births: tuple[int, int]) -> None:
+        self.emitter = emitter
+        self.streams = scenario.streams(emitter)
+        self.schedule = Schedule(emitter, self.streams)
+        self.first_id, self.stride = births
+        self.born = 0
+        self.waits = emitter.limit is not None and emitter.when_full == "wait"
+
+    def emit(self, state: GroupState, begin: float, end: float) -> Births:
+        """Births due before `end`; appended to the group with their clocks set."""
+        due = self.schedule.before(end)
+        if self.waits and self.emitter.limit is not None:
+            due = min(due, self.born + self.emitter.limit - state.count)
+        first, count = self.born, max(due - self.born, 0)
+        times = self.schedule.times(first, first + count)
+        if self.waits:
+            times = np.maximum(times, begin)  # those that had to wait are born now
+        ids = self.first_id + self.stride * np.arange(first, first + count)
+        if count:
+            self._append(state, first, times, ids)
+            self.born += count
+        if self.emitter.limit is not None and not self.waits:
+            self._recycle(state)
+        return Births(ids, times)
+
+    def _append(
+        self, state: GroupState, first: int, times: NDArray[np.float64], ids: NDArray[np.int64]
+    ) -> None:
+        new = slice(state.count, state.count + len(times))
+        state.reserve(new.stop)
+        born = self.emitter.births(self.streams, first, times)
+        state.x[:, new] = born.position
+        state.v[:, new] = born.velocity
+        state.mass[new] = born.mass
+        if self.emitter.has_radius():
+            state.radius[new] = born.radius
+        state.id[new] = ids
+        state.birth[new] = state.start[new] = times
+        state.outcome[new] = 0
+        for column in state.memory:
+            column[new] = 0
+        stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
+        if born.temperature is not None:
+            state.heat[new] = born.temperature
+            cold = times + self._cooling_time(born.temperature)
+            cause[cold < stop] = COLD
+            stop = np.minimum(stop, cold)
+        state.stop[new], state.cause[new] = stop, cause
+        state.count = new.stop
+
+    def _cooling_time(self, temperature: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How long particles take to cool below the temperature at which they die [s]."""
+        emitter = self.emitter
+        below = emitter.die.temperature_below if emitter.die is not None else None
+        if below is None or emitter.cooling is None:
+            return np.full(len(temperature), np.inf)
+        ratio = (temperature - emitter.cooling.ambient) / (below - emitter.cooling.ambient)
+        return np.asarray(np.log(np.maximum(ratio, 1.0)) / emitter.cooling.rate)
+
+    def _recycle(self, state: GroupState) -> None:
+        """The slot of particle k goes to particle k + limit: its life ends at that one's birth."""
+        n, limit = state.count, self.emitter.limit or 0
+        number = (state.id[:n] - self.first_id) // self.stride
+        successor = np.searchsorted(number, number + limit)
+        taken = np.flatnonzero(successor < n)
+        taken = taken[number[successor[taken]] == number[taken] + limit]
+        ends = state.birth[:n][successor[taken]]
+        earlier = ends < state.stop[:n][taken]
+        state.stop[:n][taken[earlier]] = ends[earlier]
+        state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
+
+
+def copied(c: Columns) -> Columns:
+    """Columns with all that a step changes copied."""
+    return c._replace(
+        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
+        memory=tuple(column.copy() for column in c.memory),
+        clock=None if c.clock is None else Clock(*(column.copy() for column in c.clock)),
+    )
+
+
+def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:
+    """Whether a kernel must read the radii of a group: a law does, or planes hold back particles that have a size."""
+    from_file = isinstance(group, Particles) and isinstance(group.layout, File)
+    return any(force.needs_radius() for force in forces) or (
+        bool(planes) and (group.has_radius() or from_file)
+    )

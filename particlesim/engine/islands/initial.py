@@ -1,0 +1,139 @@
+"""The state at time zero: layouts placed, groups sized, pins set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.state.prescribed import Driven
+from particlesim.engine.step.records import needs_clock
+from particlesim.errors import UsageError
+from particlesim.graph.graph import Island
+from particlesim.groups.group import Group, Particles
+from particlesim.groups.motion import Motion
+from particlesim.groups.selection import selected
+from particlesim.layouts import CHUNK
+from particlesim.sampling.shapes import Shape
+from particlesim.scenario.scenario import Scenario
+
+
+def populate(scenario: Scenario, island: Island, group: Group, first_id: int) -> GroupState:
+    """The particles of a group at the start; an emitter's group is empty.
+
+    Raises UsageError for a file that cannot be read, or that has no particle of a pinned index.
+    """
+    member = island.groups.index(group)
+    planes, motions = island.planes[member], island.motions[member]
+    dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
+    if isinstance(group, Particles):
+        group = group.model_copy(update={"layout": scenario.opened(group)})
+    layout = group.layout if isinstance(group, Particles) else None
+    count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
+    state = GroupState(
+        group.name,
+        count,
+        dtype=dtype,
+        memory=island.method.memory,
+        clocked=needs_clock(group, planes, bool(motions)),
+        warm=group.temperature is not None,
+        cooling=group.cooling,
+    )
+    if layout is None:
+        return state
+    streams = scenario.streams(group)
+    for first in range(0, count, CHUNK):
+        number = min(CHUNK, count - first)
+        part = slice(first, first + number)
+        placed = layout.place(streams, first, number)
+        mass, radius = group.size(streams, first, number)
+        try:
+            with np.errstate(over="raise"):
+                state.x[:, part] = placed.position
+                state.v[:, part] = placed.velocity
+                state.mass[part] = mass if placed.mass is None else placed.mass
+                if placed.radius is not None or group.has_radius():  # an untouched column takes no memory
+                    state.radius[part] = radius if placed.radius is None else placed.radius
+        except FloatingPointError:
+            raise UsageError(
+                f"numbers of {group.name!r} are beyond {np.finfo(dtype).max:.2g}, which single precision does not hold",
+                'precision = "double" under [simulation] does',
+            ) from None
+        if not state.mass[part].all():
+            raise UsageError(
+                f"masses of {group.name!r} are below {np.finfo(dtype).tiny:.2g} kg, the least that numbers hold",
+                'precision = "double" under [simulation] reaches further than "single"',
+            )
+        state.id[part] = np.arange(first_id + first, first_id + first + number)
+        if group.temperature is not None:
+            state.heat[part] = group.sample("temperature", streams, first, number)
+    state.count = count
+    if state.clocked:
+        state.stop[:] = np.inf
+    if isinstance(group, Particles):
+        _pin(state, group, motions)
+    return state
+
+
+def _capacity(scenario: Scenario, group: Group) -> int:
+    """Room for the first births of an emitter."""
+    assert isinstance(group, Emitter)
+    total = Schedule(group, scenario.streams(group)).total(scenario.simulation.duration)
+    return max(1, min(total, group.limit or total, 1 << 16))
+
+
+def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None:
+    """Hold the particles that are pinned, and put those that are led where their paths begin."""
+    if not motions and not group.has_pins():
+        return
+    x = state.x[:, : state.count].astype(float)
+    pinned = _existing(state, group.pins(x), "pinned")
+    if isinstance(group.pinned, Shape) and not selected(group.pinned, group.layout, x).size:
+        raise UsageError(
+            f"pinned holds no particle of {group.name!r}: none is in its region",
+            "regions are compared with the places at the start",
+        )
+    led = [
+        pinned if m.particles is None else _existing(state, selected(m.particles, group.layout, x), m.label)
+        for m in motions
+    ]
+    for m, rows in zip(motions, led, strict=True):
+        if rows.size == 0:
+            raise UsageError(
+                f"{m.label} leads no particle of {group.name!r}: none is in its region",
+                "regions are compared with the places at the start",
+            )
+    every, times = np.unique(np.concatenate([np.empty(0, np.int64), *led]), return_counts=True)
+    if (times > 1).any():
+        raise UsageError(
+            f"particle {every[times.argmax()]} of {group.name!r} is led by two motions",
+            "name different particles for each, with particles = ...",
+        )
+    held = np.union1d(pinned, every)
+    state.pin(held)
+    state.v[:, held] = 0
+    state.driven = tuple(
+        Driven(m.record(), rows, *np.ascontiguousarray(x[:, rows]))
+        for m, rows in zip(motions, led, strict=True)
+    )
+    if state.driven:
+        state.drive(0.0)
+        wild = ~(np.isfinite(state.x[:, every]).all(axis=0) & np.isfinite(state.v[:, every]).all(axis=0))
+        if wild.any():
+            raise UsageError(
+                f"the path of particle {every[wild.argmax()]} of {group.name!r} is not finite at t = 0",
+                "position and velocity must be finite from the start",
+            )
+
+
+def _existing(state: GroupState, rows: NDArray[np.int64], what: str) -> NDArray[np.int64]:
+    """Rows, which must be those of particles: the number of particles in a file is not known before it is read."""
+    if rows.size and rows[-1] >= state.count:
+        raise UsageError(
+            f"{what}: {state.name!r} has {state.count} particles; there is no particle {rows[-1]} to pin",
+            f"indices go from 0 to {state.count - 1}",
+        )
+    return rows

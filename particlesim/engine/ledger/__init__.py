@@ -1,0 +1,1 @@
+"""Energy, momentum and work: sums over particles, and what forces have done."""

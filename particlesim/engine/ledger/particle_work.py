@@ -1,0 +1,337 @@
+"""How the accounts of `engine.books` are kept while islands step, one step at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.interactions.bonds import Bonds
+from particlesim.engine.ledger.sums import bond_energy
+from particlesim.engine.ledger.work import (
+    SIMPSON,
+    Books,
+    accelerations,
+    damping,
+    halfway,
+    halfway_between,
+    moved,
+    weighted,
+)
+from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.prescribed import Driven, drive_to
+from particlesim.graph.graph import Island
+from particlesim.integrators import EmbeddedRungeKutta
+
+Floats = NDArray[np.float64]
+
+LENIENT = np.errstate(over="ignore", invalid="ignore")
+"""What runs away is found by those who look at the ledger."""
+
+
+class Opened(NamedTuple):
+    """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
+    without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `bonds` as they were
+    before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
+
+    columns: Columns
+    begin: Floats
+    h: Floats
+    free: Columns | None
+    path: tuple[Moment, ...] = ()
+    bonds: tuple[Bonds, ...] = ()
+    effort: float = 0.0
+
+
+class Moment(NamedTuple):
+    """A state on the way of a step, when that is [s], and its weight in an integral over the step of length 1."""
+
+    columns: Columns
+    time: float
+    weight: float
+
+
+class Legs(NamedTuple):
+    """Own steps of independent particles: rows [n], beginnings and lengths [s], shape [n], and position and velocity at the
+    beginning, at the end without contact, and with it, shape [6, n] each."""
+
+    rows: NDArray[np.intp]
+    begin: Floats
+    h: Floats
+    start: Floats
+    free: Floats
+    end: Floats
+
+
+def spans(clock: Clock | None, number: int, t: float, end: float) -> tuple[Floats, Floats]:
+    """When every particle begins to move in the step [t, end], and for how long; 0 for those that do not."""
+    if clock is None:
+        return np.full(number, t), np.full(number, end - t)
+    begin = np.maximum(clock.start, t)
+    h = np.maximum(np.minimum(clock.stop, end) - begin, 0.0)
+    return np.where(h > 0, begin, t), h
+
+
+class ParticleBooks:
+    """The accounts of a group of independent particles."""
+
+    def __init__(self, books: Books, structure: Island, forces: Any) -> None:
+        self.books = books
+        self._forces = forces
+        self._contact = "contact" in books.names
+        self._mortal = "deaths" in books.names
+
+    def born(self, columns: Columns, number: int, times: Floats) -> None:
+        """Book what the last `number` particles bring, born at some times [s]."""
+        if number:
+            low = len(columns.m) - number
+            at = np.concatenate([np.zeros(low), times])
+            self.books.add("births", float(self.books.energies(0, columns, at)[low:].sum()))
+
+    @LENIENT
+    def book_step(self, step: Opened, columns: Columns) -> None:
+        """Book the work of forces and contact in a step that has been taken to the state `columns`."""
+        books, finish = self.books, step.begin + step.h
+        path = columns if step.free is None else step.free
+        if books.spends(0):
+            a0 = accelerations(self._forces, step.columns, step.begin)
+            a1 = accelerations(self._forces, path, finish)
+            middle = halfway(step.columns, path, a0, a1, step.h)
+            states = ((step.columns, step.begin), (middle, step.begin + step.h / 2), (path, finish))
+            books.book_powers(0, [books.powers(0, c, t) for c, t in states], SIMPSON, step.h)
+        if self._contact:
+            change = books.energies(0, columns, finish) - books.energies(0, path, finish)
+            books.add("contact", float(change.sum()))
+
+    @LENIENT
+    def book_legs(self, legs: Legs, columns: Columns, method: EmbeddedRungeKutta) -> None:
+        """Book the work of forces and contact in own steps of particles of a group with these columns."""
+        books, here = self.books, picked(columns, legs.rows)
+        if books.spends(0):
+            powers: list[Floats] = []
+            slopes: list[Floats] = []
+            for row, c in zip(method.a, method.c, strict=True):
+                ahead = legs.h * weighted(row, slopes) if row else np.zeros_like(legs.start)
+                state, times = moved(here, legs.start, ahead), legs.begin + c * legs.h
+                velocity = np.stack([state.vx, state.vy, state.vz]).astype(float)
+                slopes.append(np.concatenate([velocity, accelerations(self._forces, state, times)]))
+                powers.append(books.powers(0, state, times))
+            books.book_powers(0, powers, method.b, legs.h)
+        touched = np.flatnonzero((legs.free != legs.end).any(axis=0))
+        if touched.size:
+            met, times = picked(columns, legs.rows[touched]), (legs.begin + legs.h)[touched]
+            before, after = (
+                books.energies(0, moved(met, states[:, touched], np.zeros((6, 1))), times)
+                for states in (legs.free, legs.end)
+            )
+            books.add("contact", float((after - before).sum()))
+
+    @LENIENT
+    def close(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> None:
+        """Book what motions and deaths did in a step that has been taken to the time `end` [s], the dead still there."""
+        if not (self._mortal or driven):
+            return
+        books, finish = self.books, step.begin + step.h
+        now = books.energies(0, columns, finish)
+        spent = (
+            self._book_led(step, columns, driven, end) if driven and books.spends(0) else np.zeros_like(now)
+        )
+        for each in driven:
+            before = books.energies(0, step.columns, step.begin)
+            books.add("motion", float((now - before - spent)[each.rows].sum()))
+        if self._mortal and columns.clock is not None:
+            books.add("deaths", -float(now[columns.clock.stop <= end].sum()))
+
+    def _book_led(self, step: Opened, columns: Columns, driven: tuple[Driven, ...], end: float) -> Floats:
+        """Book what forces do on led particles, which move though no force moves them; returns it [J], shape [n]."""
+        rows = np.concatenate([each.rows for each in driven])
+        h = np.zeros(len(columns.m))
+        h[rows] = end - step.begin[rows]
+        middle = led(driven, columns, end - h[rows[0]] / 2)
+        states = ((step.columns, step.begin), (middle, step.begin + h / 2), (columns, step.begin + h))
+        return self.books.book_powers(0, [self.books.powers(0, c, t) for c, t in states], SIMPSON, h)
+
+
+def led(driven: tuple[Driven, ...], columns: Columns, time: float) -> Columns:
+    """The columns with led particles where they are at a time [s]."""
+    x = np.stack([columns.x, columns.y, columns.z])
+    v = np.stack([columns.vx, columns.vy, columns.vz])
+    drive_to(driven, x, v, time)
+    return columns._replace(x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
+
+
+def picked(c: Columns, rows: NDArray[np.intp]) -> Columns:
+    """Copies of some rows of columns."""
+    heat = c.thermal
+    if heat is not None:
+        heat = Thermal(heat.start[rows], heat.birth[rows], heat.rate, heat.ambient)
+    return c._replace(
+        **{name: getattr(c, name)[rows] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
+        r=None if c.r is None else c.r[rows],
+        thermal=heat,
+        clock=None if c.clock is None else Clock(*(column[rows] for column in c.clock)),
+        memory=tuple(column[rows] for column in c.memory),
+    )
+
+
+def stages(
+    before: Columns,
+    states: tuple[Floats, Floats],
+    span: tuple[float, float],
+    h: Floats,
+    method: EmbeddedRungeKutta,
+) -> tuple[Moment, ...]:
+    """The stages of a step that count, from the states at its beginning [6, n] and the slopes [stages, 6, n]."""
+    (start, slopes), (begin, end) = states, span
+    found = []
+    for k, (row, c, weight) in enumerate(zip(method.a, method.c, method.b, strict=True)):
+        if weight:
+            ahead = h * weighted(row, list(slopes[:k])) if row else np.zeros_like(start)
+            found.append(Moment(moved(before, start, ahead), begin + c * (end - begin), weight))
+    return tuple(found)
+
+
+class SpringBooks:
+    """The accounts of an island of springs.
+
+    `bounds` are the borders of its groups; `forces` gives its total forces in a state, and `hinged` the energy of its
+    hinges there [J].
+    """
+
+    def __init__(
+        self,
+        books: Books,
+        structure: Island,
+        bounds: list[int],
+        driven: tuple[Driven, ...],
+        forces: Callable[..., Floats],
+        hinged: Callable[[Columns], float],
+    ) -> None:
+        self.books = books
+        self._bounds, self._forces, self._hinged = bounds, forces, hinged
+        self._surfaces = any(structure.surfaces)
+        self._rods = bool(structure.rods)
+        self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
+        self._members = range(len(structure.groups))
+        self._names = [bonds.name for bonds in structure.bonds]
+        self._damped = [bonds.law.damped for bonds in structure.bonds]
+        self._contact = "contact" in books.names
+
+    @LENIENT
+    def close(
+        self,
+        step: Opened,
+        columns: Columns,
+        bonds: tuple[Bonds, ...],
+        parts: Callable[[Columns], list[Columns]],
+        end: float,
+        effort: float = 0.0,
+    ) -> None:
+        """Book a step that has been taken to the state `columns` at the time `end` [s]; `bonds` are as before it, and
+        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
+        books, path = self.books, columns if step.free is None else step.free
+        start = float(step.begin.min(initial=end))
+        if (
+            self._surfaces
+            or any(self._damped)
+            or self._driven.size
+            or any(books.spends(k) for k in self._members)
+        ):
+            moments = step.path or self._halfway(step, path, bonds, (start, end))
+            weights = [moment.weight for moment in moments]
+            forces = [
+                self._forces(c, bonds, t) for c, t, _ in moments
+            ]  # puts led particles where they are then
+            moving = step.h.copy()
+            moving[self._driven] = end - start  # nothing moves them, and yet forces work on them
+            for k in self._members:
+                if books.spends(k):
+                    h = moving[self._bounds[k] : self._bounds[k + 1]]
+                    powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t, _ in moments]
+                    books.book_powers(k, powers, weights, h)
+            self._book_damping(moments, bonds, end - start)
+            self._book_motion(moments, forces, (step.columns, path), end - start)
+            if self._driven.size and self._rods:
+                books.add("motion", -effort)
+            if self._surfaces:
+                bare = [self._forces(c, bonds, t, corners=False) for c, t, _ in moments]
+                pulls = [f - g for f, g in zip(forces, bare, strict=True)]
+                self._book_surfaces(moments, pulls, (step.columns, path), end - start)
+        if self._contact:
+            books.add(
+                "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
+            )
+
+    @LENIENT
+    def book_breaking(self, before: tuple[Bonds, ...], after: tuple[Bonds, ...], columns: Columns) -> None:
+        """Book the potential that was lost with springs that broke at the end of a step."""
+        for name, old, new in zip(self._names, before, after, strict=True):
+            if new.breaking is not None and not np.array_equal(old.breaking.when, new.breaking.when):
+                left, was = bond_energy((new, old), columns)
+                self.books.add(f"{name}.breaking", left - was)
+
+    def _halfway(
+        self, step: Opened, path: Columns, bonds: tuple[Bonds, ...], span: tuple[float, float]
+    ) -> tuple[Moment, ...]:
+        """Beginning, middle and end of a step of which nothing more is known."""
+        start, end = span
+        f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
+        if self._rods:  # whose forces are not among these
+            middle = halfway_between(step.columns, path, step.h)
+        else:
+            middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
+        states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
+        return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
+
+    def _book_damping(self, moments: Sequence[Moment], bonds: tuple[Bonds, ...], h: float) -> None:
+        damped = [bond for bond, yes in zip(bonds, self._damped, strict=True) if yes]
+        powers = [damping(damped, moment.columns) for moment in moments]
+        names = [name for name, yes in zip(self._names, self._damped, strict=True) if yes]
+        work = h * weighted([moment.weight for moment in moments], powers)
+        for name, joule in zip(names, work, strict=True):
+            self.books.add(name, float(joule))
+
+    def _book_motion(
+        self, moments: Sequence[Moment], forces: Sequence[Floats], ends: tuple[Columns, Columns], h: float
+    ) -> None:
+        """What leads particles along their paths gives them their kinetic energy, and holds against all forces on them."""
+        rows = self._driven
+        if not rows.size:
+            return
+        work = sum(
+            moment.weight * float((f[:, rows] * _velocity(moment.columns, rows)).sum())
+            for moment, f in zip(moments, forces, strict=True)
+        )
+        m = ends[0].m[rows].astype(float)
+        before, after = (0.5 * float((m * (_velocity(c, rows) ** 2).sum(axis=0)).sum()) for c in ends)
+        self.books.add("motion", after - before - h * work)
+
+    def _book_surfaces(
+        self, moments: Sequence[Moment], pulls: Sequence[Floats], ends: tuple[Columns, Columns], h: float
+    ) -> None:
+        """Work on surfaces: that of all forces at corners, but for what goes into hinges."""
+        work = sum(
+            moment.weight * float((f * _velocity(moment.columns, slice(None))).sum())
+            for moment, f in zip(moments, pulls, strict=True)
+        )
+        stored = self._hinged(ends[1]) - self._hinged(ends[0])
+        self.books.add("surfaces", h * work + stored)
+
+    def _energy(
+        self,
+        columns: Columns,
+        bonds: tuple[Bonds, ...],
+        parts: Callable[[Columns], list[Columns]],
+        time: float,
+    ) -> float:
+        total = sum(bond_energy(bonds, columns)) + self._hinged(columns)
+        for k, part in enumerate(parts(columns)):
+            total += float(self.books.energies(k, part, np.full(len(part.m), time)).sum())
+        return total
+
+
+def _velocity(c: Columns, rows: NDArray[np.int64] | slice) -> Floats:
+    """Velocities of some rows [m/s], shape [3, n]."""
+    return np.stack([c.vx[rows], c.vy[rows], c.vz[rows]]).astype(float)

@@ -1,0 +1,142 @@
+"""Energy, momentum and angular momentum of a group: the ledger.
+
+Sums are taken over fixed chunks of particles and then over the chunks in order, so that they have the same bits for any
+number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bonds.spring import Pair
+from particlesim.compiler import kernel
+from particlesim.engine.interactions.bonds import Bonds, pair_of
+from particlesim.engine.state.columns import block_of, fetch
+from particlesim.laws.registry import bond_force, bond_potential, force, potential
+from particlesim.process.threads import Team
+
+CHUNK = 4096
+
+MOTION = (
+    "kinetic",
+    "momentum.x",
+    "momentum.y",
+    "momentum.z",
+    "angular_momentum.x",
+    "angular_momentum.y",
+    "angular_momentum.z",
+)
+"""Ledger columns of the motion, in the order of the kernel; potentials follow."""
+
+
+def tally(potentials: Any, p: Any, row: Any, k: Any) -> None:
+    """Add the potential energy in each force to row[k], row[k + 1] ..."""
+    for n, each in enumerate(potentials):
+        row[k + n] += potential(each, p)
+
+
+@kernel
+def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, rows: Any) -> None:
+    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, potentials."""
+    for lo in range(first, last, CHUNK):
+        c = block_of(columns, lo, min(last, lo + CHUNK))
+        row = rows[lo // CHUNK]
+        for i in range(c.x.size):
+            p = fetch(c, i, t)
+            m = float(p.m)
+            x, y, z = float(p.x), float(p.y), float(p.z)
+            u, v, w = float(p.vx), float(p.vy), float(p.vz)
+            row[0] += 0.5 * m * (u * u + v * v + w * w)
+            row[1] += m * u
+            row[2] += m * v
+            row[3] += m * w
+            row[4] += m * (y * w - z * v)
+            row[5] += m * (z * u - x * w)
+            row[6] += m * (x * v - y * u)
+            tally(potentials, p, row, 7)
+
+
+@kernel
+def sum_bonds(bond: Any, c: Any) -> float:
+    """Potential energy of all bonds of a law [J]."""
+    total = 0.0
+    for k in range(bond.i.size):
+        if bond.i[k] >= 0:
+            total += bond_potential(bond.law, pair_of(bond, c, k))
+    return total
+
+
+@kernel
+def sum_forces(forces: Any, c: Any, t: Any, first: Any, last: Any, out: Any) -> None:
+    """Total one-particle force on every particle of [first, last), into out [3, n]."""
+    for i in range(first, last):
+        out[0, i], out[1, i], out[2, i] = force(forces, fetch(c, i, t))
+
+
+def measure(
+    potentials: tuple[Any, ...], columns: Any, time: float, team: Team, workers_from: int = 100_000
+) -> NDArray[np.float64]:
+    """Kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s] and potentials [J], in the order of the kernel."""
+    n = columns.x.size
+    rows = np.zeros((-(-n // CHUNK), len(MOTION) + len(potentials)))
+    if n:
+        team.over_range(
+            n, CHUNK, lambda a, b: sum_chunks(potentials, columns, time, a, b, rows), worth=n >= workers_from
+        )
+    total = np.zeros(rows.shape[1])
+    for row in rows:
+        total += row
+    return total
+
+
+def bond_energy(bonds: Sequence[Bonds], columns: Any) -> list[float]:
+    """Potential energy of each set of bonds [J]."""
+    return [float(sum_bonds(bond, columns)) for bond in bonds]
+
+
+@kernel
+def each_energy(potentials: Any, c: Any, times: Any, out: Any) -> None:
+    """Kinetic energy and potentials of every particle at a time of its own [J], into out [1 + potentials, n]."""
+    for i in range(c.x.size):
+        p = fetch(c, i, times[i])
+        u, v, w = float(p.vx), float(p.vy), float(p.vz)
+        out[0, i] = 0.5 * float(p.m) * (u * u + v * v + w * w)
+        tally(potentials, p, out[:, i], 1)
+
+
+def tally_power(forces: Any, p: Any, row: Any, k: Any) -> None:
+    """Put the power f·v of each force into row[k], row[k + 1] ..."""
+    for n, each in enumerate(forces):
+        fx, fy, fz = force(each, p)
+        row[k + n] = float(fx) * p.vx + float(fy) * p.vy + float(fz) * p.vz
+
+
+@kernel
+def each_power(forces: Any, c: Any, times: Any, out: Any) -> None:
+    """Power of every force on every particle at a time of its own [W], into out [forces, n]."""
+    for i in range(c.x.size):
+        tally_power(forces, fetch(c, i, times[i]), out[:, i], 0)
+
+
+@kernel
+def each_force(forces: Any, c: Any, times: Any, out: Any) -> None:
+    """Total one-particle force on every particle at a time of its own [N], into out [3, n]."""
+    for i in range(c.x.size):
+        out[0, i], out[1, i], out[2, i] = force(forces, fetch(c, i, times[i]))
+
+
+@kernel
+def damping_power(bond: Any, c: Any) -> float:
+    """Power of the dampers of all bonds of a law [W]: what their force does beyond that of the springs."""
+    total = 0.0
+    for k in range(bond.i.size):
+        if bond.i[k] >= 0:
+            p = pair_of(bond, c, k)
+            fx, fy, fz = bond_force(bond.law, p)
+            gx, gy, gz = bond_force(bond.law, Pair(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.k, p.c - p.c, p.rest))
+            total += float(fx - gx) * p.vx + float(fy - gy) * p.vy + float(fz - gz) * p.vz
+    return total

@@ -1,0 +1,1 @@
+"""The longest stable step: eigenvalues of the linearised motion."""

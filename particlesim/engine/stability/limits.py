@@ -1,0 +1,265 @@
+"""The largest stable step of a simulation at its present state: of every island, by force and with all forces together.
+
+What decides are the modes of the linearised island (`engine.linear`) and the stability region of its method
+(`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.stability.linearised import IslandModel, pairs
+from particlesim.errors import UsageError
+from particlesim.integrators import METHODS, Method
+from particlesim.integrators.regions import (
+    SLIP_OF_STEPS,
+    amplification,
+    eigenvalues,
+    growth,
+    has_function,
+    largest_step,
+)
+
+if TYPE_CHECKING:
+    from particlesim.engine.simulation import Simulation
+
+TOLERATED = 10.0
+"""Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
+oscillation grow, most often by too little to see."""
+MARGIN = 0.9
+"""Part of the largest stable step that is recommended."""
+
+
+@dataclass(frozen=True)
+class IslandStability:
+    """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
+    (`step`); 0: none is stable, infinite: no limit.
+
+    Adaptive methods have no limit: they choose steps that are short enough.
+    `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
+    stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
+    of `Linearised`.
+    """
+
+    groups: tuple[str, ...]
+    method: Method
+    forces: dict[str, float]
+    step: float
+    growth: float
+    how: str
+    eigenvalues: NDArray[np.complex128] = field(repr=False)
+    spectra: dict[str, NDArray[np.complex128]] = field(repr=False, default_factory=dict)
+    rods: bool = False
+    """Whether there are rods, which methods without a limit cannot hold."""
+
+    def warning(self, dt: float) -> str | None:
+        """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
+        if not self.growth > math.log10(TOLERATED):
+            return None
+        name = " and ".join(repr(group) for group in self.groups)
+        if self.step == 0:
+            return (
+                f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
+                f"{_power(self.growth)} over this run with dt = {dt:.6g} s; {_others(self.method.name, rods=self.rods)}"
+            )
+        sure = " that is sure" if self.how.startswith("bounds") else ""
+        return (
+            f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
+            f"{self._strictest()}: {advice(self.step, rods=self.rods)}"
+        )
+
+    def _strictest(self) -> str:
+        """The force that limits the step most, if there are several."""
+        if len(self.forces) < 2:
+            return ""
+        name, step = min(self.forces.items(), key=lambda item: item[1])
+        return f" ({name} alone: {step:.3g} s)" if math.isfinite(step) else ""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """The largest stable steps of a simulation with steps of `dt` [s]."""
+
+    dt: float
+    islands: tuple[IslandStability, ...]
+
+    @property
+    def step(self) -> float:
+        """The largest step that is stable for all islands [s]."""
+        return min((island.step for island in self.islands), default=math.inf)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for every island that cannot be stable."""
+        return tuple(text for island in self.islands if (text := island.warning(self.dt)) is not None)
+
+    def as_data(self) -> dict[str, Any]:
+        """As plain data, for JSON; steps without a limit are None."""
+        return {
+            "dt": self.dt,
+            "largest_stable_dt": _finite(self.step),
+            "islands": [
+                {
+                    "groups": list(island.groups),
+                    "method": island.method.label,
+                    "largest_stable_dt": _finite(island.step),
+                    "forces": {name: _finite(step) for name, step in island.forces.items()},
+                    "growth_over_run_log10": island.growth,
+                    "basis": island.how,
+                }
+                for island in self.islands
+            ],
+        }
+
+
+def stability(simulation: Simulation) -> Stability:
+    """The largest stable steps of a simulation at its present state.
+
+    Raises UsageError where forces change so fast that no number can hold it.
+    """
+    return Stability(
+        simulation.scenario.grid.dt, tuple(_of(simulation, k) for k in range(len(simulation.islands)))
+    )
+
+
+def suspects(simulation: Simulation) -> Stability:
+    """The islands that cannot be stable with the step in use; fast where there are none.
+
+    Large islands of springs are looked at closely only when bounds on their modes leave a doubt.
+    """
+    dt = simulation.scenario.grid.dt
+    doubtful = []
+    for k in range(len(simulation.islands)):
+        with _within_numbers(simulation, k):
+            doubtful += [] if _surely_stable(simulation, k) else [k]
+    found = (_of(simulation, k) for k in doubtful)
+    return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
+
+
+def island_stability(simulation: Simulation, number: int) -> IslandStability:
+    """The largest stable steps of one island at its present state."""
+    return _of(simulation, number)
+
+
+def advice(step: float, *, rods: bool) -> str:
+    """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
+    text = f"try simulation.dt = {rounded(MARGIN * step):g}"
+    names = () if rods else unlimited()
+    return f"{text}, or an integrator without a limit ({', '.join(names)})" if names else text
+
+
+def rounded(step: float) -> float:
+    """A step cut to two digits [s]."""
+    if not (step > 0 and math.isfinite(step)):
+        return step
+    digits = 1 - math.floor(math.log10(step))
+    return math.floor(step * 10.0**digits * (1 + 1e-12)) / 10.0**digits
+
+
+def unlimited() -> tuple[str, ...]:
+    """Methods that are stable for every decaying or oscillating mode, whatever the step."""
+    wedge = np.concatenate(
+        [1j * np.geomspace(1e-2, 1e6, 9), -np.geomspace(1e-2, 1e6, 9), [-1 + 1j, -1e3 + 1e3j]]
+    )
+    return tuple(
+        name
+        for name, method in METHODS.items()
+        if has_function(method) and bool((np.abs(amplification(method, wedge)) <= 1 + 1e-12).all())
+    )
+
+
+@contextmanager
+def _within_numbers(simulation: Simulation, number: int) -> Iterator[None]:
+    """Turns what no number can hold into a UsageError."""
+    try:
+        with np.errstate(over="raise"):
+            yield
+    except (FloatingPointError, np.linalg.LinAlgError):
+        structure = simulation.graph.islands[number]
+        names = " and ".join(repr(group.name) for group in structure.groups)
+        masses = [state.mass[: state.count] for state in simulation.islands[number].states if state.count]
+        least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
+        raise UsageError(
+            f"the rates at which forces move {names}{least} are not finite, or beyond what numbers hold",
+            "a stiffness, a coefficient or a mass is out of all proportion, or a force has no value where a particle starts",
+        ) from None
+
+
+def _of(simulation: Simulation, number: int) -> IslandStability:
+    with _within_numbers(simulation, number):
+        return _judged(simulation, number)
+
+
+def _judged(simulation: Simulation, number: int) -> IslandStability:
+    model = _model(simulation, number)
+    structure, grid = model.structure, simulation.scenario.grid
+    method = structure.method
+    found = model.linearise()
+    names = tuple(group.name for group in structure.groups)
+    values = eigenvalues(found.together).ravel()
+    spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
+    if method.adaptive:
+        free = dict.fromkeys(found.forces, math.inf)
+        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values, spectra)
+    factor = growth(method, found.together, grid.dt)
+    total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
+    if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
+        total = min(total, 0.0)  # rounding, not growth
+    return IslandStability(
+        names,
+        method,
+        {label: largest_step(method, system) for label, system in found.forces.items()},
+        largest_step(method, found.together),
+        total,
+        found.how,
+        values,
+        spectra,
+        bool(structure.rods),
+    )
+
+
+def _surely_stable(simulation: Simulation, number: int) -> bool:
+    """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
+    model = _model(simulation, number)
+    method, grid = model.structure.method, simulation.scenario.grid
+    if method.adaptive:
+        return True
+    limits = model.box()
+    if limits is None:
+        if model.structure.coupled:
+            return False
+        system = model.linearise().together
+    else:
+        k, d = (np.multiply(limit, [0, 0.25, 0.5, 0.75, 1]) for limit in limits)
+        system = pairs(np.repeat(k, 5), np.tile(d, 5))
+    factor = growth(method, system, grid.dt)
+    allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
+    return factor <= allowed
+
+
+def _model(simulation: Simulation, number: int) -> IslandModel:
+    return IslandModel(
+        simulation.scenario, simulation.graph.islands[number], simulation.islands[number], simulation.time
+    )
+
+
+def _others(method: str, *, rods: bool) -> str:
+    """Methods that do not let oscillations grow, and hold rods if there are some."""
+    known = ("symplectic_euler", "velocity_verlet", *(() if rods else ("rk4",)))
+    names: Sequence[str] = [name for name in known if name != method]
+    return f"try integrator = {' or '.join(repr(name) for name in names)}"
+
+
+def _power(exponent: float) -> str:
+    return f"10^{exponent:.0f}" if exponent > 4 else f"{10**exponent:.3g}"
+
+
+def _finite(step: float) -> float | None:
+    return step if math.isfinite(step) else None

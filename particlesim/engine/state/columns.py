@@ -1,0 +1,221 @@
+"""How kernels read and write particles: columns of numbers, some of them optional.
+
+A column that a program does not use is None, and the compiler drops everything that would have read it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.laws.registry import KILL, PASS, STICK, Particle, moved_to
+
+
+class Thermal(NamedTuple):
+    """Newton cooling in closed form: T(t) = T_a + (T_0 − T_a) exp(−rate (t − birth))."""
+
+    start: Any
+    birth: Any
+    rate: float
+    ambient: float
+
+
+class Clock(NamedTuple):
+    """When each particle moves: from `start` to `stop` [s]; `outcome` says what a contact did to it."""
+
+    start: Any
+    stop: Any
+    outcome: Any
+
+
+class Columns(NamedTuple):
+    """The arrays of a group, or their slices for a block."""
+
+    x: Any
+    y: Any
+    z: Any
+    vx: Any
+    vy: Any
+    vz: Any
+    m: Any
+    r: Any
+    thermal: Any
+    clock: Any
+    memory: tuple[Any, ...]
+
+
+def cut(column: Any, first: Any, last: Any) -> Any:
+    """Elements [first, last) of an array, or what all have in common, None or a number."""
+    return column[first:last] if isinstance(column, np.ndarray) else column
+
+
+def block_of(c: Any, lo: Any, hi: Any) -> Any:
+    """The columns of particles [lo, hi)."""
+    if c is None:
+        return None
+    if isinstance(c, Clock):
+        return Clock(c.start[lo:hi], c.stop[lo:hi], c.outcome[lo:hi])
+    if isinstance(c, Thermal):
+        return Thermal(c.start[lo:hi], c.birth[lo:hi], c.rate, c.ambient)
+    if isinstance(c, Columns):
+        return Columns(
+            c.x[lo:hi],
+            c.y[lo:hi],
+            c.z[lo:hi],
+            c.vx[lo:hi],
+            c.vy[lo:hi],
+            c.vz[lo:hi],
+            c.m[lo:hi],
+            cut(c.r, lo, hi),
+            block_of(c.thermal, lo, hi),
+            block_of(c.clock, lo, hi),
+            block_of(c.memory, lo, hi),
+        )
+    return tuple(column[lo:hi] for column in c)
+
+
+KEPT = 16
+"""Numbers per particle that `keep` and `put_back` may use: position, velocity, memory, clock."""
+
+
+def keep(c: Any, kept: Any, i: Any) -> None:
+    """Copy what a step changes in particle i to column i of `kept`, shape [KEPT, block], float64."""
+    _save((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
+    _save(c.memory, kept, 6, i)
+    _save(c.clock, kept, 13, i)
+
+
+def put_back(c: Any, kept: Any, i: Any) -> None:
+    """Give particle i back what `keep` copied."""
+    _restore((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
+    _restore(c.memory, kept, 6, i)
+    _restore(c.clock, kept, 13, i)
+
+
+def _save(arrays: Any, kept: Any, row: Any, i: Any) -> None:
+    if arrays is not None:
+        for k, array in enumerate(arrays):
+            kept[row + k, i] = array[i]
+
+
+def _restore(arrays: Any, kept: Any, row: Any, i: Any) -> None:
+    if arrays is not None:
+        for k, array in enumerate(arrays):
+            array[i] = kept[row + k, i]
+
+
+def load(column: Any, i: Any, like: Any) -> Any:
+    """Value of an optional column; zero in the precision of `like` when it is absent."""
+    return type_of(like, 0) if column is None else column[i]
+
+
+def temperature(thermal: Any, i: Any, t: Any, like: Any) -> Any:
+    """Temperature of particle i at time t [K]; zero when no law asks for it."""
+    if thermal is None:
+        return type_of(like, 0)
+    excess = (thermal.start[i] - thermal.ambient) * np.exp(-thermal.rate * (t - thermal.birth[i]))
+    return type_of(like, thermal.ambient + excess)
+
+
+def fetch(c: Any, i: Any, t: Any) -> Any:
+    """Particle i as the laws see it at time t."""
+    x, m = c.x[i], c.m[i]
+    return Particle(
+        x,
+        c.y[i],
+        c.z[i],
+        c.vx[i],
+        c.vy[i],
+        c.vz[i],
+        m,
+        load(c.r, i, x),
+        temperature(c.thermal, i, t, x),
+        t,
+        type_of(m, 1) / m,
+    )
+
+
+def fetch_known(c: Any, inverse: Any, i: Any, t: Any) -> Any:
+    """Particle i with its inverse mass from an array: division and square root share a slow unit."""
+    p = fetch(c, i, t)
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t, inverse[i])
+
+
+def store(c: Any, i: Any, p: Any) -> None:
+    """Write position and velocity of particle i."""
+    c.x[i] = p.x
+    c.y[i] = p.y
+    c.z[i] = p.z
+    c.vx[i] = p.vx
+    c.vy[i] = p.vy
+    c.vz[i] = p.vz
+
+
+def chosen(condition: Any, p: Any, q: Any) -> Any:
+    """Position and velocity of p where the condition holds, else of q: selects, not branches."""
+    if condition is None:
+        return q
+    return moved_to(
+        q,
+        p.x if condition else q.x,
+        p.y if condition else q.y,
+        p.z if condition else q.z,
+        p.vx if condition else q.vx,
+        p.vy if condition else q.vy,
+        p.vz if condition else q.vz,
+        q.t,
+    )
+
+
+def recall(memory: Any, i: Any) -> Any:
+    """What the method remembers of particle i: element i of every array of the tuple."""
+    return tuple(array[i] for array in memory)
+
+
+def remember(memory: Any, i: Any, condition: Any, values: Any) -> None:
+    """Store element i of every array of the tuple where the condition holds."""
+    for array, value in zip(memory, values, strict=True):
+        array[i] = value if condition else array[i]
+
+
+def span(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Any:
+    """Begin and length of the part of the step [t, end] in which particle i moves; a whole step has the length h."""
+    if clock is None:
+        return t, h
+    start, stop = clock.start[i], clock.stop[i]
+    begin = max(t, start)
+    length = max(min(end, stop) - begin, 0.0)
+    whole = (start <= t) & (stop >= end)
+    return begin, h if whole else type_of(h, length)
+
+
+def type_of(like: Any, value: Any) -> Any:
+    """A value in the precision of `like`."""
+    return type(like)(value)
+
+
+def note(clock: Any, i: Any, outcome: Any, t: Any) -> None:
+    """Stop the clock of a particle that stuck or died in contact at time t."""
+    if clock is None:
+        return
+    clock.start[i] = np.inf if outcome == STICK else clock.start[i]
+    clock.stop[i] = t if outcome >= KILL else clock.stop[i]
+    clock.outcome[i] = max(clock.outcome[i], outcome)
+
+
+def still(clock: Any, h: Any) -> Any:
+    """Whether a particle does not move in this step: not yet born, dead, stuck or pinned. None: no clock, it moves."""
+    return None if clock is None else h <= 0
+
+
+def unless(idle: Any, outcome: Any) -> Any:
+    """The outcome of a contact, none for an idle particle."""
+    if idle is None:
+        return outcome
+    return PASS if idle else outcome
+
+
+def held(clock: Any, i: Any) -> Any:
+    """Whether particle i is pinned or stuck."""
+    return False if clock is None else clock.start[i] == np.inf

@@ -1,0 +1,33 @@
+"""Pinned particles that are led along paths: where they are, and how fast, at any time."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from particlesim.compiler import kernel
+from particlesim.laws.registry import Particle, path
+
+
+class Driven(NamedTuple):
+    """Particles that one motion leads: its record, their rows, sorted, and where they were laid out [m], each [n]."""
+
+    law: tuple[Any, ...]
+    rows: Any
+    x: Any
+    y: Any
+    z: Any
+
+
+def drive(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> None:
+    """Put all driven particles where they are at time t, with their velocities."""
+    for each in motions:
+        for k in range(each.rows.size):
+            i = each.rows[k]
+            p = Particle(each.x[k], each.y[k], each.z[k], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, t, 1.0)
+            x[i], y[i], z[i], vx[i], vy[i], vz[i] = path(each.law, p)
+
+
+@kernel
+def drive_to(motions: Any, x: Any, v: Any, t: Any) -> None:
+    """Put driven particles where they are at time t; position [m] and velocity [m/s] have shape [3, n]."""
+    drive(motions, x[0], x[1], x[2], v[0], v[1], v[2], t)

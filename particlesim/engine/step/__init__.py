@@ -1,0 +1,1 @@
+"""One step of one particle: methods, contacts, step sizes."""

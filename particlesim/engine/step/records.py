@@ -1,0 +1,84 @@
+"""From the graph to what kernels take: records of methods, dynamics, forces and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from particlesim.colliders import BoundsRecord, Plane
+from particlesim.emitters import Emitter
+from particlesim.engine.independent.kernel import Program
+from particlesim.engine.step.impacts import Careful, Simple
+from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
+from particlesim.forces import Force
+from particlesim.graph.graph import Island
+from particlesim.groups.group import FirstOrder, Group, Particles, TracerMotion
+from particlesim.model.vectors import dot, unit
+
+CONTACT_TOLERANCE = 16
+"""Overlap that counts as touching, in units of the rounding error of the coordinates."""
+
+
+def as_precision(record: Any, dtype: np.dtype[Any]) -> Any:
+    """A record with all its numbers in the run's precision. Integers and None stay."""
+    if isinstance(record, tuple):
+        parts = [as_precision(part, dtype) for part in record]
+        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
+    if isinstance(record, float):
+        return dtype.type(record)
+    return record
+
+
+def dynamics_record(group: Group) -> tuple[Any, ...]:
+    """How the particles of a group respond to force."""
+    if isinstance(group.dynamics, TracerMotion):
+        return Tracer(tuple(flow.record() for flow in group.dynamics.flow))
+    if isinstance(group.dynamics, FirstOrder):
+        return Overdamped(group.dynamics.drag, tuple(flow.record() for flow in group.dynamics.flow))
+    return Newtonian()
+
+
+def contacts_record(planes: Sequence[Plane], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
+    """What the particles of a group may touch, in the simplest form that is right."""
+    bounds: tuple[Any, ...] = ()
+    if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
+        low, high = group.die.outside
+        bounds = (BoundsRecord(*low, *high),)
+    # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
+    inert = group.dynamics.type != "second_order"
+    continuous = [plane.record() for plane in planes if plane.detection == "continuous" and not inert]
+    discrete = [plane.record() for plane in planes if plane.detection == "discrete" or inert]
+    if not continuous and _at_right_angles(planes):
+        return Simple((*discrete, *bounds))
+    resting = [plane._replace(bounce=min(plane.bounce, 1.0)) for plane in continuous]
+    tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
+    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance)
+
+
+def _at_right_angles(planes: Sequence[Plane]) -> bool:
+    """Whether meeting the planes one after the other never brings a particle back into an earlier one."""
+    normals = [unit(plane.normal) for plane in planes]
+    pairs = [(a, b) for k, a in enumerate(normals) for b in normals[:k]]
+    # Parallel planes are met one at a time, unless they leave no room between them.
+    return all(abs(dot(a, b)) < 1e-15 or dot(a, b) < -1 + 1e-15 for a, b in pairs)
+
+
+def group_program(
+    island: Island, forces: Sequence[Force], planes: Sequence[Plane], group: Group, dtype: np.dtype[Any]
+) -> Program:
+    """What is compiled for a group of independent particles."""
+    program = Program(
+        island.method.record(),
+        dynamics_record(group),
+        tuple(force.record() for force in forces),
+        contacts_record(planes, group, dtype),
+    )
+    return as_precision(program, dtype)
+
+
+def needs_clock(group: Group, planes: Sequence[Plane], led: bool) -> bool:
+    """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
+    pinned = isinstance(group, Particles) and (led or group.has_pins())
+    return isinstance(group, Emitter) or pinned or any(plane.contact != "bounce" for plane in planes)

@@ -1,0 +1,1 @@
+"""Formulas of scenarios: parser, operations, where they jump."""

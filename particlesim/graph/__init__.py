@@ -1,0 +1,1 @@
+"""From a scenario to nodes and edges, and to islands."""

@@ -1,0 +1,222 @@
+"""The simulation graph: what there is in a scenario, what acts on what, and which groups must step together.
+
+Groups joined by springs or rods form an *island*: their particles have to be at the same time. All other groups are islands
+of their own whose particles are independent of each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from particlesim.bonds import BondSet, HingeSet, RodSet
+from particlesim.colliders import Plane
+from particlesim.emitters import Emitter
+from particlesim.forces import Force, SheetDrag
+from particlesim.groups.group import Group, Particles
+from particlesim.groups.impulse import Impulse
+from particlesim.groups.motion import Motion
+from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Node:
+    """A part of the simulation: kind ('group', 'force' ...), name, and what to know about it in a few words."""
+
+    kind: str
+    name: str
+    detail: str
+
+    @property
+    def key(self) -> str:
+        """Unique name of the node."""
+        return f"{self.kind}:{self.name}"
+
+
+@dataclass(frozen=True)
+class Edge:
+    """What one node does to another."""
+
+    source: Node
+    target: Node
+    verb: str
+
+
+@dataclass(frozen=True)
+class Island:
+    """Groups that step together, with all that acts on them. Independent particles have no bonds, rods, hinges
+    and surfaces."""
+
+    groups: tuple[Group, ...]
+    forces: tuple[tuple[Force, ...], ...]
+    planes: tuple[tuple[Plane, ...], ...]
+    bonds: tuple[BondSet, ...]
+    method: Method
+    motions: tuple[tuple[Motion, ...], ...]
+    hinges: tuple[HingeSet, ...] = ()
+    surfaces: tuple[tuple[SheetDrag, ...], ...] = ()
+    """Forces on the surface of every group."""
+    rods: tuple[RodSet, ...] = ()
+
+    @property
+    def coupled(self) -> bool:
+        """Whether its particles act on each other."""
+        return bool(self.bonds or self.rods or self.hinges or any(self.surfaces))
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Nodes and edges for people, islands for the engine."""
+
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+    islands: tuple[Island, ...]
+
+    def as_text(self) -> str:
+        """One line per group with what acts on it, for terminals."""
+        lines = []
+        for number, island in enumerate(self.islands):
+            kind = "coupled: steps together" if island.coupled else "independent particles: steps in blocks"
+            lines.append(f"island {number + 1} ({kind}, {island.method.label})")
+            for group in island.groups:
+                node = next(
+                    n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name
+                )
+                lines.append(f"  {node.kind} {node.name}: {node.detail}")
+                sources = [edge.source for edge in self.edges if edge.target == node]
+                lines += [f"    <- {source.kind} {source.name}: {source.detail}" for source in sources]
+        return "\n".join(lines)
+
+    def as_mermaid(self) -> str:
+        """A Mermaid flowchart, for Markdown pages."""
+        number = {node.key: f"n{k}" for k, node in enumerate(self.nodes)}
+        lines = ["flowchart LR"]
+        for node in self.nodes:
+            label = f"{node.kind} {node.name}<br/>{node.detail}".replace('"', "'")
+            lines.append(f'  {number[node.key]}["{label}"]')
+        lines += [f"  {number[e.source.key]} -->|{e.verb}| {number[e.target.key]}" for e in self.edges]
+        return "\n".join(lines)
+
+
+def build_graph(scenario: Scenario) -> Graph:
+    """The graph of a scenario."""
+    groups = {group.name: _group_node(group) for group in scenario.groups}
+    labels = scenario.force_labels()
+    nodes: list[Node] = list(groups.values())
+    edges: list[Edge] = []
+
+    def act(node: Node, verb: str, targets: list[str]) -> None:
+        nodes.append(node)
+        edges.extend(Edge(node, groups[name], verb) for name in targets)
+
+    for label, force in zip(labels, scenario.forces, strict=False):
+        act(
+            Node("force", label, force.formula),
+            "acts on",
+            [g.name for g in scenario.groups if acts_on(force, g)],
+        )
+    for bonds in scenario.bonds:
+        act(Node("springs", bonds.name, bonds.describe()), "joins", list(dict.fromkeys(bonds.groups)))
+    for rods in scenario.rod_sets:
+        act(Node("rods", rods.name, rods.describe()), "joins", list(dict.fromkeys(rods.groups)))
+    for hinges in scenario.hinges:
+        act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
+    for k, plane in enumerate(scenario.planes):
+        act(
+            Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
+        )
+    for k, impulse in enumerate(scenario.impulses):
+        times = ", ".join(f"{t:g}" for t in impulse.times())
+        act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
+    for k, motion in enumerate(scenario.motions):
+        what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
+        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
+    islands = _islands(scenario)
+    recorder = Node(
+        "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"
+    )
+    integrators = {
+        method: Node("integrator", method.label, method.summary) for method in {i.method for i in islands}
+    }
+    nodes += [*sorted(integrators.values(), key=lambda n: n.name), recorder]
+    for island in islands:
+        edges += [Edge(groups[g.name], integrators[island.method], "stepped by") for g in island.groups]
+    edges += [
+        Edge(node, recorder, "recorded by") for node in sorted(integrators.values(), key=lambda n: n.name)
+    ]
+    return Graph(tuple(nodes), tuple(edges), islands)
+
+
+def method_of(group: Group, default: AnyIntegrator) -> Method:
+    """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
+    method = method_for(group.integrator or default)
+    return method if group.dynamics.type == "second_order" else _without_inertia(method)
+
+
+def _without_inertia(method: Method) -> Method:
+    return method if method.first_order is None else METHODS[method.first_order]
+
+
+def _targets(entry: Plane | Impulse, scenario: Scenario) -> list[str]:
+    return [g.name for g in scenario.groups if entry.on is None or g.name in entry.on]
+
+
+def _islands(scenario: Scenario) -> tuple[Island, ...]:
+    """Groups by the springs and rods that join them (union-find), in the order of the scenario."""
+    parent = {group.name: group.name for group in scenario.groups}
+
+    def root(name: str) -> str:
+        while parent[name] != name:
+            name = parent[name]
+        return name
+
+    rods = scenario.rod_sets
+    for first, second in [*(bonds.groups for bonds in scenario.bonds), *(each.groups for each in rods)]:
+        parent[root(second)] = root(first)
+    members: dict[str, list[Group]] = {}
+    for group in scenario.groups:
+        members.setdefault(root(group.name), []).append(group)
+    islands = []
+    for name, groups in members.items():
+        bonds_here = tuple(bonds for bonds in scenario.bonds if root(bonds.groups[0]) == name)
+        methods = [method_of(group, scenario.simulation.integrator) for group in groups]
+        if any(group.dynamics.type != "second_order" for group in groups):
+            # One method steps the whole island, and it must not need a velocity of its own.
+            methods = [_without_inertia(method) for method in methods]
+        islands.append(
+            Island(
+                tuple(groups),
+                tuple(
+                    tuple(f for f in scenario.forces if acts_on(f, g) and not f.on_surfaces) for g in groups
+                ),
+                tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
+                bonds_here,
+                methods[0],
+                tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
+                tuple(hinges for hinges in scenario.hinges if root(hinges.group) == name),
+                tuple(
+                    tuple(f for f in scenario.forces if isinstance(f, SheetDrag) and acts_on(f, g))
+                    for g in groups
+                ),
+                tuple(each for each in rods if root(each.groups[0]) == name),
+            )
+        )
+    return tuple(islands)
+
+
+def _group_node(group: Group) -> Node:
+    if isinstance(group, Emitter):
+        parts = [f"{group.rate:g}/s"] if group.rate is not None else []
+        parts += [f"{burst.count} at {burst.at:g} s" for burst in group.bursts()[:3]]
+        return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
+    assert isinstance(group, Particles)
+    number = group.layout.number()
+    count = f"{number} particles" if number is not None else "particles"
+    return Node("particles", group.name, f"{count}, {group.layout.type}")
+
+
+def _plane_detail(plane: Plane) -> str:
+    x, y, z = plane.normal
+    what = f"e = {plane.restitution:g}" if plane.contact == "bounce" else plane.contact
+    return f"normal ({x:g}, {y:g}, {z:g}), {what}, {plane.detection}"

@@ -1,0 +1,1 @@
+"""Groups of particles, and what is said of them: selections, motions, impulses."""

@@ -1,0 +1,1 @@
+"""Laws: pure functions of a record and a particle."""

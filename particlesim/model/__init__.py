@@ -1,0 +1,1 @@
+"""What all tables of a scenario share: units, mistakes, spelling, vectors."""

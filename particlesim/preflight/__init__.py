@@ -1,0 +1,1 @@
+"""Before a run: memory, disk, time, and advice."""

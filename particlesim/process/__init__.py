@@ -1,0 +1,1 @@
+"""Threads and signals of the process."""

@@ -1,0 +1,78 @@
+"""From a trajectory file to a video with the look that its scenario asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from particlesim.errors import UsageError
+from particlesim.model.vectors import unit
+from particlesim.render.scene.source import PlaneShape
+from particlesim.render.timeline import video_step
+from particlesim.render.writers import find_ffmpeg
+from particlesim.scenario.load import Overrides, loads
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.reader import Trajectory
+from particlesim.trajectory.target import check_target
+
+if TYPE_CHECKING:
+    from particlesim.render.video import RenderReport
+
+
+def film(
+    path: str | Path,
+    out: str | Path | None = None,
+    overrides: Overrides | None = None,
+    *,
+    frames: slice | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> RenderReport:
+    """Render the trajectory `path` as `out` (.mp4, .webp or .png; the trajectory's name with .mp4 unless given).
+
+    The look is that of the scenario in the trajectory, with `overrides` such as {"render.look": "dots"}.
+    `progress(done, total)` is called after each picture.
+    Raises UsageError for a file that is no usable trajectory or an output that cannot be written, ScenarioError for
+    overrides that do not fit; InputOutputError when writing fails. A partial file is never left.
+    """
+    from particlesim.render.video import render_video
+
+    path = Path(path)
+    out = path.with_suffix(".mp4") if out is None else Path(out)
+    with Trajectory(path) as trajectory:
+        if not trajectory.scenario:
+            raise UsageError(f"{path} does not say which scenario made it", "Was it written by `psim run`?")
+        scenario = loads(trajectory.scenario, overrides)
+        return render_video(
+            trajectory,
+            out,
+            look_of(scenario),
+            planes=plane_shapes(scenario),
+            title=scenario.title,
+            frames=frames,
+            overwrite=overwrite,
+            threads=threads,
+            progress=progress,
+        )
+
+
+def check_film(scenario: Scenario, out: Path, *, overwrite: bool) -> None:
+    """Refuse a video of a scenario that could not be made after its run. Raises UsageError; writes nothing."""
+    check_target(out, overwrite=overwrite)
+    find_ffmpeg()
+    grid = scenario.grid
+    video_step(grid.duration, grid.frames, scenario.render)
+
+
+def look_of(scenario: Scenario) -> RenderSettings:
+    """The settings of a scenario's pictures: springs that only push are contact, and drawn only where it says so."""
+    contact = {bonds.name: "hidden" for bonds in scenario.bonds if bonds.law.compression_only}
+    return scenario.render.model_copy(update={"styles": {**contact, **scenario.render.styles}})
+
+
+def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
+    """The planes of a scenario as the renderer takes them."""
+    return tuple(PlaneShape(plane.point, unit(plane.normal)) for plane in scenario.planes)

@@ -1,0 +1,461 @@
+"""Light on spheres and planes, trails, dots: everything that gives a sample its colour, in linear light."""
+
+from __future__ import annotations
+
+from math import exp, floor, sqrt
+
+import numpy as np
+
+from particlesim.compiler import kernel
+from particlesim.render.kernels.project import BAND
+from particlesim.render.kernels.records import (
+    Array,
+    Backdrop,
+    Float32s,
+    Layers,
+    Light,
+    Paths,
+    Planes,
+    ShadowMap,
+    SkyMap,
+    Triple,
+    View,
+)
+
+RGB = Triple
+
+
+def row_of(array: Float32s, k: int) -> Triple:
+    """A row of three as scalars: a slice would count references, in an atomic that the threads share."""
+    return array[k, 0], array[k, 1], array[k, 2]
+
+
+def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
+    return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
+
+
+def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
+    """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
+    3."""
+    depth, a = shadow.depth, shadow.axes
+    size = len(depth)
+    u = 0.5 * size + shadow.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
+    v = 0.5 * size - shadow.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
+    if not (1.0 <= u < size - 3 and 1.0 <= v < size - 3):
+        return 1.0
+    i, j = int(u), int(v)
+    fu, fv = u - i, v - j
+    d = np.float32(a[2][0] * x + a[2][1] * y + a[2][2] * z)
+    total = 0.0
+    for q in range(4):
+        row = j - 1 + q
+        left, right = depth[row, i - 1] >= d, depth[row, i + 2] >= d
+        n = (depth[row, i] >= d) + (depth[row, i + 1] >= d) + (1.0 - fu) * left + fu * right
+        weight = 1.0 - fv if q == 0 else (fv if q == 3 else 1.0)
+        total += weight * n
+    return total * (1.0 / 9.0)
+
+
+def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
+    """Share of the sky that a point sees.
+
+    With mean μ and mean square s of the heights around, and the point at height h < μ, a share
+    f = (μ − h)² / (s − 2 h μ + h²) stands above it (Chebyshev; exact for two heights) at a mean distance
+    H = (s − 2 h μ + h²) / (μ − h). What stands far above darkens little.
+    """
+    size = len(sky.mean)
+    if size < 2:
+        return 1.0
+    a = sky.axes
+    u = 0.5 * size + sky.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
+    v = 0.5 * size - sky.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
+    if not (0.0 <= u < size - 1 and 0.0 <= v < size - 1):
+        return 1.0
+    i, j = int(u), int(v)
+    fu, fv = u - i, v - j
+    w00, w01, w10, w11 = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
+    m, s = sky.mean, sky.square
+    mu = w00 * m[j, i] + w01 * m[j, i + 1] + w10 * m[j + 1, i] + w11 * m[j + 1, i + 1]
+    sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
+    h = -(a[2][0] * x + a[2][1] * y + a[2][2] * z) - sky.base
+    rise = mu - h
+    if rise <= 5e-4:
+        return 1.0
+    spread = max(sq - 2.0 * h * mu + h * h, rise * rise)
+    away = spread / rise / sky.reach
+    sure = min((rise - 5e-4) / (0.03 * sky.reach), 1.0)  # the moments carry rounding errors
+    shaded: float = 0.9 * sure * rise * rise / spread / (1.0 + 0.25 * away * away)
+    return 1.0 - shaded
+
+
+def _lines(x: float, footprint: float, width: float) -> float:
+    """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference
+    quotient."""
+    w = max(footprint, 1e-4)
+    a, b = x + 0.5 * width + 0.5 * w, x + 0.5 * width - 0.5 * w
+    ia = floor(a) * width + min(a - floor(a), width)
+    ib = floor(b) * width + min(b - floor(b), width)
+    return (ia - ib) / w
+
+
+def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
+    """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
+    and down."""
+    u, v = row_of(planes.u, k), row_of(planes.v, k)
+    inv = 1.0 / planes.spacing
+    gu = (px * u[0] + py * u[1] + pz * u[2]) * inv
+    gv = (px * v[0] + py * v[1] + pz * v[2]) * inv
+    fu = (
+        abs(along[0] * u[0] + along[1] * u[1] + along[2] * u[2])
+        + abs(down[0] * u[0] + down[1] * u[1] + down[2] * u[2])
+    ) * inv
+    fv = (
+        abs(along[0] * v[0] + along[1] * v[1] + along[2] * v[2])
+        + abs(down[0] * v[0] + down[1] * v[1] + down[2] * v[2])
+    ) * inv
+    fine = max(_lines(gu, fu, 0.016), _lines(gv, fv, 0.016))
+    bold = max(_lines(0.2 * gu, 0.2 * fu, 0.0042), _lines(0.2 * gv, 0.2 * fv, 0.0042))
+    return min(0.42 * fine + 0.5 * bold, 1.0)
+
+
+def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
+    """A vertical gradient that darkens a little towards the corners."""
+    sx, sy = (x + 0.5) / view.width - 0.5, (y + 0.5) / view.height
+    s = sy * sy * (3.0 - 2.0 * sy)
+    dim = 1.0 - 0.35 * (sx * sx + (sy - 0.5) * (sy - 0.5))
+    t, b = backdrop.top, backdrop.bottom
+    return (
+        (t[0] + (b[0] - t[0]) * s) * dim,
+        (t[1] + (b[1] - t[1]) * s) * dim,
+        (t[2] + (b[2] - t[2]) * s) * dim,
+    )
+
+
+def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[int, float]:
+    """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
+    best, t_best = -1, np.inf
+    for k in range(len(planes.point)):
+        n, p = row_of(planes.normal, k), row_of(planes.point, k)
+        slope = n[0] * dx + n[1] * dy + n[2] * dz
+        if not planes.facing[k] or slope > -1e-7:
+            continue
+        t = (n[0] * (p[0] - eye[0]) + n[1] * (p[1] - eye[1]) + n[2] * (p[2] - eye[2])) / slope
+        if t < t_best:
+            best, t_best = k, t
+    return best, t_best
+
+
+def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
+    """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the
+    others."""
+    cover, crease = 1.0, 1.0
+    for j in range(len(planes.point)):
+        if j == k:
+            continue
+        n, q = row_of(planes.normal, j), row_of(planes.point, j)
+        away = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
+        step = abs(n[0] * along[0] + n[1] * along[1] + n[2] * along[2]) + abs(
+            n[0] * down[0] + n[1] * down[1] + n[2] * down[2]
+        )
+        if not planes.facing[j]:
+            cover = min(cover, away / max(step, 1e-7) + 0.5)
+        else:
+            crease *= 1.0 - 0.4 * exp(-9.0 * max(away, 0.0))
+    return min(max(cover, 0.0), 1.0), crease
+
+
+def behind(
+    view: View,
+    planes: Planes,
+    light: Light,
+    backdrop: Backdrop,
+    shadow: ShadowMap,
+    sky: SkyMap,
+    x: int,
+    y: int,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> RGB:
+    """Colour of planes and background in a sample whose ray is (dx, dy, dz)."""
+    r, g, b = _backdrop(backdrop, view, x, y)
+    k, t = _hit(planes, view.eye, dx, dy, dz)
+    if k < 0:
+        return r, g, b
+    n, e = row_of(planes.normal, k), view.eye
+    p = (e[0] + t * dx, e[1] + t * dy, e[2] + t * dz)
+    far = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+    fade = exp(-(max(sqrt(far) - 1.2, 0.0) ** 2) * 0.16)
+    if fade < 0.004:
+        return r, g, b
+    # The point p = e + t d stays on the plane when the ray turns: dp = t (dd − d (n·dd) / (n·d)).
+    inv = 1.0 / (n[0] * dx + n[1] * dy + n[2] * dz)
+    a, s = view.axes, t / view.focal
+    na = (n[0] * a[0][0] + n[1] * a[0][1] + n[2] * a[0][2]) * inv
+    nd = (n[0] * a[1][0] + n[1] * a[1][1] + n[2] * a[1][2]) * inv
+    along = (s * (a[0][0] - dx * na), s * (a[0][1] - dy * na), s * (a[0][2] - dz * na))
+    down = (s * (a[1][0] - dx * nd), s * (a[1][1] - dy * nd), s * (a[1][2] - dz * nd))
+    cover, crease = _plane_share(planes, k, p, along, down)
+    cover *= fade
+    if cover <= 0.0:
+        return r, g, b
+    direction = light.direction
+    lambert = max(n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2], 0.0)
+    if lambert > 0.0:
+        lambert *= light_share(shadow, p[0] + 2e-3 * n[0], p[1] + 2e-3 * n[1], p[2] + 2e-3 * n[2])
+    ambient = crease * open_sky(sky, p[0], p[1], p[2])
+    up = 0.5 + 0.5 * (n[0] * light.up[0] + n[1] * light.up[1] + n[2] * light.up[2])
+    line = _grid(planes, k, p[0], p[1], p[2], along, down)
+    ground, grid = backdrop.ground, backdrop.line
+    rgb = (r, g, b)
+    r = (ground[0] + line * (grid[0] - ground[0])) * (
+        light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0]))
+    )
+    g = (ground[1] + line * (grid[1] - ground[1])) * (
+        light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1]))
+    )
+    b = (ground[2] + line * (grid[2] - ground[2])) * (
+        light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2]))
+    )
+    return rgb[0] + cover * (r - rgb[0]), rgb[1] + cover * (g - rgb[1]), rgb[2] + cover * (b - rgb[2])
+
+
+def shade_sphere(
+    view: View,
+    light: Light,
+    shadow: ShadowMap,
+    sky: SkyMap,
+    c: tuple[float, float, float, float],
+    albedo: Triple,
+    vx: float,
+    vy: float,
+) -> tuple[float, float, float, float]:
+    """Colour of a sphere in the sample (vx, vy) of the picture plane at distance 1, and how much of it is
+    covered."""
+    inv_d2 = 1.0 / (vx * vx + vy * vy + 1.0)
+    inv_d = sqrt(inv_d2)
+    t0 = (c[0] * vx + c[1] * vy + c[2]) * inv_d2
+    qx, qy, qz = c[0] - t0 * vx, c[1] - t0 * vy, c[2] - t0
+    q2 = qx * qx + qy * qy + qz * qz
+    r = np.float64(c[3])
+    cover = min(max((r - sqrt(q2)) * view.focal / c[2] + 0.5, 0.0), 1.0)
+    h = sqrt(max(r * r - q2, 0.0)) * inv_d
+    # From the centre to the hit, in camera axes: −q − h d; outside the outline the rim's normal is taken.
+    nx, ny, nz = -qx - h * vx, -qy - h * vy, -qz - h
+    s = 1.0 / sqrt(max(nx * nx + ny * ny + nz * nz, 1e-30))
+    nx, ny, nz = nx * s, ny * s, nz * s
+    facing = -(nx * vx + ny * vy + nz) * inv_d
+    a, e, direction = view.axes, view.eye, light.direction
+    wx = a[0][0] * nx + a[1][0] * ny + a[2][0] * nz
+    wy = a[0][1] * nx + a[1][1] * ny + a[2][1] * nz
+    wz = a[0][2] * nx + a[1][2] * ny + a[2][2] * nz
+    px = e[0] + a[0][0] * c[0] + a[1][0] * c[1] + a[2][0] * c[2] + r * wx
+    py = e[1] + a[0][1] * c[0] + a[1][1] * c[1] + a[2][1] * c[2] + r * wy
+    pz = e[2] + a[0][2] * c[0] + a[1][2] * c[1] + a[2][2] * c[2] + r * wz
+    lambert = wx * direction[0] + wy * direction[1] + wz * direction[2]
+    shine = 0.0
+    if lambert > 0.0:
+        # Tested a little outside the sphere and towards the light, so that it does not shade itself.
+        off, to = 0.3 * r, 2.0 / shadow.scale
+        lit = light_share(
+            shadow,
+            px + off * wx + to * direction[0],
+            py + off * wy + to * direction[1],
+            pz + off * wz + to * direction[2],
+        )
+        dx = a[0][0] * vx + a[1][0] * vy + a[2][0]
+        dy = a[0][1] * vx + a[1][1] * vy + a[2][1]
+        dz = a[0][2] * vx + a[1][2] * vy + a[2][2]
+        hx, hy, hz = direction[0] - dx * inv_d, direction[1] - dy * inv_d, direction[2] - dz * inv_d
+        gloss = (wx * hx + wy * hy + wz * hz) / sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
+        gloss = max(gloss, 0.0) ** 2
+        gloss = gloss * gloss * gloss * gloss
+        gloss = gloss * gloss * gloss
+        lambert *= lit
+        shine = 0.22 * gloss * lit
+    else:
+        lambert = 0.0
+    rim = 1.0 - min(max(facing, 0.0), 1.0)
+    rim = rim * rim * rim
+    up = 0.5 + 0.5 * (wx * light.up[0] + wy * light.up[1] + wz * light.up[2])
+    ambient = open_sky(sky, px, py, pz)
+    shine += 0.16 * rim * up * ambient
+    return (
+        albedo[0]
+        * (light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0])))
+        + shine * light.key[0],
+        albedo[1]
+        * (light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1])))
+        + shine * light.key[1],
+        albedo[2]
+        * (light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2])))
+        + shine * light.key[2],
+        cover,
+    )
+
+
+@kernel
+def shade_band(
+    row0: int,
+    view: View,
+    planes: Planes,
+    light: Light,
+    backdrop: Backdrop,
+    shadow: ShadowMap,
+    sky: SkyMap,
+    sphere: Float32s,
+    color: Array,
+    palette: Float32s,
+    layers: Layers,
+    paths: Paths,
+    image: Float32s,
+) -> None:
+    """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first
+    sphere."""
+    inv = 1.0 / view.focal
+    a = view.axes
+    near_depth, near_id, far_id = layers.near, layers.near_id, layers.far_id
+    trail_alpha, trail_depth, trail_color = paths.alpha, paths.depth, paths.color
+    trails = len(trail_alpha) > 0
+    for y in range(min(BAND, view.height - row0)):
+        vy = (0.5 * view.height - (row0 + y + 0.5)) * inv
+        for x in range(view.width):
+            vx = (x + 0.5 - 0.5 * view.width) * inv
+            near, far = near_id[y, x], far_id[y, x]
+            cr, cg, cb, cover = 0.0, 0.0, 0.0, 0.0
+            if near >= 0:
+                cr, cg, cb, cover = shade_sphere(
+                    view, light, shadow, sky, ball_of(sphere, near), row_of(palette, color[near]), vx, vy
+                )
+            trail = float(trail_alpha[y, x]) if trails else 0.0
+            over = trail > 0.0 and trail_depth[y, x] < near_depth[y, x]
+            r, g, b = 0.0, 0.0, 0.0
+            if cover < 1.0:
+                r, g, b = behind(
+                    view,
+                    planes,
+                    light,
+                    backdrop,
+                    shadow,
+                    sky,
+                    x,
+                    row0 + y,
+                    a[0][0] * vx + a[1][0] * vy + a[2][0],
+                    a[0][1] * vx + a[1][1] * vy + a[2][1],
+                    a[0][2] * vx + a[1][2] * vy + a[2][2],
+                )
+                if trail > 0.0 and not over:
+                    r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)
+                if far >= 0:
+                    fr, fg, fb, fc = shade_sphere(
+                        view, light, shadow, sky, ball_of(sphere, far), row_of(palette, color[far]), vx, vy
+                    )
+                    # Behind an outline more spheres than these two may lie: the second counts in full sooner.
+                    fc = min(1.5 * fc, 1.0)
+                    r, g, b = r + fc * (fr - r), g + fc * (fg - g), b + fc * (fb - b)
+            r, g, b = r + cover * (cr - r), g + cover * (cg - g), b + cover * (cb - b)
+            if over:
+                r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)
+            image[y, x, 0], image[y, x, 1], image[y, x, 2] = r, g, b
+
+
+def mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
+    return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
+
+
+@kernel
+def draw_dots(
+    row0: int,
+    view: View,
+    haze: tuple[float, float, float, float, float],
+    spheres: Float32s,
+    items: Array,
+    color: Array,
+    palette: Float32s,
+    solid: Float32s,
+    image: Float32s,
+) -> None:
+    """Blend round dots over `image`: `spheres` are those of `items`, far to near.
+
+    `solid` [rows, width] is the view depth behind which nothing is seen; without rows everything is.
+
+    `haze` is r, g, b and the depth range over which dots sink into it by at most a third.
+    """
+    rows, width = min(BAND, view.height - row0), view.width
+    hides = len(solid) > 0
+    for k in range(len(items)):
+        z = np.float64(spheres[k, 2])
+        f = view.focal / z
+        cx, cy = 0.5 * width + spheres[k, 0] * f, 0.5 * view.height - spheres[k, 1] * f - row0
+        rad = spheres[k, 3] * f
+        fog = 0.35 * min(max((z - haze[3]) * haze[4], 0.0), 1.0)
+        c = row_of(palette, color[items[k]])
+        r, g, b = mix(c[0], c[1], c[2], (haze[0], haze[1], haze[2]), fog)
+        reach, falloff = rad + 0.5, 0.28 / (rad * rad)
+        for y in range(max(int(cy - reach), 0), min(int(cy + reach) + 1, rows)):
+            dy = y + 0.5 - cy
+            for x in range(max(int(cx - reach), 0), min(int(cx + reach) + 1, width)):
+                dx = x + 0.5 - cx
+                d2 = dx * dx + dy * dy
+                if d2 < reach * reach and not (hides and solid[y, x] < z):
+                    cover = min(reach - sqrt(d2), 1.0)
+                    tone = cover * (1.08 - d2 * falloff)
+                    image[y, x, 0] += r * tone - cover * image[y, x, 0]
+                    image[y, x, 1] += g * tone - cover * image[y, x, 1]
+                    image[y, x, 2] += b * tone - cover * image[y, x, 2]
+
+
+@kernel
+def draw_paths(segments: Float32s, color: Array, row0: int, rows: int, paths: Paths) -> None:
+    """Trails: `segments` rows are x0, y0, z0, alpha0, x1, y1, z1, alpha1, half width, all in samples but z.
+
+    The strongest segment of a sample wins, so overlapping joints leave no beads.
+    """
+    best = paths.alpha
+    best[:] = 0.0
+    width = best.shape[1]
+    for s in range(len(segments)):
+        x0, y0, z0, a0 = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
+        x1, y1, z1, a1 = segments[s, 4], segments[s, 5], segments[s, 6], segments[s, 7]
+        w = segments[s, 8]
+        dx, dy = x1 - x0, y1 - y0
+        inv = 1.0 / max(dx * dx + dy * dy, 1e-12)
+        top, bottom = floor(min(y0, y1) - w - 1), floor(max(y0, y1) + w + 1)
+        for y in range(max(top - row0, 0), min(bottom - row0 + 1, rows)):
+            py = row0 + y + 0.5 - y0
+            left, right = min(x0, x1) - w - 1, max(x0, x1) + w + 1
+            for x in range(max(int(left), 0), min(int(right) + 1, width)):
+                px = x + 0.5 - x0
+                t = min(max((px * dx + py * dy) * inv, 0.0), 1.0)
+                ex, ey = px - t * dx, py - t * dy
+                cover = w + 0.5 - sqrt(ex * ex + ey * ey)
+                if cover <= 0.0:
+                    continue
+                alpha = min(cover, 1.0) * (a0 + t * (a1 - a0))
+                if alpha > best[y, x]:
+                    best[y, x] = alpha
+                    paths.color[y, x] = color[s]
+                    paths.depth[y, x] = z0 + t * (z1 - z0)
+
+
+@kernel
+def develop(image: Float32s, rows: int, samples: int, exposure: float, curve: Float32s, out: Array) -> None:
+    """Average samples², tone-map and encode as sRGB by `curve` (indexed by √(light / 4)), dither, write 8
+    bits.
+
+    The dither, a fixed pattern of half a step (interleaved gradient noise), keeps dark gradients free of
+    bands.
+    """
+    top = len(curve) - 1
+    share = 0.25 * exposure / (samples * samples)
+    for y in range(rows):
+        for x in range(out.shape[1]):
+            noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)
+            noise -= floor(noise)
+            for c in range(3):
+                total = 0.0
+                for q in range(samples):
+                    for p in range(samples):
+                        total += image[y * samples + q, x * samples + p, c]
+                value = curve[int(sqrt(min(max(total * share, 0.0), 1.0)) * top)]
+                out[y, x, c] = int(min(value + noise, 255.0))

@@ -1,0 +1,76 @@
+"""What is drawn in one frame, and the memory that a thread draws a band in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from particlesim.render.kernels.multisample import SUBSAMPLES
+from particlesim.render.kernels.project import BAND
+from particlesim.render.kernels.records import (
+    Array,
+    Layers,
+    Paths,
+    Planes,
+    Samples,
+    ShadowMap,
+    SkyMap,
+    Solids,
+    View,
+)
+
+NO_BOX = np.array([0, -1, 0, -1], np.int32)
+"""First and last column and row of what is not drawn."""
+
+
+@dataclass(frozen=True)
+class Cast:
+    """A frame's particles, surfaces and tubes: `world` [scene units], `sphere` (camera axes and drawn radius), palette
+    index, which particles are not drawn, which triangles are whole; boxes: the samples that each may touch."""
+
+    world: Array
+    sphere: Array
+    box: Array
+    color: Array
+    hidden: Array
+    solids: Solids
+    whole: Array
+    triangle_box: Array
+    tube_box: Array
+
+
+@dataclass(frozen=True)
+class Act:
+    """All that the bands of a picture share."""
+
+    view: View
+    planes: Planes
+    shadow: ShadowMap
+    sky: SkyMap
+    cast: Cast
+    haze: tuple[float, float, float, float, float]
+    trails: tuple[Array, Array] | None
+
+
+@dataclass(frozen=True)
+class Buffers:
+    """The samples of one band of a picture, `image` in linear light."""
+
+    image: Array
+    layers: Layers
+    paths: Paths
+    samples: Samples
+
+    @staticmethod
+    def of(width: int, solids: bool) -> Buffers:
+        """For pictures of this width, with room for `samples` where there are solids."""
+        shape = (BAND, width)
+        floats, ints = np.empty((5, *shape), np.float32), np.empty((3, *shape), np.int32)
+        points = (*shape, SUBSAMPLES) if solids else (0, 0, 0)
+        return Buffers(
+            np.empty((*shape, 3), np.float32),
+            Layers(floats[0], ints[0], floats[1], ints[1]),
+            Paths(floats[2], ints[2], floats[3]),
+            Samples(np.empty(points, np.float32), np.empty(points, np.int32)),
+        )

@@ -1,0 +1,195 @@
+"""The course of one run, frame by frame: records, checks, checkpoints, and what is told on the way."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import compiling_seconds
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.state.group_state import CAUSES
+from particlesim.errors import Interrupted
+from particlesim.process.signals import Held
+from particlesim.run.checkpoints import Keeper
+from particlesim.run.checks import Checks
+from particlesim.run.frames import columns_of, frame_of
+from particlesim.run.result import Progress
+from particlesim.run.resume import Resumption
+from particlesim.run.validity import Watch, infinite
+from particlesim.scenario.digest import columns_digest
+from particlesim.trajectory.writer import TrajectoryWriter
+
+
+@dataclass
+class Log:
+    """Times and ledger rows of the frames so far, counts of births and deaths."""
+
+    times: list[float] = field(default_factory=list)
+    rows: list[dict[str, float]] = field(default_factory=list)
+    born: int = 0
+    died: dict[str, int] = field(default_factory=dict)
+
+
+class Course:
+    """Takes a simulation from where it is to its end.
+
+    `writer` and `keeper` record it and make its checkpoints, if given. `progress` is called at every frame and between the
+    pieces of long intervals: those are the safe points, at which `signals` are heard, checkpoints made, and the run ends
+    once it has taken `max_wall` seconds.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        checks: Checks,
+        signals: Held,
+        *,
+        writer: TrajectoryWriter | None = None,
+        keeper: Keeper | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        max_wall: float | None = None,
+    ) -> None:
+        self.simulation, self.checks, self.writer, self.keeper = simulation, checks, writer, keeper
+        self.watch, self.log = Watch(simulation.scenario), Log()
+        self._signals, self._progress, self._max_wall = signals, progress, max_wall
+        self._began = time.perf_counter()
+        self._compiled = compiling_seconds()
+        self._before = 0.0
+        self.state: str | None = None
+        """The digest of the final particles, once it is known."""
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time that the run has taken, with that before it was resumed."""
+        return self._before + time.perf_counter() - self._began
+
+    @property
+    def compiling(self) -> float:
+        """How much of it went into compiling, since it was resumed."""
+        return compiling_seconds() - self._compiled
+
+    def resume(self, found: Resumption) -> None:
+        """Take over what the run had before; its simulation has been restored, and its checks too."""
+        facts = found.facts
+        self.log = Log(list(found.times), list(found.rows), int(facts["born"]), dict(facts["died"]))
+        self.watch.restore(facts["watch"])
+        self._before = float(facts["seconds"])
+
+    def run(self) -> None:
+        """Frame after frame, from the next one to the last.
+
+        Raises DivergenceError, InputOutputError, Interrupted when `max_wall` is over, KeyboardInterrupt on a signal.
+        """
+        steps = (0, *self.simulation.scenario.grid.frame_steps())
+        for step in itertools.islice(steps, len(self.log.times), None):
+            self.simulation.advance_to(step, between=self._rest)
+            row = self._record()
+            self.checks.look(self.simulation, row, self.log.born, self.log.died)
+            self.watch.look(self.simulation)
+            self._rest()
+
+    def summary(self) -> dict[str, int | str]:
+        """What the trajectory tells of the whole run; results of checks as JSON."""
+        # A frame keeps what it has made, so each column is that of another one.
+        self.state = columns_digest(lambda field: frame_of(self.simulation, 0)[field])
+        told: dict[str, int | str] = {
+            "state": self.state,
+            "steps": self.simulation.step,
+            "particle_steps": self.simulation.particle_steps,
+            "born": self.log.born,
+        }
+        told |= {f"broken.{name}": number for name, (number, _) in self.simulation.broken().items()}
+        if results := self.checks.results():
+            told["checks"] = json.dumps([result.as_data() for result in results], ensure_ascii=False)
+        return told
+
+    def _rest(self) -> None:
+        """A safe point."""
+        try:
+            self._signals.check()
+        except KeyboardInterrupt:
+            self._save()
+            raise
+        late = self._max_wall is not None and time.perf_counter() - self._began >= self._max_wall
+        if late and self.simulation.step < self.simulation.scenario.grid.steps:
+            self._save()
+            raise Interrupted(f"stopped after {self._max_wall:g} s, as asked, {self.where()}")
+        if self.keeper is not None:
+            self.keeper.look(self.simulation, len(self.log.times), self._facts)
+        if self._progress is not None:
+            self._progress(
+                Progress(
+                    self.simulation.step,
+                    self.simulation.scenario.grid.steps,
+                    self.simulation.time,
+                    self.simulation.count,
+                    self.simulation.particle_steps,
+                    self.seconds,
+                    len(self.log.times),
+                    self.compiling,
+                )
+            )
+
+    def where(self) -> str:
+        """How far the run is, in words."""
+        return f"at t = {self.simulation.time:.9g} s of {self.simulation.scenario.grid.duration:.9g} s"
+
+    def _save(self) -> None:
+        if self.keeper is not None:
+            self.keeper.save(self.simulation, len(self.log.times), self._facts())
+
+    def _facts(self) -> dict[str, Any]:
+        """What a checkpoint holds beside the state of the simulation."""
+        return {
+            "step": self.simulation.step,
+            "time": self.simulation.time,
+            "born": self.log.born,
+            "died": self.log.died,
+            "checks": self.checks.state(),
+            "watch": self.watch.state(),
+            "seconds": self.seconds,
+        }
+
+    def _record(self) -> dict[str, float]:
+        """Take the frame of the present state; returns its row of the ledger, empty when none is kept."""
+        simulation, writer, log = self.simulation, self.writer, self.log
+        self._take_events()
+        if writer is not None:
+            for name, broke in simulation.broke().items():
+                writer.breaks(name, broke)
+        row: dict[str, float] = {}
+        if simulation.scenario.output.ledger:
+            row = simulation.ledger()
+            if (column := infinite(row)) is not None:
+                raise simulation.overflow(column)
+        simulation.check()
+        if row:
+            log.rows.append(row)
+        log.times.append(simulation.time)
+        if writer is not None:
+            fields, now = simulation.scenario.recorded_fields(), simulation.time
+            columns = columns_of(
+                simulation, fields, writer.buffer, lambda field: self.watch.overflowed(field, now)
+            )
+            writer.append(now, simulation.step, columns, row)
+        return row
+
+    def _take_events(self) -> None:
+        """Births and deaths since the last frame, to the log and to the file."""
+        events = self.simulation.take_events()
+        for births in events.births:
+            self.log.born += len(births.ids)
+            if self.writer is not None:
+                self.writer.events("birth", births.ids, births.times, 0)
+        for deaths in events.deaths:
+            for code, number in zip(*np.unique(deaths.causes, return_counts=True), strict=True):
+                name = CAUSES[int(code)]
+                self.log.died[name] = self.log.died.get(name, 0) + int(number)
+            if self.writer is not None:
+                self.writer.events("death", deaths.ids, deaths.times, deaths.causes)

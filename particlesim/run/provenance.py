@@ -1,0 +1,68 @@
+"""Where a trajectory comes from: everything needed to run it again and to explain it."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import uuid
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from particlesim.scenario.digest import physics_digest
+from particlesim.scenario.dump import dump
+from particlesim.scenario.scenario import Scenario
+from particlesim.version import __version__
+
+PACKAGES = ("numpy", "llvmlite", "h5py", "pydantic")
+GIT_TIMEOUT = 2.0
+
+
+def provenance(scenario: Scenario) -> dict[str, str | int | float]:
+    """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
+    revision, command."""
+    facts: dict[str, str | int | float] = {
+        "scenario": dump(scenario, defaults=True),
+        "title": scenario.title,
+        "overrides": "\n".join(scenario.overrides),
+        "physics": physics_digest(scenario),
+        "run": uuid.uuid4().hex,
+        "psim": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "host": platform.node(),
+        "seed": scenario.simulation.seed,
+        "dt": scenario.grid.dt,
+        "command": shlex.join(sys.argv),
+        "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "folder": str(scenario.folder or ""),
+        "git": git_revision(scenario.folder),
+    }
+    for package in PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "unknown"
+    return facts
+
+
+def git_revision(folder: Path | None) -> str:
+    """Revision of the repository that the scenario lies in, '+' if it has changes; empty if there is none."""
+    git = shutil.which("git")
+    if git is None or folder is None:
+        return ""
+    try:
+        done = subprocess.run(
+            [git, "describe", "--always", "--dirty=+", "--abbrev=40", "--exclude=*"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=GIT_TIMEOUT,
+            check=False,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

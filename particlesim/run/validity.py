@@ -1,0 +1,137 @@
+"""Where laws and numbers stop being valid: watched while a run goes on, and told at its end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.simulation import Simulation
+from particlesim.errors import UsageError
+from particlesim.forces.stokes_drag import StokesDrag
+from particlesim.laws.registry import velocity
+from particlesim.scenario.reach import acts_on
+from particlesim.scenario.scenario import Scenario
+
+FASTEST = 4
+"""Particles looked at per frame and group: the fastest ones."""
+
+
+TOO_LARGE = "sums of m v²/2, m g y and the like must stay below 1.8e308: smaller numbers, or ledger = false under [output]"
+"""What to do about energies that no number can hold."""
+
+
+LARGEST = float(np.finfo(np.float32).max)
+"""What single precision holds."""
+
+STORED = 'precision = "double" under [output] stores it'
+
+
+def check_ledger(simulation: Simulation) -> None:
+    """Refuse a start whose energies or momenta are beyond all numbers. Raises UsageError."""
+    if not simulation.scenario.output.ledger:
+        return
+    if (name := infinite(simulation.ledger())) is not None:
+        raise UsageError(
+            f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
+        )
+
+
+def check_stored(simulation: Simulation) -> None:
+    """Refuse a start that double precision holds and the trajectory does not. Raises UsageError."""
+    scenario = simulation.scenario
+    if (scenario.simulation.precision, scenario.output.precision) != ("double", "single"):
+        return
+    for state in simulation.states:
+        for field, values in (("position", state.x), ("velocity", state.v)):
+            part = values[:, : state.count]
+            if part.size and max(part.max(), -part.min()) > LARGEST:
+                raise UsageError(
+                    f"the trajectory cannot store a {field} that is beyond {LARGEST:.2g}: {_extremes(simulation)}",
+                    STORED,
+                )
+
+
+def infinite(row: dict[str, float]) -> str | None:
+    """The first quantity of a row of the ledger that is not finite, None if all are."""
+    return next((name for name, value in row.items() if not math.isfinite(value)), None)
+
+
+def _extremes(simulation: Simulation) -> str:
+    """How far and how fast particles are, in words."""
+    far = [np.abs(state.x[:, : state.count]).max() for state in simulation.states if state.count]
+    fast = [np.abs(state.v[:, : state.count]).max() for state in simulation.states if state.count]
+    return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
+
+
+def misplaced(simulation: Simulation) -> tuple[str, ...]:
+    """A sentence for every group and plane with particles that are inside of it at the start."""
+    found = []
+    for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True):
+        for overlap in overlaps(island, structure):
+            state = overlap.state
+            name = overlap.plane.name or f"planes.{simulation.scenario.planes.index(overlap.plane)}"
+            found.append(
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
+                f"(id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
+                "which changes their energy"
+            )
+    return tuple(found)
+
+
+class Watch:
+    """Collects warnings about laws used outside of their range."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._largest: dict[str, tuple[float, float]] = {}
+        self._overflowed: dict[str, float] = {}
+        self._laws = [
+            (label, force)
+            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+            if isinstance(force, StokesDrag) and force.rho is not None
+        ]
+
+    def look(self, simulation: Simulation) -> None:
+        """Look at the present state: Reynolds numbers Re = 2 r ρ |v − w| / η of Stokes drag."""
+        for label, force in self._laws:
+            for group, state in zip(simulation.scenario.groups, simulation.states, strict=True):
+                if not acts_on(force, group) or not state.count:
+                    continue
+                speed2 = (state.v[:, : state.count].astype(float) ** 2).sum(axis=0)
+                flows = tuple(flow.record() for flow in force.flow)
+                for i in np.argsort(speed2)[-FASTEST:]:
+                    p = state.particle(int(i), simulation.time)
+                    wx, wy, wz = velocity(flows, p)
+                    relative = math.hypot(p.vx - wx, p.vy - wy, p.vz - wz)
+                    reynolds = 2 * p.r * (force.rho or 0) * relative / force.eta
+                    if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
+                        self._largest[label] = (reynolds, simulation.time)
+
+    def overflowed(self, field: str, time: float) -> None:
+        """Take note of a field that the trajectory stores as infinite at a time [s], though it is not."""
+        self._overflowed.setdefault(field, time)
+
+    def state(self) -> dict[str, dict[str, Any]]:
+        """What it has seen so far, as plain data."""
+        return {"reynolds": self._largest, "overflowed": self._overflowed}
+
+    def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
+        """Go on from a `state`."""
+        self._largest = {label: (reynolds, time) for label, (reynolds, time) in state["reynolds"].items()}
+        self._overflowed = dict(state["overflowed"])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to tell the user."""
+        stored = tuple(
+            f"{field}: from t = {time:.6g} s on, some are beyond {LARGEST:.2g} and stored as infinite; {STORED}"
+            for field, time in self._overflowed.items()
+        )
+        return stored + tuple(
+            f"{label}: Stokes drag holds for Reynolds numbers below 1, and {reynolds:.3g} was reached at t = {time:.6g} s; "
+            'type = "drag" with coefficient = "schiller_naumann" holds further'
+            for label, (reynolds, time) in self._largest.items()
+        )

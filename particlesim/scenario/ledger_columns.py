@@ -1,0 +1,89 @@
+"""Totals: the quantities of a whole simulation, by the names that checks, tables and the ledger have for them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from particlesim.checks.quantities import BALANCE, TOTALS, WORK
+from particlesim.emitters import Emitter
+from particlesim.forces import Force
+from particlesim.laws.registry import has_law, potential
+from particlesim.scenario.reach import acts_on
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def totals(scenario: Scenario) -> tuple[str, ...]:
+    """Quantities of the whole simulation that a scenario has."""
+    labels = scenario.force_labels()
+    stored = [
+        label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
+    ] + list(labels[len(scenario.forces) :])
+    broken = [bonds.name for bonds in scenario.bonds if bonds.law.breaks]
+    return (
+        *TOTALS,
+        *(f"died.{cause}" for cause in deaths(scenario)),
+        *(["broken"] if broken else []),
+        *(f"broken.{name}" for name in broken),
+        *(f"potential.{label}" for label in stored),
+        *(booked(scenario) if scenario.output.work else ()),
+    )
+
+
+def booked(scenario: Scenario) -> tuple[str, ...]:
+    """Quantities that there are when work is booked: what every cause has given, their sum, what is left of the balance."""
+    return (WORK, *work_columns(scenario))
+
+
+def work_columns(scenario: Scenario) -> tuple[str, ...]:
+    """Columns of the ledger when work is booked: of every cause, impulses, and what is left of the balance."""
+    found = causes(scenario, [group.name for group in scenario.groups])
+    kicks = ("impulses",) if scenario.impulses else ()
+    return (*(f"{WORK}.{name}" for name in (*found, *kicks)), BALANCE)
+
+
+def causes(scenario: Scenario, names: Collection[str]) -> tuple[str, ...]:
+    """What may give energy to groups or take it: labels of forces and springs, and names of other causes."""
+    groups = [group for group in scenario.groups if group.name in names]
+    bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
+    reaching = [
+        (label, force)
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if any(acts_on(force, group) for group in groups)
+    ]
+    found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
+    found += [each.name for each in bonds if each.law.damped]
+    found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
+    planes = [
+        plane for plane in scenario.planes if plane.on is None or any(name in names for name in plane.on)
+    ]
+    emitted = any(isinstance(group, Emitter) for group in groups)
+    others = {
+        "surfaces": any(force.on_surfaces for _, force in reaching),
+        "contact": bool(planes),
+        "motion": any(motion.on in names for motion in scenario.motions),
+        "births": emitted,
+        "deaths": emitted or any(plane.contact == "kill" for plane in planes),
+    }
+    return (*found, *(name for name, there in others.items() if there))
+
+
+def deaths(scenario: Scenario) -> tuple[str, ...]:
+    """Causes of death that there may be."""
+    emitters = scenario.emitters
+    dies = [emitter.die for emitter in emitters if emitter.die is not None]
+    found = {
+        "age": any(emitter.lifetime is not None for emitter in emitters),
+        "cold": any(die.temperature_below is not None for die in dies),
+        "recycled": any(e.limit is not None and e.when_full == "recycle" for e in emitters),
+        "plane": any(plane.contact == "kill" for plane in scenario.planes),
+        "outside": any(die.outside is not None for die in dies),
+    }
+    return tuple(cause for cause, there in found.items() if there)
+
+
+def has_potential(force: Force) -> bool:
+    """Whether particles have an energy in a force, so that its work is no loss."""
+    return has_law(potential, force.record())

@@ -1,0 +1,193 @@
+"""What no single table of a scenario shows: how its parts must agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from particlesim.emitters import Schedule
+from particlesim.groups.group import Particles
+from particlesim.layouts.file import File
+from particlesim.model.mistakes import Invalid, Path
+from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.reach import acts_on, group_tables, unfelt
+from particlesim.scenario.rules import joints
+from particlesim.scenario.rules import rendering as pictures
+from particlesim.scenario.rules.checks import disagreements
+from particlesim.scenario.rules.derivatives import undifferentiable
+from particlesim.scenario.rules.tolerances import too_fine
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+MOST_BIRTHS = 10**12
+"""Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
+
+
+def names(scenario: Scenario) -> Iterator[Invalid]:
+    """Groups and named forces have names of their own; there is something to simulate."""
+    if not scenario.groups:
+        yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
+    seen: dict[str, Path] = {}
+    for path, group in group_tables(scenario):
+        if group.name in seen:
+            yield Invalid(
+                f"two groups are called {group.name!r}",
+                at=(*path, "name") if "name" in group.model_fields_set else path,
+                also=((seen[group.name], "the other one"),),
+                hint="give each group a name of its own",
+            )
+        seen[group.name] = path
+    named: dict[str, int] = {}
+    for k, force in enumerate(scenario.forces):
+        if force.name is not None and force.name in named:
+            other = ("forces", named[force.name], "name")
+            yield Invalid(
+                f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),)
+            )
+        if force.name is not None:
+            named[force.name] = k
+
+
+def references(scenario: Scenario) -> Iterator[Invalid]:
+    """Every group that is spoken of exists."""
+    known = [group.name for group in scenario.groups]
+    places: list[tuple[Path, str]] = []
+    for section in ("forces", "planes", "impulses"):
+        for k, entry in enumerate(getattr(scenario, section)):
+            places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
+    for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
+        places += [((section, k, "on"), hinges.on) for k, hinges in enumerate(entries)]
+    for here, joint in joints.listed(scenario):
+        if joint.on is not None:
+            places.append(((*here, "on"), joint.on))
+        places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
+    places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
+    for path, name in places:
+        if name not in known:
+            yield _unknown_group(path, name, known)
+
+
+def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
+    return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
+
+
+def needs(scenario: Scenario) -> Iterator[Invalid]:
+    """Every force finds on its groups what its law reads."""
+    for k, force in enumerate(scenario.forces):
+        if force.on_surfaces and not any(acts_on(force, group) for group in scenario.groups):
+            yield Invalid(
+                f"{force.label} acts on surfaces, and no group has one",
+                ("forces", k),
+                hint="cloth, jelly and mesh have a surface; drag and linear_drag act on single particles",
+            )
+        for path, group in group_tables(scenario):
+            if force.on is not None and group.name in force.on and (why := unfelt(force, group)):
+                about = "layout" if force.on_surfaces and "surface" in why else "dynamics"
+                yield Invalid(
+                    why, ("forces", k, "on", force.on.index(group.name)), (((*path, about), "here"),)
+                )
+            if not acts_on(force, group):
+                continue
+            from_file = isinstance(group, Particles) and isinstance(group.layout, File)
+            if force.needs_radius() and not group.has_radius() and not from_file:
+                yield Invalid(
+                    f"{force.label} needs a radius, and the particles of {group.name!r} have none",
+                    ("forces", k),
+                    ((path, "no radius here"),),
+                    hint="give the group a radius, or name the groups of this force with on = [...]",
+                )
+            if force.needs_temperature() and group.temperature is None and not from_file:
+                yield Invalid(
+                    f"{force.label} needs a temperature, and the particles of {group.name!r} have none",
+                    ("forces", k),
+                    ((path, "no temperature here"),),
+                )
+    if scenario.output.fields is not None:
+        for j, name in enumerate(scenario.output.fields):
+            if name == "temperature" and all(group.temperature is None for group in scenario.groups):
+                yield Invalid("no particle has a temperature", ("output", "fields", j))
+
+
+def times(scenario: Scenario) -> Iterator[Invalid]:
+    """Nothing is asked for after the end."""
+    end = scenario.simulation.duration
+    duration = ((("simulation", "duration"), f"the run ends at {end:g} s"),)
+    for k, impulse in enumerate(scenario.impulses):
+        for j, at in enumerate(impulse.times()):
+            if at >= end:
+                path: Path = (
+                    ("impulses", k, "at", j) if isinstance(impulse.at, tuple) else ("impulses", k, "at")
+                )
+                yield Invalid("a kick after the end of the run", path, duration)
+    for k, emitter in enumerate(scenario.emitters):
+        births = emitter.expected(end)
+        if births > MOST_BIRTHS:
+            key = "rate" if emitter.rate is not None else "burst"
+            yield Invalid(
+                f"{births:.3g} births in {end:g} s are more than a run can make",
+                ("emitters", k, key),
+                duration,
+                allowed=f"at most {MOST_BIRTHS:.0e} births",
+            )
+        elif Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+            yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
+
+
+def kicks(scenario: Scenario) -> Iterator[Invalid]:
+    """Impulses kick particles that have inertia."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for k, impulse in enumerate(scenario.impulses):
+        inert = [name for name, (_, group) in tables.items() if group.dynamics.type != "second_order"]
+        for j, name in enumerate(impulse.on or ()):
+            if name in inert:
+                yield Invalid(
+                    "an impulse does not move particles without inertia",
+                    ("impulses", k, "on", j),
+                    (((*tables[name][0], "dynamics"), "here"),),
+                )
+        if impulse.on is None and len(inert) == len(tables):
+            yield Invalid("there is no group with inertia to kick", ("impulses", k))
+
+
+def booked(scenario: Scenario) -> Iterator[Invalid]:
+    """Work is booked for particles with inertia."""
+    if not scenario.output.work:
+        return
+    for path, group in group_tables(scenario):
+        if group.dynamics.type != "second_order":
+            yield Invalid(
+                f"work is booked for particles with inertia, and {group.name!r} has none",
+                ("output", "work"),
+                (((*path, "dynamics"), "here"),),
+            )
+
+
+CHECKS = (
+    names,
+    references,
+    needs,
+    undifferentiable,
+    times,
+    kicks,
+    booked,
+    joints.pins,
+    joints.motions,
+    joints.pairs,
+    joints.pulled,
+    joints.joined,
+    joints.held,
+    pictures.colors,
+    too_fine,
+    pictures.styles,
+    disagreements,
+)
+"""In this order: later ones rely on earlier ones."""
+
+
+def contradictions(scenario: Scenario) -> list[Invalid]:
+    """All mistakes that the first check finds that finds any."""
+    for check in CHECKS:
+        if mistakes := list(check(scenario)):
+            return mistakes
+    return []

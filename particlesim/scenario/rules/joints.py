@@ -1,0 +1,199 @@
+"""Springs, pins and motions: they join, hold and lead particles that exist and can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from particlesim.bonds import Rods, SpringLaw, Springs
+from particlesim.bonds.hinge import Hinges
+from particlesim.groups.group import Particles
+from particlesim.groups.selection import mistakes as selection_mistakes
+from particlesim.integrators import method_for
+from particlesim.model.mistakes import Invalid, Path
+from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.rules.rods import are_rods, rod_tables, unfit
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+
+def pins(scenario: Scenario) -> Iterator[Invalid]:
+    """Pins hold particles that exist."""
+    for k, group in enumerate(scenario.particles):
+        if not isinstance(group.pinned, bool):
+            here: Path = ("particles", k)
+            yield from selection_mistakes(group.pinned, group.layout, (*here, "pinned"), (*here, "layout"))
+
+
+def motions(scenario: Scenario) -> Iterator[Invalid]:
+    """Motions lead particles that are there from the start, and it is said which."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    whole: dict[str, int] = {}
+    for k, motion in enumerate(scenario.motions):
+        path, group = tables[motion.on]
+        here: Path = ("motions", k)
+        if not isinstance(group, Particles):
+            yield Invalid(
+                f"a motion leads particles that are there from the start, and {motion.on!r} is emitted",
+                (*here, "on"),
+                ((path, "emitted here"),),
+            )
+        elif group.dynamics.type == "tracer":
+            yield Invalid(
+                "tracers move with their flow; no motion leads them", (*here, "on"), ((path, "here"),)
+            )
+        elif motion.particles is not None:
+            at = (*here, "particles")
+            yield from selection_mistakes(motion.particles, group.layout, at, (*path, "layout"))
+        elif not group.has_pins():
+            yield Invalid(
+                f"which particles of {motion.on!r} are led? It pins none",
+                here,
+                ((path, "nothing is pinned here"),),
+                hint="pin some in the group, or name them here: particles = [0]",
+            )
+        elif motion.on in whole:
+            yield Invalid(
+                f"all pinned particles of {motion.on!r} are led already",
+                here,
+                ((("motions", whole[motion.on]), "here"),),
+                hint="name different particles for each, with particles = ...",
+            )
+        else:
+            whole[motion.on] = k
+
+
+def listed(scenario: Scenario) -> Iterator[tuple[Path, Springs | Rods]]:
+    """Where pairs of particles are joined, and how."""
+    for k, springs in enumerate(scenario.springs):
+        yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        yield ("rods", k), rods
+
+
+def pairs(scenario: Scenario) -> Iterator[Invalid]:
+    """Springs and rods join particles that exist."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for here, joint in listed(scenario):
+        for end, name in enumerate(joint.groups()):
+            path, group = tables[name]
+            number = group.layout.number() if isinstance(group, Particles) else None
+            for j, pair in enumerate(joint.pairs or ()):
+                if number is not None and pair[end] >= number:
+                    yield Invalid(
+                        f"{name!r} has no particle {pair[end]}",
+                        (*here, "pairs", j, end),
+                        (((*path, "layout"), f"{number} particles"),),
+                        allowed=f"0 to {number - 1}",
+                    )
+
+    for place, hinges in _hinge_tables(scenario):
+        path, group = tables[hinges.on]
+        number = group.layout.number() if isinstance(group, Particles) else None
+        for j, particles in enumerate(hinges.lists()):
+            for end, index in enumerate(particles):
+                if number is not None and index >= number:
+                    yield Invalid(
+                        f"{hinges.on!r} has no particle {index}",
+                        (*place, hinges.key, j, end),
+                        (((*path, "layout"), f"{number} particles"),),
+                        allowed=f"0 to {number - 1}",
+                    )
+
+
+def pulled(scenario: Scenario) -> Iterator[Invalid]:
+    """Springs and rods join particles that are there from the start and that forces move."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for here, names, law in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
+        for name in dict.fromkeys(names):
+            path, group = tables[name]
+            if not isinstance(group, Particles):
+                yield Invalid(
+                    f"{what} join particles that are there from the start, and {name!r} is emitted",
+                    here,
+                    ((path, "emitted here"),),
+                )
+            elif group.dynamics.type == "tracer":
+                yield Invalid(f"tracers move with their flow; no {what} pull them", here, ((path, "here"),))
+            elif group.dynamics.type == "first_order" and (law.damped or law.by_mass):
+                key = "frequency" if law.frequency is not None else "damping"
+                key = "damping_ratio" if law.damping_ratio is not None else key
+                yield Invalid(
+                    f"{name!r} has no inertia: only springs without damping, given by their stiffness, pull it",
+                    (*here, key),
+                    (((*path, "dynamics"), "no inertia here"),),
+                )
+
+
+def joined(scenario: Scenario) -> Iterator[Invalid]:
+    """What groups joined by springs or rods have in common, and what they cannot do."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for here, names, _ in _coupling_tables(scenario):
+        what = "rods" if are_rods(here) else "springs"
+        (path, first), (other, second) = (tables[name] for name in names)
+        methods = [
+            method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
+        ]
+        if methods[0] != methods[1]:
+            yield Invalid(
+                f"{what} join groups that step together, and these have different integrators "
+                f"({methods[0].label}, {methods[1].label})",
+                here,
+                ((path, methods[0].label), (other, methods[1].label)),
+            )
+        for j, plane in enumerate(scenario.planes):
+            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+                yield Invalid(
+                    f"a plane cannot kill particles that are joined by {what}",
+                    ("planes", j, "contact"),
+                    ((here, "joined here"),),
+                    hint="name the groups that the plane acts on with on = [...]",
+                )
+        for place, group in ((path, first), (other, second)):
+            reads = [
+                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+            ]
+            if group.cooling is not None and reads:
+                yield Invalid(
+                    f"{reads[0].label} reads the temperature, which must not change for particles joined by {what}",
+                    (*place, "cooling"),
+                    ((here, "joined here"),),
+                )
+
+
+def held(scenario: Scenario) -> Iterator[Invalid]:
+    """What rods cannot do."""
+    yield from unfit(scenario, [names for _, names, _ in _coupling_tables(scenario)])
+
+
+def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
+    """Where particles are coupled at all: by springs, by rods, by angles and dihedrals, by drag on a surface; all but the
+    first as springs that are neither damped nor given by mass."""
+    yield from bond_tables(scenario)
+    for place, names in rod_tables(scenario):
+        yield place, names, SpringLaw(0.0)
+    for place, hinges in _hinge_tables(scenario):
+        yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
+    for j, force in enumerate(scenario.forces):
+        for group in scenario.groups:
+            if force.on_surfaces and acts_on(force, group):
+                yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
+
+
+def bond_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
+    """Where springs are stated, the groups that they join, and their law."""
+    for k, springs in enumerate(scenario.springs):
+        yield ("springs", k), springs.groups(), springs.spring_law()
+    for k, group in enumerate(scenario.particles):
+        if group.springs is not None and (laws := group.springs.laws()):
+            yield ("particles", k, "springs"), (group.name, group.name), next(iter(laws.values()))
+
+
+def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Path, Hinges]]:
+    """Where angles and dihedrals are listed."""
+    for k, angles in enumerate(scenario.angles):
+        yield ("angles", k), angles
+    for k, dihedrals in enumerate(scenario.dihedrals):
+        yield ("dihedrals", k), dihedrals

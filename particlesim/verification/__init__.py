@@ -1,0 +1,1 @@
+"""Order of convergence, and runs done again."""
