@@ -41,8 +41,8 @@ class Guard:
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
     method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a plane begin after a step,
     which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at
-    least 256 steps apart, and at the end. All other islands are only watched for speeds beyond that of light that have
-    grown a thousandfold since the last frame.
+    least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that have grown a
+    thousandfold since the last frame: energy may come from a potential without a bottom.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -88,11 +88,8 @@ class Guard:
         if energies:
             self._looked = simulation.step
         for number, island in enumerate(simulation.islands):
-            if self._judged[number]:
-                if number in energies:
-                    self._judge(simulation, number, energies[number])
-                if island.books is None:
-                    continue
+            if self._judged[number] and number in energies:
+                self._judge(simulation, number, energies[number])
             fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
             if fastest > LIGHT and fastest > MUCH_FASTER * self._fastest[number]:
                 raise ran_away(simulation, number, "speed", fastest)
