@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from particlesim.render.film import film
-    from particlesim.run.runner import Progress, Result, run
+    from particlesim.runs.runner import Progress, Result, run
     from particlesim.scenario.load import from_table, load, loads
     from particlesim.scenario.scenario import Scenario
     from particlesim.trajectory.frame import Frame
@@ -41,9 +41,9 @@ _HOME = {
     "ScenarioError": "particlesim.errors",
     "UsageError": "particlesim.errors",
     "film": "particlesim.render.film",
-    "Progress": "particlesim.run.runner",
-    "Result": "particlesim.run.runner",
-    "run": "particlesim.run.runner",
+    "Progress": "particlesim.runs.runner",
+    "Result": "particlesim.runs.runner",
+    "run": "particlesim.runs.runner",
     "from_table": "particlesim.scenario.load",
     "load": "particlesim.scenario.load",
     "loads": "particlesim.scenario.load",

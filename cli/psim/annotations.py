@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from particlesim.errors import PsimError
-    from particlesim.run.runner import Result
+    from particlesim.runs.runner import Result
 
 
 def annotate(

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 from psim.console import plain
 
 if TYPE_CHECKING:
-    from particlesim.run.runner import Result
+    from particlesim.runs.runner import Result
     from particlesim.sweep import SweepResult
 
 

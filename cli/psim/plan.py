@@ -63,7 +63,7 @@ def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     """What the initial state tells: largest stable steps, and what to doubt."""
     from particlesim.engine.simulation import Simulation
     from particlesim.engine.stability.limits import stability
-    from particlesim.run.validity import misplaced
+    from particlesim.runs.validity import misplaced
 
     simulation = Simulation(scenario, threads=1)
     try:

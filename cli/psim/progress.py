@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from psim.console import animated, counted, duration, plain, rate, say
 
 if TYPE_CHECKING:
-    from particlesim.run.runner import Progress
+    from particlesim.runs.runner import Progress
     from particlesim.sweep import SweepProgress
 
 FIRST_LINE, LINE_EVERY = 10.0, 30.0

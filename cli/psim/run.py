@@ -24,7 +24,7 @@ from psim.options import (
 from psim.progress import render_progress, run_progress
 
 if TYPE_CHECKING:
-    from particlesim.run.runner import Result
+    from particlesim.runs.runner import Result
     from particlesim.scenario.scenario import Scenario
 
 VIDEO_SIZE = [1280, 720]
@@ -144,7 +144,7 @@ def _tell(
 
 
 def _show_blessed(loaded: Scenario) -> None:
-    from particlesim.run.references import reference_paths
+    from particlesim.runs.references import reference_paths
     from psim.console import say
 
     for reference in reference_paths(loaded):

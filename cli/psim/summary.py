@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from psim.console import counted, duration, facts, paint, rate, say, warn
 
 if TYPE_CHECKING:
-    from particlesim.run.runner import Result
+    from particlesim.runs.runner import Result
 
 DIGITS = 16
 """Digits of a digest that people are shown; two runs agree in them by chance once in 10¹⁹."""

@@ -12,7 +12,7 @@ def examples_folder() -> Path:
 
     Raises UsageError when there is none.
     """
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     for folder in (package / "examples", package.parent / "scenarios"):
         if folder.is_dir():
             return folder

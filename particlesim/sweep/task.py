@@ -18,8 +18,8 @@ from particlesim.errors import (
     ResourceError,
     UsageError,
 )
-from particlesim.run.checks import count, total
-from particlesim.run.runner import Result, run
+from particlesim.runs.checks import count, total
+from particlesim.runs.runner import Result, run
 from particlesim.scenario.ledger_columns import totals
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.named_files import dump_for, file_digest, layout_files, reference_files

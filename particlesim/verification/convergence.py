@@ -25,7 +25,7 @@ from particlesim.errors import UsageError
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group
 from particlesim.preflight.advice import loss_of_order, sliding
-from particlesim.run.runner import Progress, run
+from particlesim.runs.runner import Progress, run
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.load import from_table
 from particlesim.scenario.reach import acts_on

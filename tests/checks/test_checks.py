@@ -11,7 +11,7 @@ import pytest
 from simulate import G, points, table
 
 import particlesim as ps
-from particlesim.run.checks import total
+from particlesim.runs.checks import total
 from particlesim.scenario.ledger_columns import totals
 
 HEIGHTS = (1.0, 2.0, 4.0)

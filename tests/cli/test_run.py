@@ -253,7 +253,7 @@ def test_terminal_shows_progress_and_colors():
 
 def test_compiling_is_no_part_of_the_speed():
     # 40 s of 50 s go into compiling: the other ten make 100 steps of 7 particles, and 100 more are to come.
-    from particlesim.run.result import Progress
+    from particlesim.runs.result import Progress
     from psim.progress import _Speed
     from psim.summary import _took
 

@@ -14,8 +14,8 @@ import pytest
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import snapshot, weight
-from particlesim.run import checkpoints
-from particlesim.run.checkpoints import SHARE, SPEED, Keeper, Saving
+from particlesim.runs import checkpoints
+from particlesim.runs.checkpoints import SHARE, SPEED, Keeper, Saving
 
 Usage = namedtuple("Usage", "free")
 

@@ -10,8 +10,8 @@ import h5py
 import pytest
 
 import particlesim as ps
-from particlesim.run import runner
-from particlesim.run.resume import find
+from particlesim.runs import runner
+from particlesim.runs.resume import find
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
 from particlesim.trajectory.hdf5 import open_for_frames
 from particlesim.trajectory.superblock import clear_mark

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.run.validity import Watch
+from particlesim.runs.validity import Watch
 
 
 def scenario(x, v, **output):

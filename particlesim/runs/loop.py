@@ -16,12 +16,12 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import Interrupted
 from particlesim.process.signals import Held
-from particlesim.run.checkpoints import Keeper
-from particlesim.run.checks import Checks
-from particlesim.run.frames import columns_of, frame_of
-from particlesim.run.result import Progress
-from particlesim.run.resume import Resumption
-from particlesim.run.validity import Watch, infinite
+from particlesim.runs.checkpoints import Keeper
+from particlesim.runs.checks import Checks
+from particlesim.runs.frames import columns_of, frame_of
+from particlesim.runs.result import Progress
+from particlesim.runs.resume import Resumption
+from particlesim.runs.validity import Watch, infinite
 from particlesim.scenario.digest import columns_digest
 from particlesim.trajectory.writer import TrajectoryWriter
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.run.checks import CheckResult
+from particlesim.runs.checks import CheckResult
 from particlesim.scenario.digest import state_digest
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.files import damaged

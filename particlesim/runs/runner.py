@@ -19,16 +19,16 @@ from particlesim.errors import DivergenceError, InputOutputError, Interrupted, U
 from particlesim.preflight.advice import advice
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
-from particlesim.run.checkpoints import Keeper, Saving
-from particlesim.run.checks import Checks
-from particlesim.run.frames import frame_of
-from particlesim.run.loop import Course
-from particlesim.run.provenance import provenance
-from particlesim.run.references import bless as give_blessing
-from particlesim.run.references import check_references
-from particlesim.run.result import Progress, Result, recorded_result
-from particlesim.run.resume import ANEW, Resumption, find
-from particlesim.run.validity import check_ledger, check_stored, misplaced
+from particlesim.runs.checkpoints import Keeper, Saving
+from particlesim.runs.checks import Checks
+from particlesim.runs.frames import frame_of
+from particlesim.runs.loop import Course
+from particlesim.runs.provenance import provenance
+from particlesim.runs.references import bless as give_blessing
+from particlesim.runs.references import check_references
+from particlesim.runs.result import Progress, Result, recorded_result
+from particlesim.runs.resume import ANEW, Resumption, find
+from particlesim.runs.validity import check_ledger, check_stored, misplaced
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import previous_path

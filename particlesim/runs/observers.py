@@ -15,7 +15,7 @@ from particlesim.engine.simulation import Simulation, rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads
-from particlesim.run.frames import column
+from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid

@@ -14,7 +14,7 @@ from particlesim.checks.quantities import AXES, VECTORS, is_count
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import PsimError
-from particlesim.run.observers import Oracle, Reference, Seen, judged, observer
+from particlesim.runs.observers import Oracle, Reference, Seen, judged, observer
 from particlesim.scenario.rules.checks import check_labels, check_step
 from particlesim.scenario.scenario import Scenario
 
