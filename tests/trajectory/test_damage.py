@@ -282,7 +282,7 @@ NONSENSE = {
     ),
     "springs without lengths": (
         lambda f, v: declare(f, "psim/topology/net/rest", v),
-        3,
+        300,
         "springs and surfaces",
     ),
     "no set of springs": (
