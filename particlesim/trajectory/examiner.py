@@ -13,12 +13,10 @@ from __future__ import annotations
 import atexit
 import faulthandler
 import json
-import math
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -176,7 +174,7 @@ class _Examiner:
         self.__init__()  # type: ignore[misc]
 
 
-_TOO_LONG = (1, -getattr(signal, "SIGXCPU", 0))
+_TOO_LONG = (1, -getattr(signal, "SIGPROF", 0))
 
 
 def _reason(code: int) -> str:
@@ -214,6 +212,8 @@ def serve() -> None:
 def _confine() -> None:
     """Limits that hold for all files, where the system has them. Ctrl-C is meant for the main process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGPROF"):
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)  # should the main process ignore it
     if resource is None:
         return
     for what, most in ((resource.RLIMIT_AS, _MEMORY), (resource.RLIMIT_CORE, 0)):
@@ -226,15 +226,14 @@ def _limit(path: Path) -> Iterator[None]:
     """End this process if the block takes too long. Both clocks work while HDF5 goes round in its own code."""
     seconds = _SECONDS + _stored(path) // _PER_SECOND
     faulthandler.dump_traceback_later(_WALL * seconds, exit=True)
-    if resource is not None:
-        used = math.ceil(time.process_time())
-        hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
-        with suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_CPU, (used + seconds, hard))
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def _stored(path: Path) -> int:

@@ -75,17 +75,23 @@ def _narrow(ids: Ints) -> npt.NDArray[Any]:
 
 
 def read_topology(file: h5py.File) -> Mapping[str, Topology]:
-    """All sets of a file by name; none in files of versions that did not store them."""
+    """All sets of a file by name; none in files of versions that did not store them.
+
+    Raises ValueError for numbers of springs that contradict each other, and what h5py raises on damaged metadata.
+    """
     found = {}
     for name, entry in entries(file.get("psim/topology", {})):
         pairs = entry["pairs"][:].astype(np.int64) if "pairs" in entry else _no_pairs()
         broke = np.full(len(pairs), np.inf)
         if "broke" in entry:
             broke = entry["broke"][:]
+        rest = entry["rest"][:] if "rest" in entry else np.empty(0)
+        if not len(pairs) == len(rest) == len(broke):
+            raise ValueError(f"{len(pairs)} springs, {len(rest)} rest lengths, {len(broke)} times")
         found[name] = Topology(
             name,
             pairs,
-            entry["rest"][:] if "rest" in entry else np.empty(0),
+            rest,
             broke,
             entry["triangles"][:].astype(np.int64) if "triangles" in entry else _no_triangles(),
             "broke" in entry,

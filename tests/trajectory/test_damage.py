@@ -280,6 +280,16 @@ NONSENSE = {
         10**10,
         "longer than the file can hold",
     ),
+    "springs without lengths": (
+        lambda f, v: declare(f, "psim/topology/net/rest", v),
+        300,
+        "springs and surfaces",
+    ),
+    "no set of springs": (
+        lambda f, v: f["psim/topology"].create_dataset("b", data=v),
+        3,
+        "springs and surfaces",
+    ),
     "groups declared": (lambda f, v: declare(f, "psim/groups", v), 2**21, "too many groups"),
 }
 
@@ -288,7 +298,8 @@ NONSENSE = {
 def test_nonsense(tmp_path, synthetic, nonsense):
     """What no checksum protects, or somebody wrote: it is told, and no memory is taken for it."""
     change, value, words = NONSENSE[nonsense]
-    path = synthetic.record(tmp_path / "a.vtkhdf", [3, 4])
+    net = Topology("net", np.array([[0, 1]]), np.ones(1), np.full(1, np.inf))
+    path = synthetic.record(tmp_path / "a.vtkhdf", [3, 4], topology=[net])
     with h5py.File(path, "r+", libver=("v110", "v110")) as file:
         change(file, value)
     with pytest.raises(UsageError, match=words):
