@@ -70,7 +70,7 @@ def test_aim(data):
         (("--aim", "ball"), "belong together"),
         (("--aim", "ball", "--target", "1,0"), "is no point"),
         (("--aim", "ball", "--target", "99,0,0"), "out of range"),
-        (("none.csv", "--vary", "a"), "cannot be read"),
+        (("none.csv", "--vary", "a"), "does not exist"),
         (("m.csv", "--vary", "a", "--plot", "r.txt"), "unknown ending"),
     ],
 )

@@ -212,7 +212,7 @@ def test_both_ways_give_the_same_bits(unit: units.Unit, symbol: str, digits: str
 
 def test_common_units_need_no_pint() -> None:
     code = (
-        "import sys; from particlesim import units; units._ACCELERATION.parse('981 cm/s^2'); "
+        "import sys; from particlesim.model import units; units._ACCELERATION.parse('981 cm/s^2'); "
         "units._VELOCITY.parse('90 km/h'); units._DENSITY.parse('0.6 g/cm^3'); units._ANGULAR_VELOCITY.parse('60 rpm'); "
         "sys.exit('pint' in sys.modules)"
     )
