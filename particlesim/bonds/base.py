@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,17 @@ class BondSet:
     count: int | None
     find: Callable[[Floats, Floats], Ints]
 
+    feeds: ClassVar[bool] = False
+    """Whether it may bring energy from outside."""
+    kind: ClassVar[str] = "springs"
+    verb: ClassVar[str] = "joins"
+    """What the graph calls it, and what it does to groups."""
+
     def describe(self) -> str:
         """The set in a few words."""
         number = "springs" if self.count is None else f"{self.count} springs"
         return f"{number}, {self.law.describe()}"
+
+    def needs_velocity(self) -> bool:
+        """Whether its forces depend on velocities."""
+        return self.law.damped

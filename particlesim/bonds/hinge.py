@@ -234,6 +234,21 @@ class HingeSet:
     count: int | None
     find: Callable[[], Ints]
 
+    feeds: ClassVar[bool] = False
+    """Whether it may bring energy from outside."""
+    kind: ClassVar[str] = "hinges"
+    verb: ClassVar[str] = "bends"
+    """What the graph calls it, and what it does to groups."""
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups whose particles it joins."""
+        return (self.group,)
+
+    def needs_velocity(self) -> bool:
+        """Whether its forces depend on velocities."""
+        return False
+
     def describe(self) -> str:
         """The set in a few words."""
         what = "angles" if self.size == 3 else "dihedrals"

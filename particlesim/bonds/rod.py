@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt
@@ -79,6 +79,10 @@ class RodSet:
     find: Callable[[], Ints]
     at: Path
     listed: bool = True
+
+    kind: ClassVar[str] = "rods"
+    verb: ClassVar[str] = "joins"
+    """What the graph calls it, and what it does to groups."""
 
     def describe(self) -> str:
         """The set in a few words."""

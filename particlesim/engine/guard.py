@@ -173,9 +173,8 @@ def _has_zero(simulation: Simulation, column: str) -> bool:
 
 def _closed(structure: Island) -> bool:
     """Whether nothing feeds energy to an island."""
-    winds = any(law.flow for laws in structure.surfaces for law in laws)
     return (
-        not winds
+        not any(each.feeds for each in structure.interactions)
         and not any(structure.motions)
         and all(
             not isinstance(group, Emitter) and all(_conserves(law) for law in forces)

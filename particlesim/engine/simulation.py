@@ -14,11 +14,10 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
-from particlesim.engine.interactions.elements import sum_hinges
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import OWN_STEPS, Births, IndependentIsland
 from particlesim.engine.islands.initial import populate
-from particlesim.engine.ledger.sums import MOTION, bond_energy, measure
+from particlesim.engine.ledger.sums import MOTION, measure
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.records import as_precision
@@ -84,7 +83,7 @@ class Simulation:
         for island in self.graph.islands:
             for group in island.groups:
                 if not isinstance(group, Emitter):
-                    states[group.name] = populate(self.scenario, island, group, 0)
+                    states[group.name] = populate(self.scenario, island, group)
         for group in self.scenario.particles:  # ids run through the groups in the scenario's order
             state = states[group.name]
             state.id[: state.count] += first_id
@@ -99,7 +98,7 @@ class Simulation:
             births = (
                 (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
             )
-            state = states.get(group.name) or populate(self.scenario, island, group, 0)
+            state = states.get(group.name) or populate(self.scenario, island, group)
             extra = {} if block is None else {"block": block}
             islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
         return islands
@@ -137,8 +136,7 @@ class Simulation:
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self._islands[number]
-        if isinstance(island, CoupledIsland):
-            island.keep(first)
+        island.keep(first)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
@@ -167,8 +165,7 @@ class Simulation:
                     if chosen:
                         state.kick(kick.impulse)
                 for island in self._islands:
-                    if isinstance(island, CoupledIsland):
-                        island.fit()
+                    island.fit()
                 self.impulse_work[0] += self._kinetic() - before
 
     def _kinetic(self) -> float:
@@ -251,40 +248,29 @@ class Simulation:
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 label = f"potential.{self._labels[k]}"
                 found[label] = found.get(label, 0.0) + value
-        if isinstance(island, CoupledIsland):
-            energies = bond_energy(island.bonds, island.island_columns())
-            for bonds, energy in zip(structure.bonds, energies, strict=True):
-                found[f"potential.{bonds.name}"] = energy
-            for hinges, made in zip(structure.hinges, island.hinges, strict=True):
-                found[f"potential.{hinges.name}"] = float(sum_hinges(made, island.island_columns()))
+        if island.interactions:
+            whole = island.island_columns()
+            for name, each in zip(island.names, island.interactions, strict=True):
+                if (energy := each.energy(whole)) is not None:
+                    found[f"potential.{name}"] = energy
         return found
 
     def broken(self) -> dict[str, tuple[int, int]]:
         """For every set of springs that can break: how many are broken, and how many there were."""
-        found = {}
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
-                    if made.breaking is not None:
-                        found[bonds.name] = (
-                            int(np.isfinite(made.breaking.when).sum()),
-                            made.i.size - made.holes.size,
-                        )
-        return found
+        return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
 
     def topology(self) -> list[Topology]:
         """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
-        return topology(self.scenario, self.graph, self._islands, self.states)
+        return topology(self.scenario, self._islands, self.states)
 
     def broke(self) -> dict[str, NDArray[np.float64]]:
         """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
-        found = {}
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
-                    if made.breaking is not None:
-                        found[bonds.name] = made.breaking.when[made.i >= 0]
-        return found
+        return {
+            name: each.broke
+            for island in self._islands
+            for name, each in zip(island.names, island.interactions, strict=True)
+            if each.broke is not None
+        }
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
         """Sum of all forces on every particle of a group [N], shape [n, 3]."""

@@ -19,7 +19,7 @@ from particlesim.emitters import Schedule
 from particlesim.engine.coupled.workspace import Work
 from particlesim.engine.gain import Account
 from particlesim.engine.guard import Guard
-from particlesim.engine.interactions.bonds import Bonds
+from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import Births, IndependentIsland
 from particlesim.engine.ledger.work import Books
@@ -59,11 +59,10 @@ FOLLOWS: dict[type, frozenset[str]] = {
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *("parts", "hinges", "kept_from", "_all", "_booking", "_bounds", "corners", "_driven"),
-            *("_kept", "_method", "_shares", "_staged", "_step", "rods"),
+            *("names", "parts", "kept_from", "_all", "_booking", "_bounds", "_driven"),
+            *("_kept", "_pinned", "_method", "_shares", "_staged", "_step", "rods"),
         }
     ),
-    Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),
     Work: frozenset(("force", "before", "slopes", "pull", "spread")),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew."""
@@ -140,7 +139,7 @@ def _joined(parts: list[Array], dtype: Any) -> Array:
 
 def _children(value: Any) -> list[tuple[str, Any]] | None:
     """The named parts of a container or of an object of the engine; None for anything else."""
-    left_out = FOLLOWS.get(type(value), frozenset())
+    left_out = value.follows if isinstance(value, Interaction) else FOLLOWS.get(type(value), frozenset())
     parts: Iterable[tuple[str, Any]]
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         parts = zip(value._fields, value, strict=True)

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.state.group_state import GroupState
-from particlesim.graph.graph import Graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -16,15 +14,11 @@ HIDDEN = (".shear", ".bend")
 """Springs that bodies have beside their edges; as lines they would hide the rest."""
 
 
-def topology(
-    scenario: Scenario, graph: Graph, islands: Sequence[Any], states: Sequence[GroupState]
-) -> list[Topology]:
+def topology(scenario: Scenario, islands: Sequence[Any], states: Sequence[GroupState]) -> list[Topology]:
     """All sets of springs and rods, by their names in the ledger, and surfaces, by the names of their groups."""
     found: dict[str, Topology] = {}
-    for island, structure in zip(islands, graph.islands, strict=True):
-        if isinstance(island, CoupledIsland):
-            for each in island.topology([bonds.name for bonds in structure.bonds]):
-                found[each.name] = each
+    for island in islands:
+        found |= {each.name: each for each in island.topology()}
     torn = {name for name, each in found.items() if each.breakable}
     surfaces = set()
     for group, state in zip(scenario.particles, states, strict=False):

@@ -26,9 +26,6 @@ class Force(Model):
     """The law in one line, with the symbols of the parameters."""
     energy: ClassVar[str]
     """Potential energy U in one line, or 'none: ' and the reason."""
-    needs_velocity: ClassVar[bool] = False
-    """Whether the force depends on the velocity, which a particle without inertia does not have."""
-
     on_surfaces: ClassVar[bool] = False
     """Whether it acts on the triangles of a surface instead of single particles."""
 
@@ -42,6 +39,10 @@ class Force(Model):
     def record(self) -> tuple[Any, ...]:
         """The parameters as kernels take them."""
         raise NotImplementedError
+
+    def needs_velocity(self) -> bool:
+        """Whether the law reads the velocity, which a particle without inertia does not have."""
+        return False
 
     def needs_radius(self) -> bool:
         """Whether the law reads the particle's radius."""

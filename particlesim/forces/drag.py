@@ -86,7 +86,6 @@ class Drag(Force):
 
     formula: ClassVar[str] = "f = −½ ρ c_d A |u| u, u = v − w"
     energy: ClassVar[str] = "none: dissipative"
-    needs_velocity: ClassVar[bool] = True
 
     @model_validator(mode="after")
     def _complete(self) -> Drag:
@@ -119,6 +118,9 @@ class Drag(Force):
         if self.density is not None:
             return self.density
         return FLUIDS[self.fluid or ""].density or math.nan
+
+    def needs_velocity(self) -> bool:
+        return True
 
     def record(self) -> DragRecord:
         rho: Constant | StandardAtmosphere = Constant(self.rho)

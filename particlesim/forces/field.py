@@ -67,7 +67,6 @@ class Field(Force):
     energy: ClassVar[str] = (
         "U as written, if a potential is given; else none: a field need not derive from one"
     )
-    needs_velocity: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _parses(self) -> Field:
@@ -129,8 +128,7 @@ class Field(Force):
         jumps = jumping(self.nodes())
         return None if jumps is None else (("force", jumps[0]), jumps[1])
 
-    def reads_velocity(self) -> bool:
-        """Whether a component depends on the velocity."""
+    def needs_velocity(self) -> bool:
         return any(self._velocity(node) for node in self.nodes())
 
 

@@ -36,7 +36,9 @@ class LinearDrag(Force):
 
     formula: ClassVar[str] = "f = −k (v − w)"
     energy: ClassVar[str] = "none: dissipative, P = −k |v − w|² in a fluid at rest"
-    needs_velocity: ClassVar[bool] = True
+
+    def needs_velocity(self) -> bool:
+        return True
 
     def record(self) -> LinearDragRecord:
         return LinearDragRecord(self.coefficient, tuple(flow.record() for flow in self.flow))

@@ -29,7 +29,9 @@ class RotatingFrame(Force):
 
     formula: ClassVar[str] = "f = −m ω×(ω×r) − 2 m ω×v − m α×r"
     energy: ClassVar[str] = "U = −½ m |ω×r|² for constant ω; none while the rotation changes"
-    needs_velocity: ClassVar[bool] = True
+
+    def needs_velocity(self) -> bool:
+        return True
 
     def record(self) -> RotatingFrameRecord | ChangingFrameRecord:
         if any(self.angular_acceleration):

@@ -13,6 +13,7 @@ Source: S. F. Hoerner, Fluid-Dynamic Drag (1965), chapter 3; G. I. Taylor, Proc.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -52,7 +53,6 @@ class SheetDrag(Force):
 
     formula: ClassVar[str] = "f = ½ ρ A (c_n |u_n| u_n + c_t |u_t| u_t), u = w − v"
     energy: ClassVar[str] = "none: dissipative"
-    needs_velocity: ClassVar[bool] = True
     on_surfaces: ClassVar[bool] = True
 
     @model_validator(mode="after")
@@ -69,6 +69,9 @@ class SheetDrag(Force):
     def rho(self) -> float:
         """Density of the fluid [kg/m³]."""
         return self.density if self.density is not None else FLUIDS[self.fluid or ""].density or 0.0
+
+    def needs_velocity(self) -> bool:
+        return True
 
     def record(self) -> SheetDragRecord:
         return self.surface_record(False)
@@ -100,6 +103,29 @@ class Triangle(NamedTuple):
     y: float
     z: float
     middle: Particle
+
+
+@dataclass(frozen=True)
+class SurfaceSet:
+    """The triangles of a group under a force on its surface: the force's label, the group, and the force."""
+
+    name: str
+    group: str
+    law: SheetDrag
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups whose particles it joins."""
+        return (self.group,)
+
+    @property
+    def feeds(self) -> bool:
+        """Whether it may bring energy: wind does."""
+        return bool(self.law.flow)
+
+    def needs_velocity(self) -> bool:
+        """Whether its forces depend on velocities."""
+        return True
 
 
 @law(triangle_force, SheetDragRecord)

@@ -36,7 +36,6 @@ class StokesDrag(Force):
 
     formula: ClassVar[str] = "f = −6 π η r (v − w)"
     energy: ClassVar[str] = "none: dissipative"
-    needs_velocity: ClassVar[bool] = True
 
     @model_validator(mode="after")
     def _one_viscosity(self) -> StokesDrag:
@@ -61,6 +60,9 @@ class StokesDrag(Force):
         if self.density is not None:
             return self.density
         return FLUIDS[self.fluid].density if self.fluid is not None else None
+
+    def needs_velocity(self) -> bool:
+        return True
 
     def record(self) -> StokesDragRecord:
         return StokesDragRecord(6 * math.pi * self.eta, tuple(flow.record() for flow in self.flow))

@@ -12,6 +12,7 @@ from particlesim.bonds import BondSet, HingeSet, RodSet
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter
 from particlesim.forces import Force, SheetDrag
+from particlesim.forces.sheet_drag import SurfaceSet
 from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
@@ -43,26 +44,26 @@ class Edge:
     verb: str
 
 
+Interaction = BondSet | HingeSet | SurfaceSet
+"""A set of interactions between particles, as a scenario calls for it."""
+
+
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. Independent particles have no bonds, rods, hinges
-    and surfaces."""
+    """Groups that step together, with all that acts on them. Independent particles have no interactions and no rods."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
     planes: tuple[tuple[Plane, ...], ...]
-    bonds: tuple[BondSet, ...]
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
-    hinges: tuple[HingeSet, ...] = ()
-    surfaces: tuple[tuple[SheetDrag, ...], ...] = ()
-    """Forces on the surface of every group."""
+    interactions: tuple[Interaction, ...] = ()
     rods: tuple[RodSet, ...] = ()
 
     @property
     def coupled(self) -> bool:
         """Whether its particles act on each other."""
-        return bool(self.bonds or self.rods or self.hinges or any(self.surfaces))
+        return bool(self.interactions or self.rods)
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,9 @@ def build_graph(scenario: Scenario) -> Graph:
             "acts on",
             [g.name for g in scenario.groups if acts_on(force, g)],
         )
-    for bonds in scenario.bonds:
-        act(Node("springs", bonds.name, bonds.describe()), "joins", list(dict.fromkeys(bonds.groups)))
-    for rods in scenario.rod_sets:
-        act(Node("rods", rods.name, rods.describe()), "joins", list(dict.fromkeys(rods.groups)))
-    for hinges in scenario.hinges:
-        act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
+    joints: tuple[BondSet | RodSet | HingeSet, ...] = (*scenario.bonds, *scenario.rod_sets, *scenario.hinges)
+    for each in joints:
+        act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
     for k, plane in enumerate(scenario.planes):
         act(
             Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
@@ -148,6 +146,18 @@ def build_graph(scenario: Scenario) -> Graph:
     return Graph(tuple(nodes), tuple(edges), islands)
 
 
+def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
+    """All sets of interactions of a scenario in the order in which they are added: springs, hinges, forces on surfaces."""
+    labels = scenario.force_labels()
+    surfaces = (
+        SurfaceSet(label, group.name, force)
+        for group in scenario.groups
+        for label, force in zip(labels, scenario.forces, strict=False)
+        if isinstance(force, SheetDrag) and isinstance(group, Particles) and acts_on(force, group)
+    )
+    return (*scenario.bonds, *scenario.hinges, *surfaces)
+
+
 def method_of(group: Group, default: AnyIntegrator) -> Method:
     """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
     method = method_for(group.integrator or default)
@@ -171,15 +181,15 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
             name = parent[name]
         return name
 
-    rods = scenario.rod_sets
-    for first, second in [*(bonds.groups for bonds in scenario.bonds), *(each.groups for each in rods)]:
-        parent[root(second)] = root(first)
+    rods, interactions = scenario.rod_sets, interactions_of(scenario)
+    for first, *others in (each.groups for each in (*interactions, *rods)):
+        for other in others:
+            parent[root(other)] = root(first)
     members: dict[str, list[Group]] = {}
     for group in scenario.groups:
         members.setdefault(root(group.name), []).append(group)
     islands = []
     for name, groups in members.items():
-        bonds_here = tuple(bonds for bonds in scenario.bonds if root(bonds.groups[0]) == name)
         methods = [method_of(group, scenario.simulation.integrator) for group in groups]
         if any(group.dynamics.type != "second_order" for group in groups):
             # One method steps the whole island, and it must not need a velocity of its own.
@@ -191,14 +201,9 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                     tuple(f for f in scenario.forces if acts_on(f, g) and not f.on_surfaces) for g in groups
                 ),
                 tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
-                bonds_here,
                 methods[0],
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
-                tuple(hinges for hinges in scenario.hinges if root(hinges.group) == name),
-                tuple(
-                    tuple(f for f in scenario.forces if isinstance(f, SheetDrag) and acts_on(f, g))
-                    for g in groups
-                ),
+                tuple(each for each in interactions if root(each.groups[0]) == name),
                 tuple(each for each in rods if root(each.groups[0]) == name),
             )
         )

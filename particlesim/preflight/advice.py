@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from particlesim.forces.field import Field
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group
@@ -46,8 +45,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     depends = [
         label
         for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
-        if acts_on(force, group)
-        and (force.needs_velocity or (isinstance(force, Field) and force.reads_velocity()))
+        if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
     if not depends:

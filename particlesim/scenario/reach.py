@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from particlesim.forces import Force
-from particlesim.forces.field import Field
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Path
 
@@ -26,12 +25,11 @@ def acts_on(force: Force, group: Group) -> bool:
 
 
 def unfelt(force: Force, group: Group) -> str | None:
-    velocity = force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
     if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
         return "this force acts on surfaces; cloth, jelly and mesh have one"
     if group.dynamics.type == "tracer":
         return "tracers move with their flow; no force acts on them"
-    if group.dynamics.type == "first_order" and velocity:
+    if group.dynamics.type == "first_order" and force.needs_velocity():
         return "this force depends on the velocity, which particles without inertia do not have"
     return None
 

@@ -415,11 +415,11 @@ def test_a_field_knows_what_it_reads() -> None:
     field = Field(force=("r", "T", "vx"))
     assert field.needs_radius()
     assert field.needs_temperature()
-    assert field.reads_velocity()
+    assert field.needs_velocity()
     plain = Field(potential="x**2")
     assert not plain.needs_radius()
     assert not plain.needs_temperature()
-    assert not plain.reads_velocity()
+    assert not plain.needs_velocity()
 
 
 @pytest.mark.parametrize(

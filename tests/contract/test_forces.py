@@ -109,7 +109,7 @@ def test_jacobian_by_velocity(model: Force) -> None:
 
 @forces
 def test_forces_that_do_not_need_the_velocity_do_not_read_it(model: Force) -> None:
-    if model.needs_velocity or getattr(model, "reads_velocity", lambda: False)():
+    if model.needs_velocity():
         return
     record = model.record()
     for p in PARTICLES:

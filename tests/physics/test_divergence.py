@@ -14,8 +14,8 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.bonds.hinge import Harmonic, angles_at, harmonic_energy, wrapped
-from particlesim.engine.diagnosis.strongest_force import _of_corners
-from particlesim.engine.interactions.elements import AngleColumns, DihedralColumns, TriangleColumns
+from particlesim.engine.interactions.hinges import Angles, Dihedrals
+from particlesim.engine.interactions.triangles import Triangles
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.columns import Columns
 from particlesim.forces.sheet_drag import SheetDrag
@@ -175,11 +175,11 @@ def test_hinges_and_surfaces_can_be_the_strongest() -> None:
     # A hinge's forces are −∇U, by central differences here; a plate across the wind feels ½ ρ c A u², its corners a third.
     rng = np.random.default_rng(1)
     x = rng.uniform(-1, 1, (4, 3))
-    for kind, number in ((AngleColumns, 3), (DihedralColumns, 4)):
+    for kind, number in ((Angles, 3), (Dihedrals, 4)):
         rows = np.arange(number)[:, None]
         hinge = kind(Harmonic(2.0), rows, np.array([0.3]))
         here = Columns(*x[:number].T, *np.zeros((3, number)), np.ones(number), None, None, None, ())
-        forces = np.array([_of_corners(hinge, here, k, 0.0) for k in range(number)])
+        forces = np.array([hinge.force_on(here, k, 0.0) for k in range(number)])
 
         def energy(y: Any, rows: Any = rows) -> float:
             return harmonic_energy(Harmonic(2.0), wrapped(angles_at(y.T, rows.T)[0] - 0.3))
@@ -190,7 +190,7 @@ def test_hinges_and_surfaces_can_be_the_strongest() -> None:
             slope = (energy(x[:number] + step) - energy(x[:number] - step)) / 2e-6
             assert forces[k, axis] == pytest.approx(-slope, abs=1e-7 * np.abs(forces).max())
     law = SheetDrag(density=1.2, normal_coefficient=1.5).surface_record(False)
-    plate = TriangleColumns(law, np.arange(3)[:, None], np.empty(0))
+    plate = Triangles(law, np.arange(3)[:, None])
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0.0]])
     moving = Columns(*flat.T, *np.outer([0, 0, 5.0], np.ones(3)), np.ones(3), None, None, None, ())
-    assert _of_corners(plate, moving, 1, 0.0) == pytest.approx([0, 0, -0.5 * 1.2 * 1.5 * 25 / 3])
+    assert plate.force_on(moving, 1, 0.0) == pytest.approx([0, 0, -0.5 * 1.2 * 1.5 * 25 / 3])

@@ -12,11 +12,11 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.bonds.hinge import Harmonic, angle_forms, angle_gradient, dihedral_gradient, wrapped
-from particlesim.engine.interactions.elements import AngleColumns, DihedralColumns
+from particlesim.engine.interactions.bond_tensors import network
+from particlesim.engine.interactions.hinges import Angles, Dihedrals
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import linearised as linear
-from particlesim.engine.stability.bond_tensors import bound, network
-from particlesim.engine.stability.element_tensors import corner_tensors
+from particlesim.engine.stability.extreme_modes import bound
 from particlesim.engine.stability.limits import rounded, stability, suspects
 from particlesim.integrators import METHODS
 from particlesim.laws.registry import hinge_moment
@@ -333,7 +333,7 @@ def test_hinges_all_at_once_are_those_one_by_one() -> None:
     law, rest = Harmonic(2.0), rng.uniform(0, 3, 6)
     angles, folds = (rng.permutation(24)[: 6 * k].reshape(k, 6) for k in (3, 4))
     angles[:, 3:] = [[12, 13, 14], [15, 16, 17], [16, 14, 15]]
-    for each in (AngleColumns(law, angles, rest), DihedralColumns(law, folds, rest)):
+    for each in (Angles(law, angles, rest), Dihedrals(law, folds, rest)):
         forms = []
         for q, rows in enumerate(each.rows.T):
             p = x[:, rows].T
@@ -346,7 +346,7 @@ def test_hinges_all_at_once_are_those_one_by_one() -> None:
                 g = np.reshape(dihedral_gradient(*(p[0] - p[1]), *(p[1] - p[2]), *(p[3] - p[2]))[1:], (3, 3))
                 forms.append([math.sqrt(2.0) * np.stack([g[0], g[1], -g.sum(axis=0), g[2]])])
         expected = np.array(forms).transpose(1, 0, 2, 3)
-        made = corner_tensors(each, columns, 0.0).forms
+        made = each.linearise(columns, 0.0).forms
         np.testing.assert_allclose(made, expected, atol=1e-12 * np.abs(expected).max())
 
 

@@ -20,7 +20,6 @@ from particlesim.engine.constraints.shake_rattle import Rods, hold, places, take
 from particlesim.engine.islands.independent import Unheld
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
-from particlesim.forces.field import Field
 from particlesim.graph.graph import Island
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -146,12 +145,6 @@ def rod_system(
 
 def _eager(island: Island) -> bool:
     """Whether a force on the island depends on velocities."""
-    return (
-        any(island.surfaces)
-        or any(bonds.law.damped for bonds in island.bonds)
-        or any(
-            force.needs_velocity or (isinstance(force, Field) and force.reads_velocity())
-            for forces in island.forces
-            for force in forces
-        )
+    return any(each.needs_velocity() for each in island.interactions) or any(
+        force.needs_velocity() for forces in island.forces for force in forces
     )

@@ -1,7 +1,7 @@
 """Total forces on a thread's share of an island, and moves that particles make while they are still in the cache.
 
-Forces are added up in a fixed order: first the one-particle forces, then bond after bond, then those among three and four
-particles. Every thread owns whole chunks of particles, and writes to them alone.
+Forces are added up in a fixed order: first the one-particle forces, then bond after bond, then all other
+interactions. Every thread owns whole chunks of particles, and writes to them alone.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.independent.kernel import BLOCK
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
-from particlesim.engine.interactions.elements import add_corners
+from particlesim.engine.interactions.interaction import add_elements
 from particlesim.engine.state.columns import block_of, fetch, span
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
@@ -168,7 +168,7 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
         add_bonds(bonds, c, work.force, work.pull, chunk)
         done = move_on(move, c, work, share, done, order.after[chunk])
     begin_forces(parts, c, work.force, t, begun, share.last, share.chunk)
-    add_corners(share.corners, c, work.force, share.first, share.last, t)
+    add_elements(share.elements, c, work.force, share.first, share.last, t)
     meet(share.gate, share.threads)
     move_on(move, c, work, share, done, order.ready.size)
 

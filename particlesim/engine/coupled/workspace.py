@@ -10,7 +10,7 @@ from particlesim.compiler.barrier import new_gate
 from particlesim.engine.constraints.elimination import divided
 from particlesim.engine.constraints.shake_rattle import Rods
 from particlesim.engine.interactions.bond_layout import chunk_size, shares
-from particlesim.engine.interactions.elements import Corners, corners_between
+from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
@@ -75,9 +75,9 @@ class Work(NamedTuple):
 
 
 class Share(NamedTuple):
-    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them and the forces
-    among three and four of them; its number among the threads, and where they meet; the order in which it goes through its
-    chunks; the rods that it holds, None where there are none at all."""
+    """What a thread does: particles [first, last), in chunks, with the motions that lead some of them, and the
+    interactions that are not laid out by chunks; its number among the threads, and where they meet; the order in which it
+    goes through its chunks; the rods that it holds, None where there are none at all."""
 
     first: int
     last: int
@@ -87,7 +87,7 @@ class Share(NamedTuple):
     gate: Any
     wild: Any
     motions: tuple[Any, ...]
-    corners: tuple[Any, ...]
+    elements: tuple[Any, ...]
     order: Any
     rods: Any = None
 
@@ -126,7 +126,7 @@ def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work
 
 
 def share_out(
-    count: int, threads: int, driven: tuple[Driven, ...], corners: tuple[Corners, ...], rods: Rods | None
+    count: int, threads: int, driven: tuple[Driven, ...], elements: tuple[Interaction, ...], rods: Rods | None
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk; without an order."""
     ranges = shares(count, threads)
@@ -142,7 +142,7 @@ def share_out(
             gate,
             wild,
             led_between(driven, first, last),
-            corners_between(corners, first, last),
+            tuple(each.between(first, last) for each in elements),
             None,
             mine[number],
         )

@@ -58,13 +58,14 @@ UNHELD = (
 
 
 class Sign(NamedTuple):
-    """The first sign: its step, the row, the particle before that step, its place in the columns, columns and bonds."""
+    """The first sign: its step, the row, the particle before that step, its place in the columns, columns and
+    interactions."""
 
     step: int
     row: int
     particle: Particle
     place: int
-    bonds: tuple[Any, ...]
+    interactions: tuple[Any, ...]
     columns: Columns
 
 
@@ -83,10 +84,10 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         sign = _stopped(island, row, fault, first)
         text = f"particle {{who}} {what.format(t=fault.stop.time, least=fault.stop.least)}; it was"
         return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
-    columns, bonds, rows = island.replay(row, first, fault.step - first)
+    columns, interactions, rows = island.replay(row, first, fault.step - first)
     if (missed := fault.unsolved) is not None:
         place = row - rows.start
-        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
         spent = f"{missed.iterations} Newton iterations"
         if missed.linear:
             spent += f" with {missed.linear} iterations of the linear solver"
@@ -98,7 +99,7 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
         return _report(simulation, number, sign, "not solved", time, text, hint)
     if (rod := fault.unheld) is not None:
         place = row - rows.start
-        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
         ends = " and ".join(f"{k} of {name!r}" for k, name in zip(rod.particles, rod.groups, strict=True))
         text = (
             f"rods {rod.name!r} could not be held in the step from t = {time:.9g} s: the one between particles {ends} "
@@ -109,7 +110,7 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
     early = _first_sign(simulation, number, row, first, fault.step)
     if early is None:
         place = row - rows.start
-        sign = Sign(fault.step, row, _particle(columns, place, time), place, bonds, columns)
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
         return _report(simulation, number, sign, "not finite", time, f"particle {{who}} is {over}; it was")
     text = (
         f"particle {{who}} ran away at t = {early.particle.t:.9g} s, faster than {TOO_FAST:g} times what forces could "
@@ -123,9 +124,9 @@ def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, 
     assert fault.stop is not None
     p = fault.stop.particle
     if isinstance(island, CoupledIsland):
-        return Sign(fault.step, row, p, row, island.bonds, island.island_columns())
-    columns, bonds, rows = island.replay(row, first, fault.step - first)
-    return Sign(fault.step, row, p, row - rows.start, bonds, columns)
+        return Sign(fault.step, row, p, row, island.interactions, island.island_columns())
+    columns, interactions, rows = island.replay(row, first, fault.step - first)
+    return Sign(fault.step, row, p, row - rows.start, interactions, columns)
 
 
 def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
@@ -192,10 +193,11 @@ def _better(simulation: Simulation, number: int) -> str | None:
 def _fastest_now(simulation: Simulation, number: int) -> Sign:
     """The particle of an island that is fastest at present."""
     island = simulation.islands[number]
-    columns = island.island_columns() if isinstance(island, CoupledIsland) else island.columns()[0]
+    columns = island.island_columns()
     row = int(np.argmax(_speeds(columns)))
-    bonds = island.bonds if isinstance(island, CoupledIsland) else ()
-    return Sign(simulation.step, row, _particle(columns, row, simulation.time), row, bonds, columns)
+    return Sign(
+        simulation.step, row, _particle(columns, row, simulation.time), row, island.interactions, columns
+    )
 
 
 def _first_sign(simulation: Simulation, number: int, row: int, first: int, last: int) -> Sign | None:
@@ -219,9 +221,9 @@ def _first_sign(simulation: Simulation, number: int, row: int, first: int, last:
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if too_fast(middle) else (middle, high)
-    columns, bonds, rows = island.replay(row, first, high - first)
+    columns, interactions, rows = island.replay(row, first, high - first)
     index = int(np.argmax(_speeds(columns)))
-    return Sign(high, rows.start + index, _particle(columns, index, high * dt), index, bonds, columns)
+    return Sign(high, rows.start + index, _particle(columns, index, high * dt), index, interactions, columns)
 
 
 def _speeds(c: Columns) -> NDArray[np.float64]:
@@ -258,7 +260,7 @@ def _report(
     state, p = island.states[member], sign.particle
     row = sign.row - sum(other.count for other in island.states[:member])
     dt = simulation.scenario.grid.dt
-    name, size = strongest(simulation, number, member, p, sign.place, sign.bonds, sign.columns)
+    name, size = strongest(simulation, number, member, p, sign.place, sign.interactions, sign.columns)
     stable = _stable_step(simulation, number, member, p)
     found = PostMortem(
         cause,

@@ -32,7 +32,6 @@ from particlesim.engine.implicit.krylov import (
     summed,
 )
 from particlesim.engine.implicit.linear_system import linearise
-from particlesim.engine.interactions.elements import TriangleColumns
 from particlesim.engine.state.columns import fetch, recall, span, type_of
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
@@ -142,7 +141,7 @@ def solve(
     if symmetric:
         copy(s.residual, s.other, share.first, share.last)
         status, left, turns = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
-        if status == SOLVED and plain and only_internal(share.corners):
+        if status == SOLVED and plain and only_internal(share.elements):
             keep_momentum(s, share)
         if status == INDEFINITE:
             copy(s.other, s.residual, share.first, share.last)
@@ -151,9 +150,9 @@ def solve(
     return status, left, turns + more
 
 
-def only_internal(corners: Any) -> Any:
+def only_internal(elements: Any) -> Any:
     """Whether what acts between particles does not care how they move as one: wind on triangles does."""
-    return all(not isinstance(each, TriangleColumns) for each in corners)
+    return all(type(each).internal for each in elements)
 
 
 @outlined

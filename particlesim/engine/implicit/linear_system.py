@@ -6,8 +6,8 @@ G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single p
     (c + γ k) e eᵀ + γ max(T/l, 0) (1 − e eᵀ) = q 1 + w wᵀ
 
 on the difference of its ends, with e its direction, l its length and T its tension. Compressed springs would push sideways;
-that part is dropped, so that B is positive (semi-)definite. A spring is the four numbers w and q. What hinges and triangles
-add to B is in `element_matrix`.
+that part is dropped, so that B is positive (semi-)definite. A spring is the four numbers w and q. What other
+interactions add to B, they say themselves (`interactions.interaction`).
 
 Threads own chunks of particles and add to those alone, piece after piece, as they do with forces.
 Source: D. Baraff, A. Witkin, SIGGRAPH 1998; K.-J. Choi, H.-S. Ko, SIGGRAPH 2002.
@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from particlesim.bonds.spring import Pair
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.implicit.element_matrix import stiffen, times_corners
 from particlesim.engine.implicit.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.interactions.bond_layout import (
     FIRST,
@@ -38,6 +37,7 @@ from particlesim.engine.interactions.bond_layout import (
     chunk_size,
 )
 from particlesim.engine.interactions.bonds import Bonds, chunks_of, of_bond
+from particlesim.engine.interactions.interaction import multiply_elements, stiffen_elements
 from particlesim.engine.state.columns import cut, fetch, type_of
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.laws.registry import (
@@ -65,8 +65,8 @@ class System(NamedTuple):
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
     velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `corners`: what hinges and triangles of a thread add
-    (`element_matrix`); `pull`: scratch of a thread [8, chunk], and `lanes` for its
+    `springs`: w and q of every slot [4, slots], for every set; `forms`: what the other interactions of a
+    thread keep of their linearisation; `pull`: scratch of a thread [8, chunk], and `lanes` for its
     sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
     Newton and linear iterations.
     """
@@ -86,7 +86,7 @@ class System(NamedTuple):
     shadow: Any
     other: Any
     springs: tuple[Any, ...]
-    corners: tuple[Any, ...]
+    forms: tuple[Any, ...]
     lattices: Lattices
     pull: Any
     lanes: Any
@@ -120,7 +120,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         other=rows(3),
         lattices=_lattices(bonds, place, dtype),
         springs=tuple(np.zeros((4, len(bond.i)), dtype) for bond in bonds),
-        corners=(),
+        forms=(),
         pull=np.zeros((8, chunk), dtype),
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
@@ -371,7 +371,7 @@ def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share
                 out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
     for chunk in range(chunks_of(bonds)):
         _times_chunk(bonds, springs, s.pull, x, y, chunk)
-    times_corners(share.corners, s.corners, x, y, lo, hi)
+    multiply_elements(share.elements, s.forms, x, y, lo, hi)
 
 
 def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:
@@ -455,7 +455,7 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
         add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
     add_springs(bonds, s.springs, c, s, reach)
     gather_blocks(s, share)
-    stiffen(share.corners, s.corners, c, s, share.first, share.last, t, reach)
+    stiffen_elements(share.elements, s.forms, c, s, share.first, share.last, t, reach)
     for lo in range(share.first, share.last, share.chunk):
         hi = min(lo + share.chunk, share.last)
         s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)

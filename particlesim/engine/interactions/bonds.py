@@ -1,13 +1,17 @@
-"""Bonds in kernels: their forces, added up in a fixed order, and their breaking."""
+"""Springs: how they are laid out, their forces, added up in a fixed order, their breaking, and all else that is asked of an
+interaction."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from particlesim.bonds import BondSet, record_of
 from particlesim.bonds.spring import Pair
-from particlesim.compiler import outlined
+from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.bond_layout import (
     FIRST,
@@ -18,9 +22,15 @@ from particlesim.engine.interactions.bond_layout import (
     OWNS_FIRST,
     OWNS_SECOND,
     SECOND,
+    chunk_size,
+    in_slots,
 )
+from particlesim.engine.interactions.bond_tensors import Tensors, tensors
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.state.columns import cut
-from particlesim.laws.registry import bond_force
+from particlesim.errors import UsageError
+from particlesim.laws.registry import bond_force, bond_potential
+from particlesim.trajectory.topology import Topology
 
 SHORT = 12
 """Springs of a piece below which they are taken one by one: setting up vectors costs more."""
@@ -34,8 +44,8 @@ class Breaking(NamedTuple):
     when: Any
 
 
-class Bonds(NamedTuple):
-    """Bonds of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
+class BondColumns(NamedTuple):
+    """Springs of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
     a number for all or an array, in the slots of `bond_layout`; `holes` are slots without a bond, with ends −1.
     `breaking` is None for bonds that hold.
 
@@ -53,6 +63,68 @@ class Bonds(NamedTuple):
     table: Any
     begin: Any
     breaking: Any
+
+
+class Bonds(Interaction, BondColumns):
+    """Springs of one law, as `BondColumns` have them. Their forces are added chunk by chunk (`add_bonds`), and implicit
+    methods have them in runs, too (`implicit.linear_system`)."""
+
+    __slots__ = ()
+    by_chunks: ClassVar[bool] = True
+    follows: ClassVar[frozenset[str]] = frozenset(("law", "i", "j", "holes", "table", "begin"))
+
+    @property
+    def number(self) -> int:
+        return int(self.i.size - self.holes.size)
+
+    def energy(self, c: Any) -> float:
+        return float(sum_bonds(self, c))
+
+    @property
+    def spends(self) -> bool:
+        return bool(np.any(self.c))
+
+    def power(self, c: Any, t: float) -> float:
+        return float(damping_power(self, c))
+
+    def linearise(self, c: Any, t: float) -> Tensors:
+        real = np.flatnonzero(self.i >= 0)
+        columns = (
+            np.broadcast_to(np.asarray(each, float), self.i.shape) for each in (self.k, self.c, self.rest)
+        )
+        return tensors(self.law, self.i[real], self.j[real], tuple(each[real] for each in columns), c)
+
+    def force_on(self, c: Any, row: int, t: float) -> Floats:
+        total = np.zeros(3)
+        for q in np.flatnonzero((self.i == row) | (self.j == row)):
+            i, j = self.i[q], self.j[q]
+            apart = (float(column[i]) - float(column[j]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz))
+            constants = (
+                float(column if np.ndim(column) == 0 else column[q]) for column in (self.k, self.c, self.rest)
+            )
+            pull = np.array(bond_force(self.law, Pair(*map(np.float64, (*apart, *constants)))))
+            total += pull if i == row else -pull
+        return total
+
+    def topology(self, name: str, ids: Ints) -> Topology:
+        there = self.i >= 0
+        pairs = np.stack([ids[self.i[there]], ids[self.j[there]]], axis=1)
+        broke = np.full(len(pairs), np.inf) if self.broke is None else self.broke
+        rest = self.rest[there].astype(float)
+        return Topology(name, pairs, rest, broke, breakable=self.breaking is not None)
+
+    @property
+    def broke(self) -> Floats | None:
+        return None if self.breaking is None else np.asarray(self.breaking.when[self.i >= 0])
+
+    def changing(self) -> tuple[NDArray[Any], ...]:
+        return () if self.breaking is None else (self.k, self.c, self.breaking.when)
+
+    def with_changed(self, arrays: Sequence[NDArray[Any]]) -> Self:
+        if self.breaking is None:
+            return self
+        k, c, when = arrays
+        return self._replace(k=k, c=c, breaking=self.breaking._replace(when=when))
 
 
 def pair_of(bond: Any, c: Any, k: Any) -> Any:
@@ -179,3 +251,88 @@ def _break_piece(bond: Any, c: Any, piece: Any, t: Any) -> None:
                 limits.when[k] = t
                 bond.k[k] = 0
                 bond.c[k] = 0
+
+
+@kernel
+def sum_bonds(bond: Any, c: Any) -> float:
+    """Potential energy of all bonds of a law [J]."""
+    total = 0.0
+    for k in range(bond.i.size):
+        if bond.i[k] >= 0:
+            total += bond_potential(bond.law, pair_of(bond, c, k))
+    return total
+
+
+@kernel
+def damping_power(bond: Any, c: Any) -> float:
+    """Power of the dampers of all bonds of a law [W]: what their force does beyond that of the springs."""
+    total = 0.0
+    for k in range(bond.i.size):
+        if bond.i[k] >= 0:
+            p = pair_of(bond, c, k)
+            fx, fy, fz = bond_force(bond.law, p)
+            gx, gy, gz = bond_force(bond.law, Pair(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.k, p.c - p.c, p.rest))
+            total += float(fx - gx) * p.vx + float(fy - gy) * p.vy + float(fz - gz) * p.vz
+    return total
+
+
+def springs_of(site: Site, bonds: BondSet) -> Bonds:
+    """Springs with their ends in rows of the island, and constants in the precision of the run.
+
+    Raises UsageError for those that cannot be, with their place in the scenario.
+    """
+    with site.scenario.at_springs(bonds.name):
+        return _laid_out(site, bonds)
+
+
+def _laid_out(site: Site, bonds: BondSet) -> Bonds:
+    law = bonds.law
+    states = [site.state[name] for name in bonds.groups]
+    pairs = bonds.find(*(state.position.T.astype(float) for state in states))
+    for end, state in enumerate(states):
+        if pairs[:, end].max(initial=-1) >= state.count:
+            raise UsageError(
+                f"{bonds.name}: {state.name!r} has {state.count} particles, "
+                f"there is no particle {int(pairs[:, end].max())}"
+            )
+    i, j = (pairs[:, end] + site.offset[state.name] for end, state in enumerate(states))
+    x = site.whole.x.astype(float)
+    rest = np.sqrt(((x[:, i] - x[:, j]) ** 2).sum(axis=0))
+    if law.rest_length is not None:
+        rest = np.full(len(pairs), law.rest_length)
+    elif law.break_strain is not None and not rest.all():
+        a, b = pairs[int(np.argmin(rest))]
+        raise UsageError(
+            f"{bonds.name}: particles {a} and {b} are at the same place; a strain needs a length to compare with",
+            "give a rest_length, or break_force instead of break_strain",
+        )
+    k, c = law.constants(_reduced_mass(site, i, j))
+    dtype = site.dtype
+    slots = in_slots(i, j, chunk_size(site.whole.count))
+    if law.by_mass or law.breaks:
+        k, c = slots.spread(k.astype(dtype)), slots.spread(c.astype(dtype))
+    else:
+        k, c = dtype.type(law.stiffness), dtype.type(law.damping)
+    breaking = None
+    if law.breaks:
+        strain, pull = (dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force))
+        breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
+    return Bonds(
+        record_of(law),
+        slots.i,
+        slots.j,
+        k,
+        c,
+        slots.spread(rest.astype(dtype)),
+        slots.holes,
+        slots.table,
+        np.empty(0, np.int64),
+        breaking,
+    )
+
+
+def _reduced_mass(site: Site, i: Ints, j: Ints) -> Floats:
+    """m₁ m₂/(m₁ + m₂) of both ends [kg]; a pinned end is infinitely heavy, and of two pinned ends nothing moves."""
+    inverse = site.inverse_mass()
+    total = inverse[i] + inverse[j]
+    return np.divide(1, total, out=np.zeros_like(total), where=total > 0)

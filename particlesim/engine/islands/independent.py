@@ -30,6 +30,7 @@ from particlesim.laws.registry import Particle
 from particlesim.layouts.file import File
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.topology import Topology
 
 WORTH_THREADS = 500_000
 """Particle-steps below which one thread is faster than waking others."""
@@ -107,6 +108,10 @@ class Births:
 class IndependentIsland:
     """One group of particles that do not act on each other, with its emitter if it has one."""
 
+    names: tuple[str, ...] = ()
+    interactions: tuple[Any, ...] = ()
+    """There are none."""
+
     def __init__(
         self,
         scenario: Scenario,
@@ -130,7 +135,7 @@ class IndependentIsland:
         self._fixed = isinstance(group, Particles) and group.pinned is True
         self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
         self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
-        self._booking = None if self.books is None else ParticleBooks(self.books, island, self.program.forces)
+        self._booking = None if self.books is None else ParticleBooks(self.books, self.program.forces)
         self._room = BOOKED_TOGETHER
 
     @property
@@ -142,12 +147,20 @@ class IndependentIsland:
         """Columns of every group of the island."""
         return [self.state.columns(**self._columns_of)]
 
+    def island_columns(self) -> Columns:
+        """Columns of the only group."""
+        return self.columns()[0]
+
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
         out = np.zeros((3, self.state.count))
         if self.state.count:
             sum_forces(self.program.forces, self.columns()[0], time, 0, self.state.count, out)
         return out
+
+    def topology(self) -> list[Topology]:
+        """What a trajectory keeps of its interactions: nothing."""
+        return []
 
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
@@ -252,8 +265,14 @@ class IndependentIsland:
             room = new_room(columns, block)
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
 
+    def keep(self, first: int) -> None:
+        """Nothing: where something goes wrong, single blocks are looked at."""
+
+    def fit(self) -> None:
+        """Nothing: there are no rods."""
+
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
-        """The block of particle `row` some steps after `first`, where the interval began; no bonds, and which rows.
+        """The block of particle `row` some steps after `first`, where the interval began; no interactions, and which rows.
 
         The block must be back at `first`. Nothing of the island changes.
         """

@@ -21,8 +21,8 @@ from particlesim.sampling.shapes import Shape
 from particlesim.scenario.scenario import Scenario
 
 
-def populate(scenario: Scenario, island: Island, group: Group, first_id: int) -> GroupState:
-    """The particles of a group at the start; an emitter's group is empty.
+def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
+    """The particles of a group at the start, with ids from 0; an emitter's group is empty.
 
     Raises UsageError for a file that cannot be read, or that has no particle of a pinned index.
     """
@@ -67,7 +67,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
                 f"masses of {group.name!r} are below {np.finfo(dtype).tiny:.2g} kg, the least that numbers hold",
                 'precision = "double" under [simulation] reaches further than "single"',
             )
-        state.id[part] = np.arange(first_id + first, first_id + first + number)
+        state.id[part] = np.arange(first, first + number)
         if group.temperature is not None:
             state.heat[part] = group.sample("temperature", streams, first, number)
     state.count = count

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.interactions.bonds import Bonds
-from particlesim.engine.ledger.sums import bond_energy
+from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.ledger.work import (
     SIMPSON,
     Books,
     accelerations,
-    damping,
     halfway,
     halfway_between,
     moved,
@@ -33,15 +31,15 @@ LENIENT = np.errstate(over="ignore", invalid="ignore")
 
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
-    without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `bonds` as they were
-    before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
+    without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `interactions` as
+    they were before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
 
     columns: Columns
     begin: Floats
     h: Floats
     free: Columns | None
     path: tuple[Moment, ...] = ()
-    bonds: tuple[Bonds, ...] = ()
+    interactions: tuple[Interaction, ...] = ()
     effort: float = 0.0
 
 
@@ -77,7 +75,7 @@ def spans(clock: Clock | None, number: int, t: float, end: float) -> tuple[Float
 class ParticleBooks:
     """The accounts of a group of independent particles."""
 
-    def __init__(self, books: Books, structure: Island, forces: Any) -> None:
+    def __init__(self, books: Books, forces: Any) -> None:
         self.books = books
         self._forces = forces
         self._contact = "contact" in books.names
@@ -193,11 +191,10 @@ def stages(
     return tuple(found)
 
 
-class SpringBooks:
-    """The accounts of an island of springs.
+class IslandBooks:
+    """The accounts of an island whose particles act on each other.
 
-    `bounds` are the borders of its groups; `forces` gives its total forces in a state, and `hinged` the energy of its
-    hinges there [J].
+    `bounds` are the borders of its groups, `names` those of its interactions; `forces` gives its total forces in a state.
     """
 
     def __init__(
@@ -206,17 +203,14 @@ class SpringBooks:
         structure: Island,
         bounds: list[int],
         driven: tuple[Driven, ...],
+        names: tuple[str, ...],
         forces: Callable[..., Floats],
-        hinged: Callable[[Columns], float],
     ) -> None:
         self.books = books
-        self._bounds, self._forces, self._hinged = bounds, forces, hinged
-        self._surfaces = any(structure.surfaces)
+        self._bounds, self._names, self._forces = bounds, names, forces
         self._rods = bool(structure.rods)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
-        self._names = [bonds.name for bonds in structure.bonds]
-        self._damped = [bonds.law.damped for bonds in structure.bonds]
         self._contact = "contact" in books.names
 
     @LENIENT
@@ -224,25 +218,24 @@ class SpringBooks:
         self,
         step: Opened,
         columns: Columns,
-        bonds: tuple[Bonds, ...],
+        interactions: tuple[Interaction, ...],
         parts: Callable[[Columns], list[Columns]],
         end: float,
         effort: float = 0.0,
     ) -> None:
-        """Book a step that has been taken to the state `columns` at the time `end` [s]; `bonds` are as before it, and
+        """Book a step that has been taken to the state `columns` at the time `end` [s]; `interactions` are as before it, and
         `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
         books, path = self.books, columns if step.free is None else step.free
         start = float(step.begin.min(initial=end))
         if (
-            self._surfaces
-            or any(self._damped)
+            any(each.spends for each in interactions)
             or self._driven.size
             or any(books.spends(k) for k in self._members)
         ):
-            moments = step.path or self._halfway(step, path, bonds, (start, end))
+            moments = step.path or self._halfway(step, path, interactions, (start, end))
             weights = [moment.weight for moment in moments]
             forces = [
-                self._forces(c, bonds, t) for c, t, _ in moments
+                self._forces(c, interactions, t) for c, t, _ in moments
             ]  # puts led particles where they are then
             moving = step.h.copy()
             moving[self._driven] = end - start  # nothing moves them, and yet forces work on them
@@ -251,33 +244,34 @@ class SpringBooks:
                     h = moving[self._bounds[k] : self._bounds[k + 1]]
                     powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t, _ in moments]
                     books.book_powers(k, powers, weights, h)
-            self._book_damping(moments, bonds, end - start)
+            self._book_spent(moments, interactions, end - start)
             self._book_motion(moments, forces, (step.columns, path), end - start)
             if self._driven.size and self._rods:
                 books.add("motion", -effort)
-            if self._surfaces:
-                bare = [self._forces(c, bonds, t, corners=False) for c, t, _ in moments]
-                pulls = [f - g for f, g in zip(forces, bare, strict=True)]
-                self._book_surfaces(moments, pulls, (step.columns, path), end - start)
         if self._contact:
             books.add(
-                "contact", self._energy(columns, bonds, parts, end) - self._energy(path, bonds, parts, end)
+                "contact",
+                self._energy(columns, interactions, parts, end)
+                - self._energy(path, interactions, parts, end),
             )
 
     @LENIENT
-    def book_breaking(self, before: tuple[Bonds, ...], after: tuple[Bonds, ...], columns: Columns) -> None:
-        """Book the potential that was lost with springs that broke at the end of a step."""
+    def book_breaking(
+        self, before: tuple[Interaction, ...], after: tuple[Interaction, ...], columns: Columns
+    ) -> None:
+        """Book the potential that was lost with what broke at the end of a step."""
         for name, old, new in zip(self._names, before, after, strict=True):
-            if new.breaking is not None and not np.array_equal(old.breaking.when, new.breaking.when):
-                left, was = bond_energy((new, old), columns)
+            then, now = old.broke, new.broke
+            if then is not None and now is not None and not np.array_equal(then, now):
+                left, was = (each.energy(columns) or 0.0 for each in (new, old))
                 self.books.add(f"{name}.breaking", left - was)
 
     def _halfway(
-        self, step: Opened, path: Columns, bonds: tuple[Bonds, ...], span: tuple[float, float]
+        self, step: Opened, path: Columns, interactions: tuple[Interaction, ...], span: tuple[float, float]
     ) -> tuple[Moment, ...]:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
-        f0, f1 = self._forces(step.columns, bonds, start), self._forces(path, bonds, end)
+        f0, f1 = (self._forces(c, interactions, t) for c, t in ((step.columns, start), (path, end)))
         if self._rods:  # whose forces are not among these
             middle = halfway_between(step.columns, path, step.h)
         else:
@@ -285,13 +279,12 @@ class SpringBooks:
         states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
         return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
 
-    def _book_damping(self, moments: Sequence[Moment], bonds: tuple[Bonds, ...], h: float) -> None:
-        damped = [bond for bond, yes in zip(bonds, self._damped, strict=True) if yes]
-        powers = [damping(damped, moment.columns) for moment in moments]
-        names = [name for name, yes in zip(self._names, self._damped, strict=True) if yes]
-        work = h * weighted([moment.weight for moment in moments], powers)
-        for name, joule in zip(names, work, strict=True):
-            self.books.add(name, float(joule))
+    def _book_spent(self, moments: Sequence[Moment], interactions: tuple[Interaction, ...], h: float) -> None:
+        """Book what interactions do beside their potential: dampers, and drag on surfaces."""
+        for name, each in zip(self._names, interactions, strict=True):
+            if each.spends:
+                work = h * sum(weight * each.power(c, t) for c, t, weight in moments)
+                self.books.add(each.spends_as or name, work)
 
     def _book_motion(
         self, moments: Sequence[Moment], forces: Sequence[Floats], ends: tuple[Columns, Columns], h: float
@@ -308,25 +301,14 @@ class SpringBooks:
         before, after = (0.5 * float((m * (_velocity(c, rows) ** 2).sum(axis=0)).sum()) for c in ends)
         self.books.add("motion", after - before - h * work)
 
-    def _book_surfaces(
-        self, moments: Sequence[Moment], pulls: Sequence[Floats], ends: tuple[Columns, Columns], h: float
-    ) -> None:
-        """Work on surfaces: that of all forces at corners, but for what goes into hinges."""
-        work = sum(
-            moment.weight * float((f * _velocity(moment.columns, slice(None))).sum())
-            for moment, f in zip(moments, pulls, strict=True)
-        )
-        stored = self._hinged(ends[1]) - self._hinged(ends[0])
-        self.books.add("surfaces", h * work + stored)
-
     def _energy(
         self,
         columns: Columns,
-        bonds: tuple[Bonds, ...],
+        interactions: tuple[Interaction, ...],
         parts: Callable[[Columns], list[Columns]],
         time: float,
     ) -> float:
-        total = sum(bond_energy(bonds, columns)) + self._hinged(columns)
+        total = sum(each.energy(columns) or 0.0 for each in interactions)
         for k, part in enumerate(parts(columns)):
             total += float(self.books.energies(k, part, np.full(len(part.m), time)).sum())
         return total

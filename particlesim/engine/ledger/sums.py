@@ -6,17 +6,14 @@ number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds.spring import Pair
 from particlesim.compiler import kernel
-from particlesim.engine.interactions.bonds import Bonds, pair_of
 from particlesim.engine.state.columns import block_of, fetch
-from particlesim.laws.registry import bond_force, bond_potential, force, potential
+from particlesim.laws.registry import force, potential
 from particlesim.process.threads import Team
 
 CHUNK = 4096
@@ -61,16 +58,6 @@ def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, row
 
 
 @kernel
-def sum_bonds(bond: Any, c: Any) -> float:
-    """Potential energy of all bonds of a law [J]."""
-    total = 0.0
-    for k in range(bond.i.size):
-        if bond.i[k] >= 0:
-            total += bond_potential(bond.law, pair_of(bond, c, k))
-    return total
-
-
-@kernel
 def sum_forces(forces: Any, c: Any, t: Any, first: Any, last: Any, out: Any) -> None:
     """Total one-particle force on every particle of [first, last), into out [3, n]."""
     for i in range(first, last):
@@ -91,11 +78,6 @@ def measure(
     for row in rows:
         total += row
     return total
-
-
-def bond_energy(bonds: Sequence[Bonds], columns: Any) -> list[float]:
-    """Potential energy of each set of bonds [J]."""
-    return [float(sum_bonds(bond, columns)) for bond in bonds]
 
 
 @kernel
@@ -127,16 +109,3 @@ def each_force(forces: Any, c: Any, times: Any, out: Any) -> None:
     """Total one-particle force on every particle at a time of its own [N], into out [3, n]."""
     for i in range(c.x.size):
         out[0, i], out[1, i], out[2, i] = force(forces, fetch(c, i, times[i]))
-
-
-@kernel
-def damping_power(bond: Any, c: Any) -> float:
-    """Power of the dampers of all bonds of a law [W]: what their force does beyond that of the springs."""
-    total = 0.0
-    for k in range(bond.i.size):
-        if bond.i[k] >= 0:
-            p = pair_of(bond, c, k)
-            fx, fy, fz = bond_force(bond.law, p)
-            gx, gy, gz = bond_force(bond.law, Pair(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.k, p.c - p.c, p.rest))
-            total += float(fx - gx) * p.vx + float(fy - gy) * p.vy + float(fz - gz) * p.vz
-    return total

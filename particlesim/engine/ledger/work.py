@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.interactions.bonds import Bonds
-from particlesim.engine.ledger.sums import damping_power, each_energy, each_force, each_power
+from particlesim.engine.ledger.sums import each_energy, each_force, each_power
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.step.records import as_precision
 from particlesim.forces import Force
@@ -147,8 +146,3 @@ def accelerations(forces: Any, columns: Columns, times: Floats) -> Floats:
     out = np.zeros((3, len(times)))
     each_force(forces, columns, times, out)
     return np.asarray(out / columns.m)
-
-
-def damping(bonds: Sequence[Bonds], columns: Columns) -> Floats:
-    """Power of the dampers of every set of bonds [W]."""
-    return np.array([damping_power(bond, columns) for bond in bonds])

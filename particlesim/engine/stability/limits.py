@@ -125,7 +125,8 @@ def stability(simulation: Simulation) -> Stability:
     Raises UsageError where forces change so fast that no number can hold it.
     """
     return Stability(
-        simulation.scenario.grid.dt, tuple(_of(simulation, k) for k in range(len(simulation.islands)))
+        simulation.scenario.grid.dt,
+        tuple(island_stability(simulation, k) for k in range(len(simulation.islands))),
     )
 
 
@@ -139,13 +140,8 @@ def suspects(simulation: Simulation) -> Stability:
     for k in range(len(simulation.islands)):
         with _within_numbers(simulation, k):
             doubtful += [] if _surely_stable(simulation, k) else [k]
-    found = (_of(simulation, k) for k in doubtful)
+    found = (island_stability(simulation, k) for k in doubtful)
     return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
-
-
-def island_stability(simulation: Simulation, number: int) -> IslandStability:
-    """The largest stable steps of one island at its present state."""
-    return _of(simulation, number)
 
 
 def advice(step: float, *, rods: bool) -> str:
@@ -192,7 +188,8 @@ def _within_numbers(simulation: Simulation, number: int) -> Iterator[None]:
         ) from None
 
 
-def _of(simulation: Simulation, number: int) -> IslandStability:
+def island_stability(simulation: Simulation, number: int) -> IslandStability:
+    """The largest stable steps of one island at its present state. Raises UsageError as `stability` does."""
     with _within_numbers(simulation, number):
         return _judged(simulation, number)
 

@@ -1,7 +1,7 @@
 """Islands linearised at a state: m δa ≈ (∂f/∂x) δx + (∂f/∂v) δv, for each force alone and for all together.
 
 Single particles give blocks of 3 × 3 from the Jacobians of their forces. Springs, hinges and surfaces couple particles: a
-small island gives dense matrices, a large one its extreme modes alone (`spring_tensors`, `corner_tensors`). Every mode y of
+small island gives dense matrices, a large one its extreme modes alone (`extreme_modes`). Every mode y of
 x'' = Kx x + Kv v has Rayleigh quotients of stiffness, k = −ȳ·Kx y, and damping, d = −ȳ·Kv y, and its eigenvalues obey
 λ² + d λ + k = 0: a mode is a pair (k, d).
 """
@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.interactions.interaction import Coupling
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
-from particlesim.engine.stability.bond_tensors import Coupling, Tensors, bound, extreme_modes, tensors
-from particlesim.engine.stability.element_tensors import corner_tensors
+from particlesim.engine.stability.extreme_modes import bound, extreme_modes
 from particlesim.engine.stability.rod_modes import directions, free_motions, pulls
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
@@ -110,26 +110,15 @@ class IslandModel:
         return k + bound(sets, w, damping=False), d + bound(sets, w, damping=True)
 
     def _couplings(self, island: CoupledIsland) -> list[tuple[str, Coupling]]:
-        """Springs, rods, hinges, and triangles under each force, by label; a force on several surfaces comes several
-        times."""
+        """All interactions linearised, by label, and then rods; a force on several surfaces comes several times."""
         columns = island.island_columns()
-        labels = dict(zip(map(id, self.scenario.forces), self.scenario.force_labels(), strict=False))
-        corners = [
-            *(each.name for each in self.structure.hinges),
-            *(labels[id(force)] for forces in self.structure.surfaces for force in forces),
+        found: list[tuple[str, Coupling]] = [
+            (name, each.linearise(columns, self.time))
+            for name, each in zip(island.names, island.interactions, strict=True)
         ]
-        bonds = zip((each.name for each in self.structure.bonds), island.bonds, strict=True)
-        springs = [(name, tensors(bond, columns)) for name, bond in bonds]
-        return [
-            *springs,
-            *self._rods(island, [each for _, each in springs]),
-            *(
-                (name, corner_tensors(each, columns, self.time))
-                for name, each in zip(corners, island.corners, strict=True)
-            ),
-        ]
+        return [*found, *self._rods(island, [each for _, each in found])]
 
-    def _rods(self, island: CoupledIsland, springs: Sequence[Tensors]) -> Iterator[tuple[str, Coupling]]:
+    def _rods(self, island: CoupledIsland, couplings: Sequence[Coupling]) -> Iterator[tuple[str, Coupling]]:
         """Sets of rods with what springs and forces on their ends pull at present; none where there are too many."""
         if island.rods is None or island.rods.number > MOST_RODS:
             return
@@ -139,10 +128,8 @@ class IslandModel:
             for row in ends[(ends >= begin) & (ends < begin + state.count)].tolist():
                 total[:, row] = _force(tuple(records.values()), state.particle(row - begin, self.time))
             begin += state.count
-        for each in springs:
-            along = each.across * each.length + each.damping * (each.velocity * each.e).sum(axis=0)
-            for axis, pull in enumerate(along * each.e):
-                total[axis] += np.bincount(each.j, pull, self.count) - np.bincount(each.i, pull, self.count)
+        for each in couplings:
+            each.add_tension(total)
         yield from pulls(island.rods, island.island_columns(), total, self._mobility())
 
     def _left_out(self) -> str:

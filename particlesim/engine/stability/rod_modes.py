@@ -49,6 +49,9 @@ class RodTensors(NamedTuple):
         """∂f/∂x and ∂f/∂v of all particles, exact in the motions that rods leave."""
         return -self._network(self.pull, count), self._network(np.zeros(self.number), count)
 
+    def add_tension(self, total: Floats) -> None:
+        """Rods do not load each other here: what they bear is found for all at once (`pulls`)."""
+
     def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
         """As those of springs."""
         if damping:

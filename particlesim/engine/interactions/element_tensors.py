@@ -1,4 +1,4 @@
-"""Hinges and triangles linearised, all at once, in the manner of `particlesim.engine.stability.bond_tensors`.
+"""Hinges and triangles linearised, all at once, in the manner of `bond_tensors`.
 
 A hinge resists with Σ w wᵀ, w a vector on its particles; a triangle's drag damps with T = −∂f/∂v, a ninth of it between any
 two corners. With y = √m x both are bounded particle by particle: for any numbers g > 0 of the corners
@@ -16,16 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds.hinge import angles_at, wrapped
-from particlesim.engine.interactions.elements import AngleColumns, Corners, TriangleColumns
-from particlesim.forces.sheet_drag import Triangle
-from particlesim.laws.registry import Particle, hinge_moment, hinge_stiffness, triangle_force_dv
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-LOOKED_AT = 2_000
-"""Triangles whose drag is looked at, evenly spread; the others count as the one before them does, by their area."""
 
 
 class CornerTensors(NamedTuple):
@@ -63,6 +55,9 @@ class CornerTensors(NamedTuple):
         )
         return coo_array((blocks.ravel(), (rows, columns)), shape=(3 * count, 3 * count)).tocsr()
 
+    def add_tension(self, total: Floats) -> None:
+        """Left out: rods bear little of it."""
+
     def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
         """As those of springs."""
         root = np.sqrt(w[self.rows])  # [corners, n]
@@ -87,43 +82,7 @@ def _parts(tensors: Floats, rows: int) -> list[Floats]:
     return [tensors[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
-def corner_tensors(each: Corners, columns: Any, time: float) -> CornerTensors:
-    """A set of hinges or triangles at the present state."""
-    x, v = (
-        np.stack([column.astype(float) for column in part])
-        for part in ((columns.x, columns.y, columns.z), (columns.vx, columns.vy, columns.vz))
-    )
-    number, corners = each.rows.shape[1], len(each.rows)
-    if isinstance(each, TriangleColumns):
-        return CornerTensors(each.rows, np.zeros((0, number, corners, 3)), _drag(each, x, v, time))
-    deviation = wrapped(angles_at(x, each.rows.T) - each.rest)
-    stiffness = np.broadcast_to(np.maximum(hinge_stiffness(each.law, deviation), 0.0), number)
-    points = [x[:, row].T for row in each.rows]
-    if isinstance(each, AngleColumns):
-        moment = np.asarray(hinge_moment(each.law, deviation))
-        forms = _angle_forms(stiffness, moment, points)
-    else:
-        forms = np.sqrt(stiffness)[:, None, None] * _fold_gradient(points)[None]
-    return CornerTensors(each.rows, forms, np.zeros((number, 3, 3)))
-
-
-def _drag(each: TriangleColumns, place: Floats, v: Floats, time: float) -> Floats:
-    corners = place[:, each.rows]  # [3, corners, n]
-    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0).T
-    middle, mean = corners.mean(axis=1).T, v[:, each.rows].mean(axis=1).T
-    stride = -(-len(area) // LOOKED_AT)
-    size = np.linalg.norm(area, axis=1)
-    found = np.zeros((len(area), 3, 3))
-    for k in range(0, len(area), stride):
-        (ax, ay, az), (x, y, z), (vx, vy, vz) = area[k], middle[k], mean[k]
-        plate = Triangle(ax, ay, az, Particle(x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, time))
-        drag = -np.reshape(triangle_force_dv(each.law, plate), (3, 3)) / 9
-        part = size[k : k + stride] / size[k] if size[k] > 0 else np.zeros(len(size[k : k + stride]))
-        found[k : k + stride] = part[:, None, None] * drag
-    return found
-
-
-def _angle_forms(stiffness: Floats, moment: Floats, points: list[Floats]) -> Floats:
+def angle_forms_of(stiffness: Floats, moment: Floats, points: list[Floats]) -> Floats:
     """As `bonds.hinge.angle_forms`, for all at once; shape [2, n, 3, 3]."""
     a, b = points[0] - points[1], points[2] - points[1]
     normal = np.cross(a, b)
@@ -145,7 +104,7 @@ def _angle_forms(stiffness: Floats, moment: Floats, points: list[Floats]) -> Flo
     return np.stack([np.stack([by_a, -by_a - by_b, by_b], axis=1) for by_a, by_b in (first, second)])
 
 
-def _fold_gradient(points: list[Floats]) -> Floats:
+def fold_gradient_of(points: list[Floats]) -> Floats:
     """As `bonds.hinge.dihedral_gradient`, for all at once; shape [n, 4, 3]."""
     f, g, h = points[0] - points[1], points[1] - points[2], points[3] - points[2]
     a, b = np.cross(f, g), np.cross(h, g)

@@ -8,24 +8,16 @@ largest eigenvalue is at most that of Σ (w₁ + w₂) T over the springs of som
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bonds import StringRecord, StrutRecord
-from particlesim.engine.interactions.bonds import Bonds
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-LANCZOS = 48
-"""Steps of the iteration for extreme modes."""
-SPREAD = 24
-"""Modes that are taken from all over the spectrum."""
-BY_COMPONENT = 300_000
-"""Springs up to which the bound looks at directions; more are added up without, which never gives a smaller bound."""
 
 
 class Tensors(NamedTuple):
@@ -58,6 +50,13 @@ class Tensors(NamedTuple):
         by_place, by_velocity = jacobians(self)
         return network(self, by_place, count), network(self, by_velocity, count)
 
+    def add_tension(self, total: Floats) -> None:
+        """Add what springs and dampers pull with to the forces on all particles, shape [3, particles] [N]."""
+        along = self.across * self.length + self.damping * (self.velocity * self.e).sum(axis=0)
+        for axis, pull in enumerate(along * self.e):
+            count = total.shape[1]
+            total[axis] += np.bincount(self.j, pull, count) - np.bincount(self.i, pull, count)
+
     def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
         """What bounds the stiffness or the damping of particles: which ones [n], and tensors to be added up, as xx, yy, zz,
         xy, xz, yz [n]; of 1 row, a bound on their largest eigenvalue."""
@@ -84,36 +83,21 @@ class Tensors(NamedTuple):
         yield self.j, parts
 
 
-class Coupling(Protocol):
-    """What joins particles, linearised: springs, hinges, or triangles."""
-
-    @property
-    def number(self) -> int: ...
-    def matrices(self, count: int) -> tuple[Any, Any]: ...
-    def jacobians(self, count: int) -> tuple[Any, Any]: ...
-    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]: ...
-
-
-def tensors(bond: Bonds, columns: Any) -> Tensors:
-    """A set of springs at the present state.
+def tensors(law: Any, i: Ints, j: Ints, constants: tuple[Floats, ...], columns: Any) -> Tensors:
+    """Springs between particles i and j at the present state; constants k, c and rest length, each [n].
 
     Strings count as taut and struts as pressed, as they have to be stable when they are. Coincident ends have no direction:
     they pull back in every one.
     """
-    real = np.flatnonzero(bond.i >= 0)
-    i, j = bond.i[real], bond.j[real]
+    k, c, rest = constants
     reach, speed = (
         np.stack([column[i].astype(float) - column[j] for column in part])
         for part in ((columns.x, columns.y, columns.z), (columns.vx, columns.vy, columns.vz))
     )
-    k, c, rest = (
-        np.broadcast_to(np.asarray(column, float), bond.i.shape)[real]
-        for column in (bond.k, bond.c, bond.rest)
-    )
     length = np.sqrt((reach * reach).sum(axis=0))
     e = np.divide(reach, length, out=np.zeros_like(reach), where=length > 0)
-    slack = ((length < rest) & isinstance(bond.law, StringRecord)) | (
-        (length > rest) & isinstance(bond.law, StrutRecord)
+    slack = ((length < rest) & isinstance(law, StringRecord)) | (
+        (length > rest) & isinstance(law, StrutRecord)
     )
     across = k * (1 - np.divide(rest, length, out=np.ones_like(length), where=length > 0))
     across[slack] = 0
@@ -150,40 +134,6 @@ def network(s: Tensors, blocks: Floats, count: int) -> Any:
     return coo_array((values.ravel(), (rows, columns)), shape=(3 * count, 3 * count)).tocsr()
 
 
-def bound(sets: Sequence[Coupling], w: Floats, *, damping: bool) -> float:
-    """At least the largest eigenvalue of a network's stiffness [1/s²], or of its damping [1/s]; w is 1/m, shape [n]."""
-    rows = np.zeros((6 if sum(s.number for s in sets) <= BY_COMPONENT else 1, len(w)))
-    for s in sets:
-        for at, parts in s.loads(w, damping=damping, rows=len(rows)):
-            for row, part in zip(rows, parts, strict=True):
-                row += np.bincount(at, part, len(w))
-    rows = rows[:, w > 0]
-    if len(rows) == 1 or not rows.size:
-        return float(rows.max(initial=0.0))
-    xx, yy, zz, xy, xz, yz = np.abs(rows)
-    # Row sums (Gershgorin) and the trace both bound the largest eigenvalue of a particle's tensor.
-    sums = np.maximum(np.maximum(xx + xy + xz, yy + xy + yz), zz + xz + yz)
-    return float(np.minimum(sums, xx + yy + zz).max())
-
-
-def extreme_modes(sets: Sequence[Coupling], w: Floats) -> Floats:
-    """Stiffness k [1/s²] and damping d [1/s] of the stiffest mode, the most damped one, and one between, and of some that
-    are spread over the spectrum of the stiffness; shape [modes, 2]."""
-    from scipy.sparse import diags_array
-
-    root = diags_array(np.sqrt(np.repeat(w, 3)))
-    parts = [s.matrices(len(w)) for s in sets]
-    stiffness, damping = (sum(root @ part[k] @ root for part in parts) for k in (0, 1))
-    *others, stiffest = _ritz(stiffness)
-    modes = [stiffest]
-    if damping.count_nonzero():
-        modes.append(_ritz(damping)[-1])
-        frequency = float(np.sqrt(max(stiffest @ (stiffness @ stiffest), 0.0)))
-        modes.append(_ritz(stiffness + frequency * damping)[-1])
-    modes += [others[k] for k in np.unique(np.linspace(0, len(others) - 1, SPREAD).astype(int)) if others]
-    return np.array([[y @ (stiffness @ y), y @ (damping @ y)] for y in modes])
-
-
 def _stiffness(s: Tensors) -> Floats:
     outer = np.einsum("an,bn->nab", s.e, s.e)
     across = np.maximum(s.across, 0)
@@ -192,31 +142,3 @@ def _stiffness(s: Tensors) -> Floats:
 
 def _damping(s: Tensors) -> Floats:
     return s.damping[:, None, None] * np.einsum("an,bn->nab", s.e, s.e)
-
-
-def _ritz(matrix: Any) -> Floats:
-    """Unit vectors near eigenvectors of a symmetric matrix, up to that of the largest eigenvalue, by Lanczos iteration from
-    a fixed start; shape [at most LANCZOS, n].
-
-    All vectors are kept orthogonal. The top of a network's spectrum is crowded, so that the last vector is a mixture of
-    modes near the top; its Rayleigh quotient misses the eigenvalue by about one part in (number of steps)². Those of the
-    others are spread over the spectrum.
-    """
-    y = np.random.default_rng(0).standard_normal(matrix.shape[0])
-    basis = [y / np.linalg.norm(y)]
-    diagonal: list[float] = []
-    beside: list[float] = []
-    for _ in range(min(LANCZOS, len(y))):
-        y = matrix @ basis[-1]
-        diagonal.append(float(basis[-1] @ y))
-        space = np.array(basis)
-        y -= space.T @ (space @ y)
-        y -= space.T @ (space @ y)  # once more: what rounding left
-        beside.append(float(np.linalg.norm(y)))
-        if beside[-1] <= 1e-12 * max(map(abs, diagonal)):
-            break
-        basis.append(y / beside[-1])
-    number = len(diagonal)
-    small = np.diag(diagonal) + np.diag(beside[: number - 1], 1) + np.diag(beside[: number - 1], -1)
-    found = np.linalg.eigh(small)[1].T @ np.array(basis[:number])
-    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])

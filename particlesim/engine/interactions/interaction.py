@@ -1,0 +1,264 @@
+"""The face of a kind of interaction: what everybody else asks of it.
+
+A kind is a class of records. The record of a set of its interactions (the springs of one law, the drag on one surface) is a
+NamedTuple of numbers and arrays, which is what kernels get; its class says what it does. Kernels choose by the type of the
+record, as they do for laws: `type(each).add_forces(each, ...)` is known while they are compiled.
+
+An island holds a tuple of such records, `interactions`, beside a tuple of their names. Those that are added chunk by chunk
+of particles (`by_chunks`: springs) come first; all others are added by every thread to its own particles, in their order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar, Protocol, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.compiler import outlined
+from particlesim.engine.state.group_state import GroupState
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.topology import Topology
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Coupling(Protocol):
+    """A set of interactions linearised near a state, for the largest stable step."""
+
+    @property
+    def number(self) -> int:
+        """How many there are."""
+        ...
+
+    def matrices(self, count: int) -> tuple[Any, Any]:
+        """Stiffness and damping of all particles as sparse matrices, shape [3 count, 3 count], without what pushes apart."""
+        ...
+
+    def jacobians(self, count: int) -> tuple[Any, Any]:
+        """∂f/∂x and ∂f/∂v of all particles as sparse matrices."""
+        ...
+
+    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
+        """What bounds the stiffness or the damping of particles with w = 1/m: which ones [n], and tensors to be added up, as
+        xx, yy, zz, xy, xz, yz [n]; of 1 row, a bound on their largest eigenvalue."""
+        ...
+
+    def add_tension(self, total: Floats) -> None:
+        """Add the forces that rods have to bear to `total` [3, particles] [N]."""
+        ...
+
+
+class Interaction:
+    """What a kind of interaction can be asked. Its record derives from this class and from a NamedTuple of its columns.
+
+    Those about kernels are compiled, and take what they work on as arguments; the others run in Python. States are `Columns`
+    of the whole island, c.
+    """
+
+    __slots__ = ()
+
+    by_chunks: ClassVar[bool] = False
+    """Whether its forces are added chunk by chunk, between the moves of particles (`coupled.forces`)."""
+    internal: ClassVar[bool] = True
+    """Whether its forces stay the same when all particles get the same velocity, so that momentum is kept."""
+    numbers: ClassVar[int] = 0
+    """Numbers for each interaction that implicit methods keep of its linearisation; 0: it is left out of the matrix."""
+    follows: ClassVar[frozenset[str]] = frozenset()
+    """Fields that follow from the scenario; the others belong to the state, and to checkpoints."""
+    spends_as: ClassVar[str | None] = None
+    """The name in the ledger of the work that it does beside its potential; None: its own name."""
+
+    # ---- kernels: forces, and the matrix of implicit methods
+
+    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        """Add its forces on particles [first, last) at time t to total [3, n]."""
+        raise NotImplementedError
+
+    def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+        """Linearise: put into `form` [numbers, n] what `multiply` needs of γ times the positive part of −∂f/∂x, and of
+        −∂f/∂v, with γ = `reach`; add its part to the blocks of particles [first, last), and take from their residuals what
+        its forces lose by the lead (`implicit.linear_system`)."""
+
+    def multiply(self, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+        """Add its matrix times x [3, n] to y, on particles [first, last)."""
+
+    # ---- Python
+
+    @property
+    def number(self) -> int:
+        """How many interactions there are."""
+        raise NotImplementedError
+
+    @property
+    def effort(self) -> int:
+        """About how many springs take as long."""
+        return self.number
+
+    def between(self, first: int, last: int) -> Self:
+        """What concerns particles [first, last), in the same order: the share of a thread."""
+        return self
+
+    def energy(self, c: Any) -> float | None:
+        """Potential energy [J]; None for a kind without a potential."""
+        return None
+
+    @property
+    def spends(self) -> bool:
+        """Whether its forces do work that no potential accounts for."""
+        return False
+
+    def power(self, c: Any, t: float) -> float:
+        """The power of such forces [W]."""
+        return 0.0
+
+    def linearise(self, c: Any, t: float) -> Coupling:
+        """The set near a state, for the largest stable step."""
+        raise NotImplementedError
+
+    def force_on(self, c: Any, row: int, t: float) -> Floats:
+        """Its force on one particle [N], shape [3], in plain Python."""
+        raise NotImplementedError
+
+    def topology(self, name: str, ids: Ints) -> Topology | None:
+        """What a trajectory keeps of it, by the ids of the particles; None: nothing."""
+        return None
+
+    @property
+    def broke(self) -> Floats | None:
+        """When each broke [s], infinity while it holds, in the order of `topology`; None where none can."""
+        return None
+
+    def changing(self) -> tuple[NDArray[Any], ...]:
+        """The arrays in it that steps change."""
+        return ()
+
+    def with_changed(self, arrays: Sequence[NDArray[Any]]) -> Self:
+        """The same with other such arrays."""
+        return self
+
+
+class Site:
+    """Where interactions are laid out: the particles of an island at the start, as one state and group by group."""
+
+    def __init__(self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState]) -> None:
+        self.scenario, self.whole = scenario, whole
+        self.state = {state.name: state for state in states}
+        begins = np.cumsum([0, *(state.count for state in states)]).tolist()
+        self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The precision of the run."""
+        return cast("np.dtype[Any]", self.whole.dtype)
+
+    @property
+    def place(self) -> Floats:
+        """Positions [m], shape [3, n]."""
+        return np.asarray(self.whole.x[:, : self.whole.count].astype(float))
+
+    def inverse_mass(self) -> Floats:
+        """1/m of every particle [1/kg], 0 of a pinned one."""
+        inverse = 1 / self.whole.mass[: self.whole.count].astype(float)
+        inverse[self.pinned()] = 0
+        return np.asarray(inverse)
+
+    def pinned(self) -> NDArray[np.bool_]:
+        """Which particles no force moves."""
+        if not self.whole.clocked:
+            return np.zeros(self.whole.count, np.bool_)
+        return np.asarray(np.isinf(self.whole.start[: self.whole.count]))
+
+
+@outlined
+def add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """Add the forces of one set on particles [first, last)."""
+    type(each).add_forces(each, c, total, first, last, t)
+
+
+def add_elements(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """Add the forces of all sets on particles [first, last)."""
+    for each in sets:
+        add_set(each, c, total, first, last, t)
+
+
+def new_forms(sets: Sequence[Interaction], dtype: Any) -> tuple[Any, ...]:
+    """Arrays for the linearisations of sets, [numbers, n] each."""
+    return tuple(np.zeros((each.numbers, each.number), dtype) for each in sets)
+
+
+@outlined
+def stiffen_set(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+    """`stiffen` for one set."""
+    type(each).stiffen(each, form, c, s, first, last, t, reach)
+
+
+def stiffen_elements(
+    sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any
+) -> None:
+    """Linearise all sets at the present state."""
+    for each, form in zip(sets, forms, strict=True):
+        stiffen_set(each, form, c, s, first, last, t, reach)
+
+
+@outlined
+def multiply_set(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+    """`multiply` for one set."""
+    type(each).multiply(each, form, x, y, first, last)
+
+
+def multiply_elements(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+    """Add to y, on particles [first, last), what all sets make of x."""
+    for each, form in zip(sets, forms, strict=True):
+        multiply_set(each, form, x, y, first, last)
+
+
+def give(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
+    """Add a force to particle i if it is among [first, last)."""
+    if first <= i < last:
+        total[0, i] += x
+        total[1, i] += y
+        total[2, i] += z
+
+
+def take(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
+    """Subtract a force from the residual of particle i if it is free and among [first, last)."""
+    if first <= i < last:
+        s.residual[0, i] -= s.free[i] * x
+        s.residual[1, i] -= s.free[i] * y
+        s.residual[2, i] -= s.free[i] * z
+
+
+def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
+    """Add w wᵀ to the block of particle i if it is among [first, last)."""
+    if first <= i < last:
+        s.block[0, i] += x * x
+        s.block[1, i] += y * y
+        s.block[2, i] += z * z
+        s.block[3, i] += x * y
+        s.block[4, i] += x * z
+        s.block[5, i] += y * z
+
+
+def rows_between(rows: Any, first: int, last: int) -> NDArray[np.bool_]:
+    """Which columns of a table of rows [k, n] have one among particles [first, last)."""
+    return np.asarray(((rows >= first) & (rows < last)).any(axis=0))
+
+
+def states_of(c: Any, rows: Any) -> tuple[Floats, Floats]:
+    """Positions [m] and velocities [m/s] of some particles in double precision, shapes [n, 3]."""
+    x, v = (
+        np.array([[float(column[i]) for column in part] for i in rows])
+        for part in ((c.x, c.y, c.z), (c.vx, c.vy, c.vz))
+    )
+    return x, v
+
+
+def all_states(c: Any) -> tuple[Floats, Floats]:
+    """Positions [m] and velocities [m/s] of all particles in double precision, shapes [3, n]."""
+    x, v = (
+        np.stack([column.astype(float) for column in part]) for part in ((c.x, c.y, c.z), (c.vx, c.vy, c.vz))
+    )
+    return x, v
