@@ -201,7 +201,7 @@ def force_section(force: type[Force]) -> str:
     facts = [f"- Force: {maths(force.formula)}", f"- Energy: {maths(force.energy)}"]
     if (source := source_of(force)) is not None:
         facts.append(f"- Source: {source}")
-    if force.needs_velocity:
+    if force.model_construct().needs_velocity():  # by its defaults: a formula may or may not
         facts.append("- Depends on the velocity, so it does not act on particles without inertia.")
     return "\n\n".join([*lines, "\n".join(facts), table(force)])
 

@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.bonds.spring import Pair
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.implicit.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
@@ -36,9 +35,9 @@ from particlesim.engine.interactions.bond_layout import (
     SECOND,
     chunk_size,
 )
-from particlesim.engine.interactions.bonds import Bonds, chunks_of, of_bond
+from particlesim.engine.interactions.bonds import Bonds, add_pulls, chunks_of, pair_in, run_of
 from particlesim.engine.interactions.interaction import multiply_elements, stiffen_elements
-from particlesim.engine.state.columns import cut, fetch, type_of
+from particlesim.engine.state.columns import fetch, type_of
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.laws.registry import (
     bond_force_dv,
@@ -278,28 +277,13 @@ def _stiff_chunk(bonds: Any, springs: Any, c: Any, s: Any, reach: Any, chunk: An
 @outlined
 def _stiff_piece(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any) -> None:
     a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
-    first, last = piece[OFFSET], piece[OFFSET] + n
-    xa, ya, za = c.x[a : a + n], c.y[a : a + n], c.z[a : a + n]
-    xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
-    ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
-    ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
+    first, last, run = piece[OFFSET], piece[OFFSET] + n, run_of(bond, c, piece)
     lax, lay, laz = s.lead[0, a : a + n], s.lead[1, a : a + n], s.lead[2, a : a + n]
     lbx, lby, lbz = s.lead[0, b : b + n], s.lead[1, b : b + n], s.lead[2, b : b + n]
-    ks, cs, rests = cut(bond.k, first, last), cut(bond.c, first, last), cut(bond.rest, first, last)
     w0, w1, w2, w3, w4 = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n], s.pull[4, :n]
     g0, g1, g2 = s.pull[5, :n], s.pull[6, :n], s.pull[7, :n]
     for k in range(n):
-        pair = Pair(
-            xa[k] - xb[k],
-            ya[k] - yb[k],
-            za[k] - zb[k],
-            ua[k] - ub[k],
-            va[k] - vb[k],
-            wa[k] - wb[k],
-            of_bond(ks, k),
-            of_bond(cs, k),
-            of_bond(rests, k),
-        )
+        pair = pair_in(run, k)
         w0[k], w1[k], w2[k], w3[k], w4[k] = stiff_of(bond, pair, reach)
     for k in range(n):  # a loop of its own: only so many arrays are compared before it is vectorised
         ux, uy, uz = lax[k] - lbx[k], lay[k] - lby[k], laz[k] - lbz[k]
@@ -399,18 +383,7 @@ def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
         px[k] = q[k] * dx + along * wx[k]
         py[k] = q[k] * dy + along * wy[k]
         pz[k] = q[k] * dz + along * wz[k]
-    if piece[OWNS_FIRST]:
-        gx, gy, gz = y[0, a : a + n], y[1, a : a + n], y[2, a : a + n]
-        for k in range(n):
-            gx[k] += px[k]
-            gy[k] += py[k]
-            gz[k] += pz[k]
-    if piece[OWNS_SECOND]:
-        gx, gy, gz = y[0, b : b + n], y[1, b : b + n], y[2, b : b + n]
-        for k in range(n):
-            gx[k] -= px[k]
-            gy[k] -= py[k]
-            gz[k] -= pz[k]
+    add_pulls(piece, pull, y)
 
 
 @outlined

@@ -182,35 +182,66 @@ def _add_one_by_one(bond: Any, c: Any, total: Any, piece: Any) -> None:
 
 @outlined
 def _add_run(bond: Any, c: Any, total: Any, pull: Any, piece: Any) -> None:
-    # Slices come first: an index such as x[a + k] might be negative, and the check for that stops vectorisation.
     # Forces go to scratch before they are added, because both ends may be among the same particles.
-    a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
-    first, last = piece[OFFSET], piece[OFFSET] + n
-    xa, ya, za = c.x[a : a + n], c.y[a : a + n], c.z[a : a + n]
-    xb, yb, zb = c.x[b : b + n], c.y[b : b + n], c.z[b : b + n]
-    ua, va, wa = c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]
-    ub, vb, wb = c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]
-    ks, cs, rests = cut(bond.k, first, last), cut(bond.c, first, last), cut(bond.rest, first, last)
+    n, run = piece[LENGTH], run_of(bond, c, piece)
     px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
     for k in range(n):
-        pair = Pair(
-            xa[k] - xb[k],
-            ya[k] - yb[k],
-            za[k] - zb[k],
-            ua[k] - ub[k],
-            va[k] - vb[k],
-            wa[k] - wb[k],
-            of_bond(ks, k),
-            of_bond(cs, k),
-            of_bond(rests, k),
-        )
+        pair = pair_in(run, k)
         fx, fy, fz = bond_force(bond.law, pair)
         px[k] = fx
         py[k] = fy
         pz[k] = fz
     for q in range(piece[HOLES], piece[HOLES_END]):
-        hole = bond.holes[q] - first
+        hole = bond.holes[q] - piece[OFFSET]
         px[hole] = py[hole] = pz[hole] = 0
+    add_pulls(piece, pull, total)
+
+
+class Run(NamedTuple):
+    """A piece of springs as slices: position and velocity of the first and of the second ends, and k, c and rest length."""
+
+    first: Any
+    second: Any
+    k: Any
+    c: Any
+    rest: Any
+
+
+def run_of(bond: Any, c: Any, piece: Any) -> Any:
+    """The springs of a piece as slices: an index such as x[a + k] might be negative, and the check for that stops
+    vectorisation."""
+    a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+    first, last = piece[OFFSET], piece[OFFSET] + n
+    return Run(
+        (c.x[a : a + n], c.y[a : a + n], c.z[a : a + n], c.vx[a : a + n], c.vy[a : a + n], c.vz[a : a + n]),
+        (c.x[b : b + n], c.y[b : b + n], c.z[b : b + n], c.vx[b : b + n], c.vy[b : b + n], c.vz[b : b + n]),
+        cut(bond.k, first, last),
+        cut(bond.c, first, last),
+        cut(bond.rest, first, last),
+    )
+
+
+def pair_in(run: Any, k: Any) -> Any:
+    """Spring k of a run as laws see it."""
+    xa, ya, za, ua, va, wa = run.first
+    xb, yb, zb, ub, vb, wb = run.second
+    return Pair(
+        xa[k] - xb[k],
+        ya[k] - yb[k],
+        za[k] - zb[k],
+        ua[k] - ub[k],
+        va[k] - vb[k],
+        wa[k] - wb[k],
+        of_bond(run.k, k),
+        of_bond(run.c, k),
+        of_bond(run.rest, k),
+    )
+
+
+def add_pulls(piece: Any, pull: Any, total: Any) -> None:
+    """Add the forces of a piece, in scratch, to the first ends, and take them from the second, where a thread owns them."""
+    a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
+    px, py, pz = pull[0, :n], pull[1, :n], pull[2, :n]
     if piece[OWNS_FIRST]:
         gx, gy, gz = total[0, a : a + n], total[1, a : a + n], total[2, a : a + n]
         for k in range(n):
