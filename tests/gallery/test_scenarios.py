@@ -64,9 +64,7 @@ def test_a_scenario_survives_dump_and_load(name: str) -> None:
     assert ps.loads(dump(scenario, defaults=True)) == scenario
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "stiff_cloth" else name for name in NAMES]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_scenario_has_the_same_bits_for_any_number_of_threads(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
