@@ -2,13 +2,12 @@
 
 from typing import Annotated
 
-from pydantic import Field
-
 from particlesim.flows.base import Flow
 from particlesim.flows.uniform import Uniform
 from particlesim.flows.vortex import Vortex
+from particlesim.model.variants import Tagged
 
 FLOWS: tuple[type[Flow], ...] = (Uniform, Vortex)
-AnyFlow = Annotated[Uniform | Vortex, Field(discriminator="type")]
+AnyFlow = Annotated[Uniform | Vortex, Tagged("type")]
 
 __all__ = ["FLOWS", "AnyFlow", "Flow"]

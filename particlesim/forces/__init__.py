@@ -2,8 +2,6 @@
 
 from typing import Annotated
 
-from pydantic import Field as _Field
-
 from particlesim.forces.attractor import Attractor
 from particlesim.forces.base import Force
 from particlesim.forces.buoyancy import Buoyancy
@@ -15,6 +13,7 @@ from particlesim.forces.point_spring import PointSpring
 from particlesim.forces.rotating_frame import RotatingFrame
 from particlesim.forces.sheet_drag import SheetDrag
 from particlesim.forces.stokes_drag import StokesDrag
+from particlesim.model.variants import Tagged
 
 AnyForce = Annotated[
     Gravity
@@ -27,7 +26,7 @@ AnyForce = Annotated[
     | RotatingFrame
     | Field
     | SheetDrag,
-    _Field(discriminator="type"),
+    Tagged("type"),
 ]
 
 FORCES: tuple[type[Force], ...] = (

@@ -30,6 +30,7 @@ from particlesim.model.units import (
     Metres,
     PerSecond,
 )
+from particlesim.model.variants import Tagged
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
 from particlesim.sampling.random_streams import Streams
 
@@ -62,7 +63,7 @@ class SecondOrder(Model):
     type: Literal["second_order"] = "second_order"
 
 
-AnyDynamics = Annotated[SecondOrder | FirstOrder | TracerMotion, Field(discriminator="type")]
+AnyDynamics = Annotated[SecondOrder | FirstOrder | TracerMotion, Tagged("type")]
 
 
 class Cooling(Model):

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 
 from particlesim.model.base import field_docs
 from particlesim.model.units import Unit
+from particlesim.model.variants import Tagged
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *inner = get_args(annotation)
+            annotation = next((m.union_of(annotation) for m in inner if isinstance(m, Tagged)), annotation)
             marks = [
                 *chain.from_iterable(m.metadata if isinstance(m, FieldInfo) else [m] for m in inner),
                 *marks,
