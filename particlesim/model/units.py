@@ -18,7 +18,6 @@ pint, which knows all units, is imported when the first text arrives that `unit_
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -221,6 +220,8 @@ def _nearest(name: str) -> str | None:
     for candidate in (name.lower(), name.lower().rstrip("s")):
         if candidate in folded:
             return folded[candidate]
+    import difflib
+
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
     return folded[close[0]] if close else None
 

@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,16 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import Interrupted
 from particlesim.process.signals import Held
-from particlesim.runs.checkpoints import Keeper
 from particlesim.runs.checks import Checks
 from particlesim.runs.frames import columns_of, frame_of
 from particlesim.runs.result import Progress
-from particlesim.runs.resume import Resumption
 from particlesim.runs.validity import Watch, infinite
 from particlesim.scenario.digest import columns_digest
-from particlesim.trajectory.writer import TrajectoryWriter
+
+if TYPE_CHECKING:
+    from particlesim.runs.checkpoints import Keeper
+    from particlesim.runs.resume import Resumption
+    from particlesim.trajectory.writer import TrajectoryWriter
 
 
 @dataclass

@@ -19,7 +19,6 @@ from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
-from particlesim.trajectory import reader
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
 
@@ -169,6 +168,9 @@ class Reference:
                 f"there is no reference {path}",
                 "psim run --bless writes it, once its results are known to be right.",
             )
+        # Not before: it brings h5py, which a run without references and outputs does without.
+        from particlesim.trajectory import reader
+
         self._trajectory = reader.open(path)
         if self._field not in self._trajectory.fields:
             raise self._unfit(path, self._field)

@@ -30,7 +30,6 @@ from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.rules.checks import untimely
 from particlesim.scenario.rules.consistency import contradictions
 from particlesim.scenario.rules.rods import rod_sets
-from particlesim.scenario.text.diagnose import scenario_error
 from particlesim.scenario.text.source import Source
 from particlesim.scenario.time_and_output import Output, Simulation
 from particlesim.scenario.timegrid import TimeGrid, time_grid
@@ -152,6 +151,8 @@ class Scenario(Model):
             key = error.key if isinstance(error, LayoutError) else "path"
             k = next(k for k, other in enumerate(self.particles) if other is group)
             mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            from particlesim.scenario.text.diagnose import scenario_error
+
             located = scenario_error(self._source, [mistake])
             if isinstance(error, InputOutputError):
                 raise InputOutputError(located.message) from None
@@ -168,6 +169,8 @@ class Scenario(Model):
             if self._source is None or label not in labels:
                 raise
             mistake = Invalid(error.message, ("springs", labels.index(label)), hint=error.hint)
+            from particlesim.scenario.text.diagnose import scenario_error
+
             raise scenario_error(self._source, [mistake]) from None
 
     def _needs_sides(self, group: Particles) -> bool:

@@ -19,19 +19,18 @@ _DEEPEST = 100  # brackets inside each other; a bound for the recursion
 
 Path = tuple[str | int, ...]
 
-_SPACE = re.compile(r"[ \t]*")
-_TRIVIA = re.compile(r"(?:[ \t\r\n]+|#[^\n]*)*")
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_SCALAR = re.compile(r"\d{4}-\d\d-\d\d \d\d:[^,\]}\s#]*|[^,\[\]{}\s#\"'=]+")
-_STRING = re.compile(
+# Compiled when they are needed, which is when there is a mistake: most scenarios have none.
+_SPACE = r"[ \t]*"
+_TRIVIA = r"(?:[ \t\r\n]+|#[^\n]*)*"
+_BARE_KEY = r"[A-Za-z0-9_-]+"
+_SCALAR = r"\d{4}-\d\d-\d\d \d\d:[^,\]}\s#]*|[^,\[\]{}\s#\"'=]+"
+_STRING = (
     r'"""(?:[^\\"]|\\[\s\S]|"(?!""))*"{3,5}'
     r"|'''(?:[^']|'(?!''))*'{3,5}"
     r'|"(?:[^"\\\n]|\\.)*"'
     r"|'[^'\n]*'"
 )
-_ESCAPE = re.compile(
-    r'\\(?:u([0-9a-fA-F]{4})|U([0-9a-fA-F]{8})|x([0-9a-fA-F]{2})|([btnfre"\\]))|\\[ \t]*\n\s*'
-)
+_ESCAPE = r'\\(?:u([0-9a-fA-F]{4})|U([0-9a-fA-F]{8})|x([0-9a-fA-F]{2})|([btnfre"\\]))|\\[ \t]*\n\s*'
 _ESCAPED = {"b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r", "e": "\x1b", '"': '"', "\\": "\\"}
 
 
@@ -113,8 +112,8 @@ class _Scanner:
         self.found.stopped_at = self.at
         self.found.open_bracket = self.open[-1] if self.open else None
 
-    def _skip(self, pattern: re.Pattern[str]) -> int:
-        match = pattern.match(self.text, self.at)
+    def _skip(self, pattern: str) -> int:
+        match = re.compile(pattern).match(self.text, self.at)
         if match is not None:
             self.at = match.end()
         return self.at
@@ -124,8 +123,8 @@ class _Scanner:
             raise _Stop
         return self.text[self.at]
 
-    def _take(self, pattern: re.Pattern[str]) -> Range:
-        match = pattern.match(self.text, self.at)
+    def _take(self, pattern: str) -> Range:
+        match = re.compile(pattern).match(self.text, self.at)
         if match is None:
             raise _Stop
         self.at = match.end()
@@ -249,7 +248,7 @@ def decode(literal: str) -> Iterator[tuple[str, int]]:
     ):  # a line end right after the quotes is no part of the text
         at += 1
     while at < end:
-        escape = _ESCAPE.match(literal, at, end) if quote == '"' else None
+        escape = re.compile(_ESCAPE).match(literal, at, end) if quote == '"' else None
         if escape is None:
             yield literal[at], at
             at += 1

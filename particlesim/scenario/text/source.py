@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from bisect import bisect_right
 from collections.abc import Mapping
@@ -223,5 +222,7 @@ def _similar_files(path: Path) -> str:
         names = [child.name for child in path.parent.iterdir()]
     except OSError:
         return f"the folder {path.parent} does not exist" if not path.parent.exists() else "check the path"
+    import difflib
+
     near = difflib.get_close_matches(path.name, names, n=1)
     return f"did you mean {path.parent / near[0]}?" if near else "check the path"

@@ -16,48 +16,46 @@ _ENDLESS_KEY = re.compile(r"(?<![\w.-])(?:[\w-]++\.){64}")
 
 _KEY = r"^\s*(?P<key>[\w.\"'-]++)\s*+"
 _VALUE = r"(?:=|[\[,{])\s*"
-_STATEMENT = re.compile(r"\s*(?:\[\[?[\w.\"'-]+\]\]?\s*(?:#|$)|[\w.-]+\s*=)")
+_STATEMENT = r"\s*(?:\[\[?[\w.\"'-]+\]\]?\s*(?:#|$)|[\w.-]+\s*=)"
 _LONGEST_LINE = 2000  # the patterns below are for lines that people write
 _END = r"\s*(?:[,\]}#]|$)"
 _NUMBER = r"[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 
-# Typical mistakes: a pattern for the offending line, and the advice; the group `at` is what is pointed at.
-_MISTAKES: tuple[tuple[re.Pattern[str], str], ...] = tuple(
-    (re.compile(pattern), advice)
-    for pattern, advice in (
-        (r"(?P<at>[“”„‘’«»])", "use straight quotes: \"text\" or 'text'"),
-        (
-            r"^\s*\[\[[^\]]*\]?(?P<at>)\s*(?:#.*)?$",
-            "an entry of a list of tables has two brackets: [[forces]]",
-        ),
-        (r"^\s*\[[^\[\]=,]*(?P<at>)\s*(?:#.*)?$", "a table's name stands in brackets: [simulation]"),
-        (rf"{_KEY}(?P<at>:)(?!=)", "TOML separates key and value with '=': {key} = ..."),
-        (rf"{_KEY}(?P<at>:=|==)", "TOML separates key and value with '=': {key} = ..."),
-        (rf"{_KEY}=(?P<at>)\s*(?:#.*)?$", "{key} has no value"),
-        (
-            rf"{_VALUE}(?P<at>[Tt][Rr][Uu][Ee]|[Ff][Aa][Ll][Ss][Ee]){_END}",
-            "write true or false, in lower case",
-        ),
-        (rf"{_VALUE}(?P<at>None|null|nil|Null){_END}", "TOML has no empty value: leave the key out"),
-        (
-            rf"{_VALUE}[+-]?(?P<at>(?:NaN|NAN|Inf|INF|Infinity|infinity)){_END}",
-            "the number must be finite",
-        ),
-        (rf"{_VALUE}(?P<at>[+-]?\.\d+)", "a number starts with a digit: 0{tail}"),
-        (rf"{_VALUE}(?P<at>[+-]?\d+\.)(?!\d)", "a number ends with a digit: {at}0"),
-        (rf"{_VALUE}(?P<at>[+-]?0\d[\d.]*)", "a number has no leading zeros"),
-        (rf"=\s*(?P<at>[+-]?\d+,\d+){_END}", "write the decimal point as '.': {dotted}"),
-        (
-            rf"{_VALUE}(?P<at>[A-Za-z_][\w.]*\([^()]*\)?)",
-            "TOML has numbers and texts, no calls: write what {at} gives",
-        ),
-        (
-            rf"{_VALUE}(?!{_NUMBER}{_END})(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
-            'a number with a unit is text: "{at}"',
-        ),
-        (rf"{_VALUE}(?P<at>[A-Za-z_][\w .-]*?){_END}", 'text stands in quotes: "{at}"'),
-        (rf"{_KEY}(?P<at>)(?:[\w\"'\[{{+-].*)?$", "there must be '=' between key and value: {key} = ..."),
-    )
+# Typical mistakes: a pattern for the offending line, and the advice; the group `at` is what is pointed at. They are compiled
+# once there is a mistake: that takes longer than to read a scenario.
+_MISTAKES: tuple[tuple[str, str], ...] = (
+    (r"(?P<at>[“”„‘’«»])", "use straight quotes: \"text\" or 'text'"),
+    (
+        r"^\s*\[\[[^\]]*\]?(?P<at>)\s*(?:#.*)?$",
+        "an entry of a list of tables has two brackets: [[forces]]",
+    ),
+    (r"^\s*\[[^\[\]=,]*(?P<at>)\s*(?:#.*)?$", "a table's name stands in brackets: [simulation]"),
+    (rf"{_KEY}(?P<at>:)(?!=)", "TOML separates key and value with '=': {key} = ..."),
+    (rf"{_KEY}(?P<at>:=|==)", "TOML separates key and value with '=': {key} = ..."),
+    (rf"{_KEY}=(?P<at>)\s*(?:#.*)?$", "{key} has no value"),
+    (
+        rf"{_VALUE}(?P<at>[Tt][Rr][Uu][Ee]|[Ff][Aa][Ll][Ss][Ee]){_END}",
+        "write true or false, in lower case",
+    ),
+    (rf"{_VALUE}(?P<at>None|null|nil|Null){_END}", "TOML has no empty value: leave the key out"),
+    (
+        rf"{_VALUE}[+-]?(?P<at>(?:NaN|NAN|Inf|INF|Infinity|infinity)){_END}",
+        "the number must be finite",
+    ),
+    (rf"{_VALUE}(?P<at>[+-]?\.\d+)", "a number starts with a digit: 0{tail}"),
+    (rf"{_VALUE}(?P<at>[+-]?\d+\.)(?!\d)", "a number ends with a digit: {at}0"),
+    (rf"{_VALUE}(?P<at>[+-]?0\d[\d.]*)", "a number has no leading zeros"),
+    (rf"=\s*(?P<at>[+-]?\d+,\d+){_END}", "write the decimal point as '.': {dotted}"),
+    (
+        rf"{_VALUE}(?P<at>[A-Za-z_][\w.]*\([^()]*\)?)",
+        "TOML has numbers and texts, no calls: write what {at} gives",
+    ),
+    (
+        rf"{_VALUE}(?!{_NUMBER}{_END})(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
+        'a number with a unit is text: "{at}"',
+    ),
+    (rf"{_VALUE}(?P<at>[A-Za-z_][\w .-]*?){_END}", 'text stands in quotes: "{at}"'),
+    (rf"{_KEY}(?P<at>)(?:[\w\"'\[{{+-].*)?$", "there must be '=' between key and value: {key} = ..."),
 )
 
 
@@ -93,7 +91,7 @@ def explain(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
         comma = Range(len(before) - 1, len(before))
         return Mistake("a table in braces has no comma after its last key", comma, hint="leave the comma out")
     opening = positions.scan(text).open_bracket
-    if opening is not None and "\n" in text[opening:at] and _STATEMENT.match(_line(text, at)[1]):
+    if opening is not None and "\n" in text[opening:at] and re.match(_STATEMENT, _line(text, at)[1]):
         return _unclosed_bracket(text, opening, at)
     if (typical := _typical(text, at)) is not None:
         return typical
@@ -154,7 +152,7 @@ def _typical(text: str, at: int) -> Mistake | None:
     if len(line) > _LONGEST_LINE:
         return None
     for pattern, advice in _MISTAKES:
-        found = pattern.search(line)
+        found = re.search(pattern, line)
         if found is None:
             continue
         groups = found.groupdict()
