@@ -61,16 +61,13 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 
 def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     """What the initial state tells: largest stable steps, and what to doubt."""
-    from particlesim.engine.simulation import Simulation
     from particlesim.engine.stability.limits import stability
+    from particlesim.engine.world import World
     from particlesim.runs.validity import misplaced
 
-    simulation = Simulation(scenario, threads=1)
-    try:
-        found = stability(simulation)
-        return found, (*found.warnings, *misplaced(simulation))
-    finally:
-        simulation.close()
+    world = World(scenario)
+    found = stability(world)
+    return found, (*found.warnings, *misplaced(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:
