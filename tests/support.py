@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from particlesim.engine.independent.kernel import BLOCK, Program, new_room, step_range
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.state.columns import Clock, Columns
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK, Program
 from particlesim.integrators import METHODS
 
 NO_CONTACTS = Simple(())

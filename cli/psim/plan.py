@@ -65,17 +65,14 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it."""
     from particlesim.compiler import uncompiled
-    from particlesim.engine.simulation import Simulation
     from particlesim.engine.stability.limits import stability
+    from particlesim.engine.world import World
     from particlesim.runs.validity import misplaced
 
     with uncompiled():
-        simulation = Simulation(scenario, threads=1)
-        try:
-            found = stability(simulation)
-            return found, (*found.warnings, *misplaced(simulation))
-        finally:
-            simulation.close()
+        world = World(scenario)
+        found = stability(world)
+        return found, (*found.warnings, *misplaced(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

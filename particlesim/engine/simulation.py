@@ -1,36 +1,30 @@
-"""A running simulation: islands, time, births, deaths, kicks, and the ledger."""
+"""A running simulation: a world in motion, with births, deaths, kicks, and the ledger."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
 from particlesim.engine.interactions.elements import sum_hinges
 from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import OWN_STEPS, Births, IndependentIsland
-from particlesim.engine.islands.initial import populate
+from particlesim.engine.islands.independent import OWN_STEPS, Births
 from particlesim.engine.ledger.sums import MOTION, bond_energy, measure
 from particlesim.engine.ledger.work import total_energy
-from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.state.group_state import Deaths
 from particlesim.engine.step.records import as_precision
-from particlesim.engine.topology import topology
+from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
-from particlesim.graph.graph import Graph, build_graph
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
 from particlesim.scenario.ledger_columns import work_columns
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
-from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
@@ -44,25 +38,18 @@ class Events:
     deaths: list[Deaths] = field(default_factory=list)
 
 
-class Simulation:
-    """The state of a scenario, and how to move it forward.
+class Simulation(World):
+    """A world that moves forward.
 
-    `threads` bounds the threads (all cores unless given). `block` is the number of particles that step together in
-    cache; results do not depend on either.
+    `threads` bounds the threads (all cores unless given); results do not depend on it, nor on `block`.
     Raises UsageError when a file that the scenario names cannot be read.
     """
 
     def __init__(self, scenario: Scenario, *, threads: int | None = None, block: int | None = None) -> None:
-        self.scenario = scenario
-        self.graph: Graph = build_graph(scenario)
+        super().__init__(scenario, block=block)
         self.team = Team(threads)
-        self.step = 0
-        self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
-        self._islands = self._populate(block)
-        by_name = {state.name: state for island in self._islands for state in island.states}
-        self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
         self._kicks = sorted(
             (round(at / scenario.grid.dt), k)
             for k, kick in enumerate(scenario.impulses)
@@ -75,49 +62,7 @@ class Simulation:
         self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
-        self._guard = Guard(self)
-
-    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
-        emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
-        states: dict[str, GroupState] = {}
-        first_id = 0
-        for island in self.graph.islands:
-            for group in island.groups:
-                if not isinstance(group, Emitter):
-                    states[group.name] = populate(self.scenario, island, group, 0)
-        for group in self.scenario.particles:  # ids run through the groups in the scenario's order
-            state = states[group.name]
-            state.id[: state.count] += first_id
-            first_id += state.count
-        islands: list[IndependentIsland | CoupledIsland] = []
-        for island in self.graph.islands:
-            if island.coupled:
-                islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))
-                continue
-            (group,) = island.groups
-            # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
-            births = (
-                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
-            )
-            state = states.get(group.name) or populate(self.scenario, island, group, 0)
-            extra = {} if block is None else {"block": block}
-            islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
-        return islands
-
-    @property
-    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
-        """What steps together, in the order of the graph's islands."""
-        return self._islands
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.step * self._dt
-
-    @property
-    def count(self) -> int:
-        """Particles alive."""
-        return sum(state.count for state in self.states)
+        self._guard = Guard(self, self._ledger_columns)
 
     def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
         """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
@@ -129,14 +74,14 @@ class Simulation:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            for number in range(len(self._islands)):
+            for number in range(len(self.islands)):
                 self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()
 
     def _advance(self, number: int, first: int, last: int) -> None:
-        island = self._islands[number]
+        island = self.islands[number]
         if isinstance(island, CoupledIsland):
             island.keep(first)
         while first < last:
@@ -166,7 +111,7 @@ class Simulation:
                     )
                     if chosen:
                         state.kick(kick.impulse)
-                for island in self._islands:
+                for island in self.islands:
                     if isinstance(island, CoupledIsland):
                         island.fit()
                 self.impulse_work[0] += self._kinetic() - before
@@ -214,7 +159,7 @@ class Simulation:
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
-        self._energies = [self._island_energies(number, total) for number in range(len(self._islands))]
+        self._energies = [self._island_energies(number, total) for number in range(len(self.islands))]
         self._energies_of = self.step
         for energies in self._energies:
             for name, value in energies.items():
@@ -225,7 +170,7 @@ class Simulation:
 
     def _balance(self, total: dict[str, float]) -> None:
         """Add the work that has been done and what is left of the balance [J]."""
-        for island in self._islands:
+        for island in self.islands:
             if island.books is not None:
                 for name, joule in zip(island.books.names, island.books.totals, strict=True):
                     total[f"work.{name}"] += float(joule)
@@ -239,7 +184,7 @@ class Simulation:
 
     def _island_energies(self, number: int, total: dict[str, float]) -> dict[str, float]:
         """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
-        island, structure = self._islands[number], self.graph.islands[number]
+        island, structure = self.islands[number], self.graph.islands[number]
         found = {"kinetic": 0.0}
         for columns, group in zip(island.columns(), structure.groups, strict=True):
             forces, records = self._sources[self.scenario.groups.index(group)]
@@ -258,41 +203,6 @@ class Simulation:
             for hinges, made in zip(structure.hinges, island.hinges, strict=True):
                 found[f"potential.{hinges.name}"] = float(sum_hinges(made, island.island_columns()))
         return found
-
-    def broken(self) -> dict[str, tuple[int, int]]:
-        """For every set of springs that can break: how many are broken, and how many there were."""
-        found = {}
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
-                    if made.breaking is not None:
-                        found[bonds.name] = (
-                            int(np.isfinite(made.breaking.when).sum()),
-                            made.i.size - made.holes.size,
-                        )
-        return found
-
-    def topology(self) -> list[Topology]:
-        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
-        return topology(self.scenario, self.graph, self._islands, self.states)
-
-    def broke(self) -> dict[str, NDArray[np.float64]]:
-        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
-        found = {}
-        for island, structure in zip(self._islands, self.graph.islands, strict=True):
-            if isinstance(island, CoupledIsland):
-                for bonds, made in zip(structure.bonds, island.bonds, strict=True):
-                    if made.breaking is not None:
-                        found[bonds.name] = made.breaking.when[made.i >= 0]
-        return found
-
-    def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
-        """Sum of all forces on every particle of a group [N], shape [n, 3]."""
-        for island in self._islands:
-            if any(member is state for member in island.states):
-                names = [member.name for member in island.states]
-                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
-        raise ValueError(f"{state.name} is no group of this simulation")
 
     def check(self) -> None:
         """Whether the present state makes sense; costs next to nothing.
@@ -319,9 +229,3 @@ class Simulation:
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
-
-
-def rows(states: Sequence[GroupState]) -> list[slice]:
-    """Rows of every group in a frame: groups follow each other."""
-    ends = np.cumsum([0, *(state.count for state in states)]).tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]

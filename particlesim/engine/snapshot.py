@@ -48,8 +48,8 @@ FIXED = (
 FOLLOWS: dict[type, frozenset[str]] = {
     Simulation: frozenset(
         {
-            *("scenario", "graph", "team", "states", "events"),
-            *("_dt", "_islands", "_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("scenario", "graph", "islands", "states", "team", "events"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns"),
             *("_energies", "_energies_of"),
         }
     ),
@@ -131,7 +131,7 @@ def _captured(simulation: Simulation) -> Snapshot:
 
 
 def _islands(simulation: Simulation) -> list[tuple[Any, str]]:
-    return [(island, f"island.{k}") for k, island in enumerate(simulation._islands)]
+    return [(island, f"island.{k}") for k, island in enumerate(simulation.islands)]
 
 
 def _joined(parts: list[Array], dtype: Any) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.fit.shooting import CLOSE, Hit, Range
 from particlesim.model.vectors import unit
@@ -98,9 +98,8 @@ def _shot(range_: Range, hit: Hit) -> Shot:
 
 def _unreachable(range_: Range, group: str, nearest: float) -> UsageError:
     """Why nothing hits: a plane keeps the particle away, or it does not fly far enough."""
-    simulation = Simulation(range_.typical, threads=1)
-    radius = float(next(state.radius[0] for state in simulation.states if state.name == group))
-    simulation.close()
+    world = World(range_.typical)
+    radius = float(next(state.radius[0] for state in world.states if state.name == group))
     for plane in range_.typical.planes:
         if plane.on is not None and group not in plane.on:
             continue

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.simulation import Simulation, rows
+from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.world import rows
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from particlesim.checks.check import Check, Initial
 from particlesim.checks.quantities import AXES, FIELD_QUANTITIES
-from particlesim.engine.simulation import Simulation, rows
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads

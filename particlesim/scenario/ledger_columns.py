@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import has_law, potential
 from particlesim.scenario.reach import acts_on
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 
-def totals(scenario: Scenario) -> tuple[str, ...]:
+def totals(scenario: Tables) -> tuple[str, ...]:
     """Quantities of the whole simulation that a scenario has."""
     labels = scenario.force_labels()
     stored = [
@@ -32,19 +29,19 @@ def totals(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def booked(scenario: Scenario) -> tuple[str, ...]:
+def booked(scenario: Tables) -> tuple[str, ...]:
     """Quantities that there are when work is booked: what every cause has given, their sum, what is left of the balance."""
     return (WORK, *work_columns(scenario))
 
 
-def work_columns(scenario: Scenario) -> tuple[str, ...]:
+def work_columns(scenario: Tables) -> tuple[str, ...]:
     """Columns of the ledger when work is booked: of every cause, impulses, and what is left of the balance."""
     found = causes(scenario, [group.name for group in scenario.groups])
     kicks = ("impulses",) if scenario.impulses else ()
     return (*(f"{WORK}.{name}" for name in (*found, *kicks)), BALANCE)
 
 
-def causes(scenario: Scenario, names: Collection[str]) -> tuple[str, ...]:
+def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     """What may give energy to groups or take it: labels of forces and springs, and names of other causes."""
     groups = [group for group in scenario.groups if group.name in names]
     bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
@@ -70,7 +67,7 @@ def causes(scenario: Scenario, names: Collection[str]) -> tuple[str, ...]:
     return (*found, *(name for name, there in others.items() if there))
 
 
-def deaths(scenario: Scenario) -> tuple[str, ...]:
+def deaths(scenario: Tables) -> tuple[str, ...]:
     """Causes of death that there may be."""
     emitters = scenario.emitters
     dies = [emitter.die for emitter in emitters if emitter.die is not None]

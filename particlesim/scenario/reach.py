@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.forces import Force
 from particlesim.forces.field import Field
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Path
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 
 def acts_on(force: Force, group: Group) -> bool:
@@ -36,7 +33,7 @@ def unfelt(force: Force, group: Group) -> str | None:
     return None
 
 
-def group_tables(scenario: Scenario) -> Iterator[tuple[Path, Group]]:
+def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
     for k, emitter in enumerate(scenario.emitters):

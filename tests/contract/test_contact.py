@@ -19,8 +19,9 @@ from support import columns as plain_columns
 
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.engine.independent.kernel import BLOCK, new_room, step_range
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS, Careful, Simple
+from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity
 from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, force
 

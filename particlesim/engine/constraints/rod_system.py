@@ -17,7 +17,7 @@ from particlesim.engine.constraints.initial_checks import (
     require_speed,
 )
 from particlesim.engine.constraints.shake_rattle import Rods, hold, places, take_aim
-from particlesim.engine.islands.independent import Unheld
+from particlesim.engine.faults import Unheld
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
 from particlesim.forces.field import Field

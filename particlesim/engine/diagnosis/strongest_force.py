@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,17 @@ from particlesim.engine.interactions.bonds import Bonds
 from particlesim.engine.interactions.elements import AngleColumns, Corners, DihedralColumns
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.state.columns import Columns
+from particlesim.engine.world import World
 from particlesim.forces.sheet_drag import Triangle
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import Particle, bond_force, evaluate, force, hinge_moment, triangle_force
 from particlesim.scenario.reach import acts_on
 
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
-
 Floats = NDArray[np.float64]
 
 
 def strongest(
-    simulation: Simulation,
+    world: World,
     number: int,
     member: int,
     particle: Particle,
@@ -40,12 +38,12 @@ def strongest(
     `place` is its row in `columns`, and `bonds` are as they are then. Springs of a set are added up, and so are the hinges
     of a set and what acts on the triangles around the particle. A force that is not finite is the strongest.
     """
-    structure = simulation.graph.islands[number]
+    structure = world.graph.islands[number]
     with np.errstate(all="ignore"):
-        sizes = _alone(simulation, structure, member, particle)
+        sizes = _alone(world, structure, member, particle)
         for kind, made in zip(structure.bonds, bonds, strict=False):
             sizes[kind.name] = _length(_of_bonds(made, columns, place))
-        for label, corners in _corners(simulation, number, member):
+        for label, corners in _corners(world, number, member):
             sizes[label] = _length(_of_corners(corners, columns, place, particle.t))
     wild = next((label for label, size in sizes.items() if not math.isfinite(size)), None)
     if wild is not None:
@@ -54,11 +52,11 @@ def strongest(
     return best, math.nan if best is None else sizes[best]
 
 
-def _alone(simulation: Simulation, structure: Island, member: int, particle: Particle) -> dict[str, float]:
+def _alone(world: World, structure: Island, member: int, particle: Particle) -> dict[str, float]:
     """Sizes of the one-particle forces [N], by label."""
     sizes: dict[str, float] = {}
     group = structure.groups[member]
-    for label, law in zip(simulation.scenario.force_labels(), simulation.scenario.forces, strict=False):
+    for label, law in zip(world.scenario.force_labels(), world.scenario.forces, strict=False):
         if acts_on(law, group) and not law.on_surfaces:
             try:
                 sizes[label] = _length(evaluate(force, law.record(), particle))
@@ -81,14 +79,14 @@ def _of_bonds(bond: Bonds, c: Columns, row: int) -> Floats:
     return total
 
 
-def _corners(simulation: Simulation, number: int, member: int) -> Iterator[tuple[str, Corners]]:
+def _corners(world: World, number: int, member: int) -> Iterator[tuple[str, Corners]]:
     """Labels and columns of all that acts among three and four particles of an island; of surfaces, those of one group."""
-    island, structure = simulation.islands[number], simulation.graph.islands[number]
+    island, structure = world.islands[number], world.graph.islands[number]
     if not isinstance(island, CoupledIsland):
         return
     for hinges, made in zip(structure.hinges, island.hinges, strict=True):
         yield hinges.name, made
-    labels = dict(zip(map(id, simulation.scenario.forces), simulation.scenario.force_labels(), strict=False))
+    labels = dict(zip(map(id, world.scenario.forces), world.scenario.force_labels(), strict=False))
     surfaces = iter(island.corners[len(island.hinges) :])
     for k, forces in enumerate(structure.surfaces):
         for law in forces:

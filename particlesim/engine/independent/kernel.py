@@ -34,18 +34,6 @@ from particlesim.engine.state.columns import (
 from particlesim.engine.step.impacts import Simple, meet, overlapped, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
-BLOCK = 256
-"""Particles in a block: 7 columns of 2 KiB and what a step remembers stay in a 32 KiB cache; more share evenly."""
-
-
-class Program(NamedTuple):
-    """What is compiled: method, dynamics, forces and contacts, as records."""
-
-    method: tuple[Any, ...]
-    dynamics: tuple[Any, ...]
-    forces: tuple[Any, ...]
-    contacts: tuple[Any, ...]
-
 
 def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
     """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the

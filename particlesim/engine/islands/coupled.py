@@ -16,6 +16,7 @@ from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace, new_pace, st
 from particlesim.engine.coupled.forces import island_forces
 from particlesim.engine.coupled.kernel import step_island
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out, staged
+from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.element_matrix import new_forms
 from particlesim.engine.implicit.kernel import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.implicit.krylov import INDEFINITE, UNSOLVED, General, Symmetric
@@ -30,9 +31,6 @@ from particlesim.engine.interactions.elements import (
 )
 from particlesim.engine.islands.independent import (
     OWN_STEPS,
-    Fault,
-    Stop,
-    Unsolved,
     copied,
     group_uses_radius,
     shortest_step,

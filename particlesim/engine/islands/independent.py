@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Plane
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
-from particlesim.engine.independent.kernel import BLOCK, Program, new_room, step_range
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.ledger.work import Books
@@ -20,13 +21,13 @@ from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.newton import unsolved
+from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import group_program
 from particlesim.engine.step.step_size import RESOLVED
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
-from particlesim.laws.registry import Particle
 from particlesim.layouts.file import File
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -43,57 +44,6 @@ with its roots and powers, a decision."""
 
 BOOKED_TOGETHER = 4096
 """Particles whose own steps are in memory at the same time, to book them."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
-
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
-    implicit ones that they found no solution.
-    """
-
-    member: int
-    row: int
-    step: int
-    stop: Stop | None = None
-    unsolved: Unsolved | None = None
-    unheld: Unheld | None = None
-
-
-@dataclass(frozen=True)
-class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
-
-    method: str
-    residual: float
-    iterations: int
-    linear: int = 0
-
-
-@dataclass(frozen=True)
-class Unheld:
-    """A rod that could not be held: its set, indices and groups of both ends, its length [m], and by which part of that it
-    is too long or too short."""
-
-    name: str
-    particles: tuple[int, int]
-    groups: tuple[str, str]
-    length: float
-    misfit: float
-
-
-@dataclass(frozen=True)
-class Stop:
-    """Where a particle was when its own steps could not go on.
-
-    Why (a code of `engine.pace`), when [s], the particle, and the shortest step that was allowed [s].
-    """
-
-    why: int
-    time: float
-    particle: Particle
-    least: float
 
 
 @dataclass

@@ -9,9 +9,9 @@ import numpy as np
 
 from particlesim.colliders import BoundsRecord, Plane
 from particlesim.emitters import Emitter
-from particlesim.engine.independent.kernel import Program
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
+from particlesim.engine.step.program import Program
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group, Particles, TracerMotion

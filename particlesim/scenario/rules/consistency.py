@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.emitters import Schedule
 from particlesim.groups.group import Particles
@@ -16,15 +15,13 @@ from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
 from particlesim.scenario.rules.tolerances import too_fine
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 MOST_BIRTHS = 10**12
 """Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
 
 
-def names(scenario: Scenario) -> Iterator[Invalid]:
+def names(scenario: Tables) -> Iterator[Invalid]:
     """Groups and named forces have names of their own; there is something to simulate."""
     if not scenario.groups:
         yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
@@ -49,7 +46,7 @@ def names(scenario: Scenario) -> Iterator[Invalid]:
             named[force.name] = k
 
 
-def references(scenario: Scenario) -> Iterator[Invalid]:
+def references(scenario: Tables) -> Iterator[Invalid]:
     """Every group that is spoken of exists."""
     known = [group.name for group in scenario.groups]
     places: list[tuple[Path, str]] = []
@@ -72,7 +69,7 @@ def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
     return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
 
 
-def needs(scenario: Scenario) -> Iterator[Invalid]:
+def needs(scenario: Tables) -> Iterator[Invalid]:
     """Every force finds on its groups what its law reads."""
     for k, force in enumerate(scenario.forces):
         if force.on_surfaces and not any(acts_on(force, group) for group in scenario.groups):
@@ -109,7 +106,7 @@ def needs(scenario: Scenario) -> Iterator[Invalid]:
                 yield Invalid("no particle has a temperature", ("output", "fields", j))
 
 
-def times(scenario: Scenario) -> Iterator[Invalid]:
+def times(scenario: Tables) -> Iterator[Invalid]:
     """Nothing is asked for after the end."""
     end = scenario.simulation.duration
     duration = ((("simulation", "duration"), f"the run ends at {end:g} s"),)
@@ -134,7 +131,7 @@ def times(scenario: Scenario) -> Iterator[Invalid]:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 
-def kicks(scenario: Scenario) -> Iterator[Invalid]:
+def kicks(scenario: Tables) -> Iterator[Invalid]:
     """Impulses kick particles that have inertia."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, impulse in enumerate(scenario.impulses):
@@ -150,7 +147,7 @@ def kicks(scenario: Scenario) -> Iterator[Invalid]:
             yield Invalid("there is no group with inertia to kick", ("impulses", k))
 
 
-def booked(scenario: Scenario) -> Iterator[Invalid]:
+def booked(scenario: Tables) -> Iterator[Invalid]:
     """Work is booked for particles with inertia."""
     if not scenario.output.work:
         return
@@ -185,7 +182,7 @@ CHECKS = (
 """In this order: later ones rely on earlier ones."""
 
 
-def contradictions(scenario: Scenario) -> list[Invalid]:
+def contradictions(scenario: Tables) -> list[Invalid]:
     """All mistakes that the first check finds that finds any."""
     for check in CHECKS:
         if mistakes := list(check(scenario)):

@@ -3,33 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
-from particlesim.bonds import RodSet
 from particlesim.integrators import METHODS, Composition, method_for
 from particlesim.model.mistakes import Invalid, Path
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 
-def rod_sets(scenario: Scenario, taken: tuple[str, ...]) -> tuple[RodSet, ...]:
-    """All sets of rods, listed ones and those of bodies, under names that are not `taken` by forces and springs."""
-    found: list[RodSet] = []
-    labels = set(taken)
-    for k, rods in enumerate(scenario.rods):
-        label, number = rods.name, 1
-        while label in labels:
-            number += 1
-            label = f"{rods.name}_{number}"
-        labels.add(label)
-        found.append(rods.rods(label, ("rods", k)))
-    for k, group in enumerate(scenario.particles):
-        found += group.rods(("particles", k, "springs", "rigid"), scenario.folder)
-    return tuple(found)
-
-
-def rod_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str]]]:
+def rod_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
     """Where rods are stated, and the groups that they join."""
     for k, rods in enumerate(scenario.rods):
         yield ("rods", k), rods.groups()
@@ -43,7 +23,7 @@ def are_rods(place: Path) -> bool:
     return place[0] == "rods" or place[-1] == "rigid"
 
 
-def unfit(scenario: Scenario, couplings: list[tuple[str, str]]) -> Iterator[Invalid]:
+def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invalid]:
     """Rods that nothing can hold: methods that are no kicks and drifts, particles without inertia, planes that catch.
 
     `couplings` are all pairs of groups that step together.
@@ -70,7 +50,7 @@ def unfit(scenario: Scenario, couplings: list[tuple[str, str]]) -> Iterator[Inva
                 )
 
 
-def _methods(scenario: Scenario, here: Path, names: tuple[str, str]) -> Iterator[Invalid]:
+def _methods(scenario: Tables, here: Path, names: tuple[str, str]) -> Iterator[Invalid]:
     """Rods are held after every drift, so the method has to be made of kicks and drifts."""
     allowed = ", ".join(name for name, method in METHODS.items() if isinstance(method, Composition))
     for k, group in enumerate(scenario.particles):
