@@ -12,6 +12,7 @@ import uuid
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from particlesim.extensions.provenance import recorded
 from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.dump import dump
 from particlesim.scenario.scenario import Scenario
@@ -23,7 +24,7 @@ GIT_TIMEOUT = 2.0
 
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
     """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
-    revision, command."""
+    revision, command, and the packages whose types it uses."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
@@ -46,6 +47,8 @@ def provenance(scenario: Scenario) -> dict[str, str | int | float]:
             facts[package] = version(package)
         except PackageNotFoundError:
             facts[package] = "unknown"
+    if used := recorded(scenario):
+        facts["extensions"] = used
     return facts
 
 
