@@ -12,6 +12,7 @@ import uuid
 from importlib import import_module
 from pathlib import Path
 
+from particlesim.extensions.provenance import recorded
 from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.dump import dump
 from particlesim.scenario.scenario import Scenario
@@ -23,7 +24,7 @@ GIT_TIMEOUT = 2.0
 
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
     """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
-    revision, command."""
+    revision, command, and the packages whose types it uses."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
@@ -41,6 +42,8 @@ def provenance(scenario: Scenario) -> dict[str, str | int | float]:
         "folder": str(scenario.folder or ""),
         "git": git_revision(scenario.folder),
     }
+    if used := recorded(scenario):
+        facts["extensions"] = used
     # What the packages say themselves: the metadata of their installation takes longer to read than all the rest.
     return facts | {name: str(import_module(name).__version__) for name in PACKAGES}
 

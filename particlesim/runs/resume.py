@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import MisfitError, Snapshot, restore
 from particlesim.errors import DivergenceError, UsageError
+from particlesim.extensions.provenance import recorded
 from particlesim.scenario.changes import changes
 from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.scenario import Scenario
@@ -115,6 +116,13 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
         raise UsageError(
             f"{path} is of another scenario; changed since: {'; '.join(shown)}",
             f"Undo the changes, or choose another --output. {ANEW}",
+        )
+    before, now = str(trajectory.provenance.get("extensions", "")), recorded(scenario)
+    if before != now:
+        was, present = (text.replace("\n", ", ") or "no packages" for text in (before, now))
+        raise UsageError(
+            f"{path} was begun with other packages, {was}; now there are {present}: the two may not compute the same bits",
+            ANEW,
         )
     if trajectory.provenance.get("physics") != physics_digest(scenario):
         raise UsageError(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim import testing
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.expressions.operations import FUNCTIONS
@@ -139,20 +140,7 @@ def exercised() -> set[type]:
 
 def particles(n: int = 40, seed: int = 1) -> list[Particle]:
     """Random particles of human size, away from the places where some law has a kink (checked by `away_from_kinks`)."""
-    rng = np.random.default_rng(seed)
-    found: list[Particle] = []
-    while len(found) < n:
-        p = Particle(
-            *rng.uniform(-2, 2, 3).tolist(),
-            *rng.uniform(-3, 3, 3).tolist(),
-            float(rng.uniform(0.5, 2)),
-            float(rng.uniform(0.1, 0.4)),
-            float(rng.uniform(250, 350)),
-            float(rng.uniform(0, 2)),
-        )
-        if away_from_kinks(p):
-            found.append(p)
-    return found
+    return testing.particles(n, seed, away_from_kinks)
 
 
 def away_from_kinks(p: Particle, margin: float = 0.02) -> bool:
