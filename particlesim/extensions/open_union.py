@@ -152,7 +152,8 @@ class OpenUnion:
     @functools.lru_cache(maxsize=2)  # noqa: B019 -- unions live as long as the program
     def _adapter(self, added: tuple[type[BaseModel], ...]) -> TypeAdapter[Any]:
         """Validates the union of psim's types and those that packages have added."""
-        return TypeAdapter(Annotated[Union[(*self.own, *added)], Field(discriminator="type")])
+        union: Any = Annotated[Union[(*self.own, *added)], Field(discriminator="type")]
+        return TypeAdapter(union)
 
     def _try_out(self, model: Any) -> None:
         """Raise ExtensionError unless kernels can take what a package made of a table."""
