@@ -259,7 +259,15 @@ class Kernel:
 
     def _in_python(self, arguments: tuple[Any, ...]) -> Any:
         with np.errstate(all="ignore"):
-            return self.python(*arguments)
+            return self.python(*map(_scalars, arguments))
+
+
+def _scalars(x: Any) -> Any:
+    """An argument with NumPy's floats in place of Python's, which raise errors where IEEE 754 gives infinity or NaN."""
+    if isinstance(x, tuple):
+        parts = [_scalars(each) for each in x]
+        return tuple(parts) if type(x) is tuple else tuple.__new__(type(x), parts)
+    return np.float64(x) if type(x) is float else x
 
 
 def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
