@@ -9,6 +9,7 @@ import pickle
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ from particlesim.scenario.extensions import find_all
 from particlesim.scenario.schema import json_schema
 from particlesim.scenario.text.source import parse_source
 from particlesim.verification.rerun import rerun
+from psim.app import app
 
 from .conftest import AXIS_PULL, SCENARIO, forget, write_package
 
@@ -30,17 +32,37 @@ BUILT_IN = SCENARIO.replace('"axis_pull"\npull = "2 N"', '"gravity"')
 ENTRIES = "[particlesim.forces]\naxis_pull = axis_forces:AxisPull\n"
 
 
-def psim(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own, which finds this checkout and the packages of the test."""
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def psim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run `psim ARGUMENTS` in this process, in an empty folder: its exit code, and what it says on stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        forget()
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            app(list(map(str, arguments)), prog_name="psim")
+        return int(end.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
+def own_process(program: str, folder: Path) -> str:
+    """What a Python program prints that finds this checkout and the packages of the test."""
     path = os.pathsep.join([str(REPOSITORY), str(REPOSITORY / "cli"), os.environ["PYTHONPATH"]])
-    return subprocess.run(
-        [sys.executable, "-m", "psim", *map(str, arguments)],
+    done = subprocess.run(
+        [sys.executable, "-c", program],
         capture_output=True,
         text=True,
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": path, "NO_COLOR": "1"},
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path},
         check=False,
     )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def refusal(text: str) -> str:
@@ -128,32 +150,33 @@ def test_psims_own_types_look_for_no_package(axis_forces: Path, monkeypatch: pyt
 # The command
 
 
-def test_the_command_knows_it(axis_forces: Path, tmp_path: Path) -> None:
-    (tmp_path / "axis.toml").write_text(SCENARIO)
-    assert "axis_pull" in psim("check", "axis.toml", cwd=tmp_path).stdout
-    described = psim("describe", "axis_pull", cwd=tmp_path).stdout
+def test_the_command_knows_it(psim: Command, axis_forces: Path) -> None:
+    Path("axis.toml").write_text(SCENARIO)
+    assert "axis_pull" in psim("check", "axis.toml")[1]
+    described = psim("describe", "axis_pull")[1]
     assert re.search(r"formula +f = −F ρ̂\n", described)
     assert re.search(r"package +axis-forces 1.2\n", described)
     assert "Size of the force F. (in N; required)" in described
-    assert "axis_pull" in psim("describe", cwd=tmp_path).stdout
-    schema = json.loads(psim("schema", cwd=tmp_path).stdout)
-    assert Draft7Validator(schema).is_valid(parse_source(SCENARIO).raw)
+    assert "axis_pull" in psim("describe")[1]
+    assert Draft7Validator(json.loads(psim("schema")[1])).is_valid(parse_source(SCENARIO).raw)
 
 
-def test_sweeps_take_it_to_their_workers(axis_forces: Path, tmp_path: Path) -> None:
-    (tmp_path / "axis.toml").write_text(SCENARIO)
-    done = psim("sweep", "axis.toml", "--vary", "forces.axis_pull.pull=1,2", "--workers", 2, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    (table,) = tmp_path.rglob("*.csv")
+def test_sweeps_take_it_to_their_workers(psim: Command, axis_forces: Path) -> None:
+    Path("axis.toml").write_text(SCENARIO)
+    code, _, said = psim("sweep", "axis.toml", "--vary", "forces.axis_pull.pull=1,2", "--workers", 2)
+    assert code == 0, said
+    (table,) = Path().rglob("*.csv")
     assert table.read_text().count("done") == 2
 
 
-def test_provenance_inspect_diff_and_rerun_tell_of_the_package(axis_forces: Path, tmp_path: Path) -> None:
+def test_provenance_inspect_diff_and_rerun_tell_of_the_package(
+    psim: Command, axis_forces: Path, tmp_path: Path
+) -> None:
     first, second = tmp_path / "first.vtkhdf", tmp_path / "second.vtkhdf"
     ps.run(ps.loads(SCENARIO), first)
     with ps.open(first) as trajectory:
         assert trajectory.provenance["extensions"] == "axis_pull: axis-forces 1.2"
-    assert re.search(r"extensions +axis_pull: axis-forces 1.2\n", psim("inspect", first, cwd=tmp_path).stdout)
+    assert re.search(r"extensions +axis_pull: axis-forces 1.2\n", psim("inspect", first)[1])
     assert rerun(first).same
 
     write_package(axis_forces, "axis-forces", "axis_forces", AXIS_PULL, ENTRIES, "1.3")
@@ -185,27 +208,13 @@ def test_a_run_is_not_resumed_with_another_version(axis_forces: Path, tmp_path: 
 
 def test_kernels_are_compiled_anew_when_the_package_changes(axis_forces: Path, tmp_path: Path) -> None:
     (tmp_path / "axis.toml").write_text(SCENARIO)
-
-    def energy(after: float) -> None:
-        done = psim("run", "axis.toml", "--json", "--force", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        program = "import particlesim as ps; print(ps.open('outputs/axis.vtkhdf')[-1].position[0][0])"
-        place = subprocess.run(
-            [sys.executable, "-c", program],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            check=True,
-            env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        ).stdout
-        assert float(place) == pytest.approx(after, abs=0.03)
-
-    energy(1 - 4 * 0.5**2 / 2)
-    source = AXIS_PULL.replace("k = -f.pull / np", "k = -0.5 * f.pull / np").replace(
+    program = "import particlesim as ps; print(ps.run(ps.load('axis.toml')).final.position[0, 0])"
+    assert float(own_process(program, tmp_path)) == pytest.approx(1 - 4 * 0.5**2 / 2, abs=0.03)
+    half = AXIS_PULL.replace("k = -f.pull / np", "k = -0.5 * f.pull / np").replace(
         "return f.pull * np.sqrt", "return 0.5 * f.pull * np.sqrt"
     )
-    write_package(axis_forces, "axis-forces", "axis_forces", source, ENTRIES)
-    energy(1 - 2 * 0.5**2 / 2)
+    write_package(axis_forces, "axis-forces", "axis_forces", half, ENTRIES)
+    assert float(own_process(program, tmp_path)) == pytest.approx(1 - 2 * 0.5**2 / 2, abs=0.03)
 
 
 # What can be wrong with a package
@@ -250,21 +259,22 @@ def test_a_broken_package_is_named_where_it_is_used(case: str, site: Path) -> No
     ps.loads(BUILT_IN)  # others are not harmed
 
 
-def test_a_broken_package_is_a_warning_where_it_is_not_used(site: Path, tmp_path: Path) -> None:
+def test_a_broken_package_is_a_warning_where_it_is_not_used(psim: Command, site: Path) -> None:
     write_package(site, "axis-forces", "axis_forces", "raise ValueError('torn')", ENTRIES)
-    (tmp_path / "axis.toml").write_text(SCENARIO)
-    (tmp_path / "own.toml").write_text(BUILT_IN)
-    described = psim("describe", cwd=tmp_path)
-    assert described.returncode == 0
-    assert "gravity" in described.stdout
-    assert "warning: 'axis_pull' of the package axis-forces 1.2 cannot be imported" in described.stderr
-    assert "torn" in described.stderr
-    own = psim("check", "own.toml", cwd=tmp_path)
-    assert (own.returncode, "axis" in own.stderr) == (0, False)
-    used = psim("run", "axis.toml", cwd=tmp_path)
-    assert used.returncode == 2
-    assert "axis.toml:13:8" in used.stderr
-    assert "Traceback" not in used.stderr
+    Path("axis.toml").write_text(SCENARIO)
+    Path("own.toml").write_text(BUILT_IN)
+    code, out, said = psim("describe")
+    assert code == 0
+    assert "gravity" in out
+    assert "warning: 'axis_pull' of the package axis-forces 1.2 cannot be imported" in said
+    assert "torn" in said
+    code, _, said = psim("check", "own.toml")
+    assert code == 0
+    assert "axis" not in said
+    code, _, said = psim("run", "axis.toml")
+    assert code == 2
+    assert "axis.toml:13:8" in said
+    assert "Traceback" not in said
 
 
 def test_a_name_of_psim_stays_psims(site: Path) -> None:
