@@ -77,11 +77,11 @@ def check_force(model: Force, at: Iterable[Particle] | None = None) -> None:
     assert some != model.energy.startswith("none"), (
         f"energy is {model.energy!r}, but there is {'a' if some else 'no'} law for potential"
     )
+    check_reads(model, points)
     check_potential(model, points)
     for generic, names in ((force_dx, "x y z"), (force_dv, "vx vy vz")):
         if has_law(generic, model.record()):
             check_jacobian(generic, force, model.record(), points, names)
-    check_reads(model, points)
     check_compiled(model.record(), OPEN_FORCES.laws, points)
 
 

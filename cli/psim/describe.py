@@ -49,7 +49,7 @@ def describe(
 
 def _find_extensions() -> None:
     """Import the types that installed packages add, and warn of those that cannot be used."""
-    from particlesim.extensions.open_union import find_all
+    from particlesim.scenario.extensions import find_all
     from psim.console import warn
 
     for problem in find_all():
@@ -134,10 +134,10 @@ def _headline(entry: Any) -> str:
 
 def _package(entry: type[BaseModel]) -> str:
     """The package that a type comes from, with its version; empty for what is psim's own."""
-    from particlesim.extensions.open_union import UNIONS
+    from particlesim.scenario.extensions import extension_of
 
-    found = (union.extension_of(entry) for union in UNIONS if issubclass(entry, union.base))
-    return next((extension.origin for extension in found if extension is not None), "")
+    extension = extension_of(entry)
+    return "" if extension is None else extension.origin
 
 
 def _doc(entry: Any) -> str:

@@ -24,7 +24,7 @@ def schema(
     """
     import json
 
-    from particlesim.extensions.open_union import find_all
+    from particlesim.scenario.extensions import find_all
     from particlesim.scenario.scenario import Scenario
     from particlesim.scenario.schema import json_schema
     from psim.console import warn

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
-from particlesim.extensions.provenance import parsed
 from particlesim.scenario.digest import physics_of
+from particlesim.scenario.extensions import parsed
 from particlesim.trajectory.fields import FIELDS, Precision
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory

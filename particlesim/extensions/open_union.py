@@ -19,9 +19,6 @@ from particlesim.extensions.packages import Extension, ExtensionError, installed
 from particlesim.extensions.requirements import type_name, undocumented, unlawful
 from particlesim.model.mistakes import invalid
 
-UNIONS: list[OpenUnion] = []
-"""All open unions."""
-
 
 class OpenUnion:
     """The mark of a union that is open to packages, and the types that they have added to it so far.
@@ -43,7 +40,6 @@ class OpenUnion:
         self.group, self.base, self.own, self.texts, self.laws = group, base, own, texts, laws
         self._own_names = {type_name(model) for model in own}
         self._added: dict[str, tuple[Extension, type[BaseModel]]] = {}
-        UNIONS.append(self)
 
     def __copy__(self) -> OpenUnion:  # pydantic copies the marks of fields; there is one union of each kind
         return self
@@ -165,13 +161,3 @@ class OpenUnion:
             fault = f"{type(error).__name__}: {error}"
         if fault is not None:
             raise ExtensionError(f"{model.type!r} of the package {extension.origin} cannot be used: {fault}")
-
-
-def find_all() -> list[str]:
-    """Import the types that packages add to all unions; returns what is wrong with those that cannot be used."""
-    return [problem for union in UNIONS for problem in union.find_all()]
-
-
-def count_added() -> int:
-    """How many types packages have added so far."""
-    return sum(len(union.added) for union in UNIONS)

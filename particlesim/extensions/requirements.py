@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, get_args, get_origin
 
+import numpy as np
 from pydantic import BaseModel
 
 from particlesim.compiler.kernel import write
@@ -75,11 +76,19 @@ def unlawful(record: Any, laws: Sequence[Callable[..., Any]]) -> str | None:
             continue
         law, size = GENERICS[generic].laws[type(record)], GENERICS[generic].size
         try:
-            _, form, _ = write(law, (record, SAMPLE))
-        except CompileError as error:
+            forms = [
+                write(law, (_cast(record, kind), _cast(SAMPLE, kind)))[1] for kind in (float, np.float32)
+            ]
+        except (CompileError, TypeError) as error:  # TypeError: a record that holds what kernels do not take
             return f"its law for {generic.__name__} does not compile: {error}"
-        except TypeError as error:  # a record that holds what kernels do not take
-            return f"its law for {generic.__name__} does not compile: {error}"
-        if (given := len(kinds_in(form))) != size:
+        if (given := len(kinds_in(forms[0]))) != size:
             return f"its law for {generic.__name__} gives {given} numbers instead of {size}"
     return None
+
+
+def _cast(record: Any, kind: Any) -> Any:
+    """A record with its floats in another precision."""
+    if isinstance(record, tuple):
+        parts = (_cast(part, kind) for part in record)
+        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
+    return kind(record) if isinstance(record, float) else record

@@ -12,9 +12,9 @@ import uuid
 from importlib import import_module
 from pathlib import Path
 
-from particlesim.extensions.provenance import recorded
 from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.dump import dump
+from particlesim.scenario.extensions import recorded
 from particlesim.scenario.scenario import Scenario
 from particlesim.version import __version__
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import MisfitError, Snapshot, restore
 from particlesim.errors import DivergenceError, UsageError
-from particlesim.extensions.provenance import recorded
 from particlesim.scenario.changes import changes
 from particlesim.scenario.digest import physics_digest
+from particlesim.scenario.extensions import recorded
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path, read_checkpoint
 from particlesim.trajectory.files import DamagedError, damaged

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from particlesim.analysis.difference import Comparison, compare
 from particlesim.errors import DivergenceError, UsageError
-from particlesim.extensions.provenance import unavailable
 from particlesim.runs.runner import Progress, run
+from particlesim.scenario.extensions import unavailable
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.source import parse_source

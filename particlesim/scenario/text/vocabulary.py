@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from particlesim.extensions.open_union import count_added
+from particlesim.scenario.extensions import count_added
 from particlesim.scenario.text import typewalk
 from particlesim.scenario.text.typewalk import Node
 

@@ -1,4 +1,5 @@
-"""Which packages a run takes types from, as a trajectory tells it, and whether they are still the same."""
+"""The types of installed packages in scenarios: all that there are, those that a scenario uses, and what a trajectory keeps
+of them."""
 
 from __future__ import annotations
 
@@ -7,19 +8,35 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from particlesim.extensions.open_union import UNIONS
+from particlesim.extensions.open_union import OpenUnion
 from particlesim.extensions.packages import Extension, installed
+from particlesim.flows import OPEN_FLOWS
+from particlesim.forces import OPEN_FORCES
+
+UNIONS: tuple[OpenUnion, ...] = (OPEN_FORCES, OPEN_FLOWS)
+"""What packages can add to."""
+
+
+def find_all() -> list[str]:
+    """Import the types that packages add; returns what is wrong with those that cannot be used."""
+    return [problem for union in UNIONS for problem in union.find_all()]
+
+
+def count_added() -> int:
+    """How many types of packages have been imported so far."""
+    return sum(len(union.added) for union in UNIONS)
+
+
+def extension_of(model: type[BaseModel]) -> Extension | None:
+    """The package that a type comes from; None for what is psim's own."""
+    found = (union.extension_of(model) for union in UNIONS if issubclass(model, union.base))
+    return next((extension for extension in found if extension is not None), None)
 
 
 def extensions_in(value: Any) -> tuple[Extension, ...]:
     """The types of packages that a scenario, or a part of one, uses."""
-    found = (
-        extension
-        for model in dict.fromkeys(type(model) for model in _models(value))
-        for union in UNIONS
-        if issubclass(model, union.base) and (extension := union.extension_of(model)) is not None
-    )
-    return tuple(sorted(dict.fromkeys(found)))
+    found = (extension_of(model) for model in dict.fromkeys(type(model) for model in _models(value)))
+    return tuple(sorted({extension for extension in found if extension is not None}))
 
 
 def _models(value: Any) -> Iterator[BaseModel]:
