@@ -13,7 +13,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws.registry import velocity
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, collider_tables
 from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
@@ -68,14 +68,17 @@ def _extremes(simulation: Simulation) -> str:
 
 
 def misplaced(simulation: Simulation) -> tuple[str, ...]:
-    """A sentence for every group and plane with particles that are inside of it at the start."""
+    """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
     for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True):
         for overlap in overlaps(island, structure):
             state = overlap.state
-            name = overlap.plane.name or f"planes.{simulation.scenario.planes.index(overlap.plane)}"
+            where, collider = next(
+                table for table in collider_tables(simulation.scenario) if table[1] is overlap.collider
+            )
+            name = collider.name or ".".join(map(str, where))
             found.append(
-                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside {collider.type} {name}, the deepest "
                 f"(id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
                 "which changes their energy"
             )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
+from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.forces.field import Field
 from particlesim.groups.group import Group, Particles
@@ -34,6 +35,19 @@ def unfelt(force: Force, group: Group) -> str | None:
     if group.dynamics.type == "first_order" and velocity:
         return "this force depends on the velocity, which particles without inertia do not have"
     return None
+
+
+def collider_tables(scenario: Scenario) -> Iterator[tuple[Path, Collider]]:
+    """Planes and other colliders, and where they are stated."""
+    for k, plane in enumerate(scenario.planes):
+        yield ("planes", k), plane
+    for k, collider in enumerate(scenario.colliders):
+        yield ("colliders", k), collider
+
+
+def held_back(collider: Collider, groups: Collection[str]) -> bool:
+    """Whether a collider holds back one of some groups."""
+    return collider.on is None or any(name in groups for name in collider.on)
 
 
 def group_tables(scenario: Scenario) -> Iterator[tuple[Path, Group]]:

@@ -11,7 +11,7 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
 from particlesim.checks.check import Check
-from particlesim.colliders import Plane
+from particlesim.colliders import AnyCollider, Collider, Plane
 from particlesim.emitters import Emitter
 from particlesim.errors import InputOutputError, ResourceError, UsageError
 from particlesim.forces import AnyForce
@@ -66,7 +66,9 @@ class Scenario(Model):
     motions: tuple[Motion, ...] = ()
     """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
-    """Half-spaces that hold particles back."""
+    """Half-spaces that hold particles back: colliders of type "plane"."""
+    colliders: tuple[AnyCollider, ...] = ()
+    """Shapes that hold particles back."""
     impulses: tuple[Impulse, ...] = ()
     """Kicks at given times."""
     checks: tuple[Check, ...] = ()
@@ -102,6 +104,11 @@ class Scenario(Model):
     def groups(self) -> tuple[Group, ...]:
         """All groups: laid out ones, then those of emitters."""
         return (*self.particles, *self.emitters)
+
+    @property
+    def all_colliders(self) -> tuple[Collider, ...]:
+        """All that holds particles back: planes, then the other colliders."""
+        return (*self.planes, *self.colliders)
 
     @property
     def overrides(self) -> tuple[str, ...]:

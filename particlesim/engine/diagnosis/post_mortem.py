@@ -182,7 +182,7 @@ def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> Di
 def _better(simulation: Simulation, number: int) -> str | None:
     """What keeps the energy of an island better; None where only a smaller step does."""
     structure = simulation.graph.islands[number]
-    if any(plane.lifts() for planes in structure.planes for plane in planes):
+    if any(each.lifts() for colliders in structure.colliders for each in colliders):
         return 'detection = "continuous" adds no energy when particles bounce; or try a smaller dt'
     if structure.method.adaptive:
         return "allow less error: a smaller tolerance"
