@@ -1,6 +1,15 @@
-"""What particles collide with."""
+"""What particles collide with. To add a shape, write its file and add it to `AnyCollider` and `COLLIDERS`."""
 
+from typing import Annotated
+
+from pydantic import Field
+
+from particlesim.colliders.base import Collider
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.plane import AnyPlaneRecord, Plane
+from particlesim.colliders.plane import Plane
+from particlesim.colliders.sphere import Sphere
 
-__all__ = ["AnyPlaneRecord", "BoundsRecord", "Plane"]
+AnyCollider = Annotated[Plane | Sphere, Field(discriminator="type")]
+COLLIDERS: tuple[type[Collider], ...] = (Plane, Sphere)
+
+__all__ = ["COLLIDERS", "AnyCollider", "BoundsRecord", "Collider", "Plane", "Sphere"]

@@ -37,7 +37,7 @@ class Guard:
 
     An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
-    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a plane begin after a step,
+    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a collider begin after a step,
     which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at
     least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that have grown a
     thousandfold since the last frame: energy may come from a potential without a bottom.

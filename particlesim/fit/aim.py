@@ -12,9 +12,10 @@ import numpy as np
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.fit.shooting import CLOSE, Hit, Range
-from particlesim.model.vectors import unit
+from particlesim.laws.registry import Particle, gap, normal
 from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides
+from particlesim.scenario.reach import held_back
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.source import read_source
 
@@ -97,20 +98,21 @@ def _shot(range_: Range, hit: Hit) -> Shot:
 
 
 def _unreachable(range_: Range, group: str, nearest: float) -> UsageError:
-    """Why nothing hits: a plane keeps the particle away, or it does not fly far enough."""
+    """Why nothing hits: a collider keeps the particle away, or it does not fly far enough."""
     world = World(range_.typical)
     radius = float(next(state.radius[0] for state in world.states if state.name == group))
-    for plane in range_.typical.planes:
-        if plane.on is not None and group not in plane.on:
+    there = Particle(*range_.target.tolist(), *[0.0] * 7)
+    for collider in range_.typical.all_colliders:
+        if not held_back(collider, (group,)):
             continue
-        normal = np.array(unit(plane.normal))
-        gap = float((range_.target - plane.point) @ normal)
-        if gap < radius or gap < 0:
+        away = np.array([part or 0.0 for part in normal(collider.shape(), there)])
+        free = float(gap(collider.shape(), there))
+        if free < radius or free < 0:
             # A little more than a radius, so that it is not in the middle of an impact there.
-            clear = range_.target + (1.1 * radius + 2 * range_.speed * range_.typical.grid.dt - gap) * normal
+            clear = range_.target + (1.1 * radius + 2 * range_.speed * range_.typical.grid.dt - free) * away
             where = ",".join(f"{part:.4g}" for part in clear)
             return UsageError(
-                f"the target is {gap:.6g} m from a plane, which keeps the centre of {group!r} {radius:.6g} m off, "
+                f"the target is {free:.6g} m from a {collider.type}, which keeps the centre of {group!r} {radius:.6g} m off, "
                 "one radius",
                 f"Aim at a point above it, such as --target {where}",
             )

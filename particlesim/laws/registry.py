@@ -21,11 +21,13 @@ Matrix = tuple[float, float, float, float, float, float, float, float, float]  #
 ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies; it has left the world.
+# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies at a plane; it has left the world; it
+# dies at another collider.
 PASS = 0
 STICK = 1
 KILL = 2
 LEAVE = 3
+ABSORB = 4
 
 
 class Particle(NamedTuple):
@@ -238,6 +240,25 @@ def gap(c: Any, p: Particle) -> float:
 
 
 @generic(0)
+def normal(c: Any, p: Particle) -> Vector:
+    """Gradient of a gap, the unit vector away from a collider; a component that is always zero may be None."""
+    return evaluate(normal, c, p)
+
+
+@generic(0)
+def surface(c: Any, p: Particle) -> Vector:
+    """Centre of a particle [m] that is put back on the surface of a collider: for shapes that know it to the last bit."""
+    return evaluate(surface, c, p)
+
+
+@generic(0)
+def passing(c: Any, p: Particle, q: Particle) -> float:
+    """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two legal
+    places may cross."""
+    return GENERICS[passing].laws[type(c)](c, p, q)
+
+
+@generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
-    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL or LEAVE)."""
+    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL, LEAVE or ABSORB)."""
     return evaluate(contact, c, p)

@@ -14,7 +14,7 @@ from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws.registry import velocity
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, collider_tables
 from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
@@ -69,14 +69,17 @@ def _extremes(world: World) -> str:
 
 
 def misplaced(world: World) -> tuple[str, ...]:
-    """A sentence for every group and plane with particles that are inside of it at the start."""
+    """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
         for overlap in overlaps(island, structure):
             state = overlap.state
-            name = overlap.plane.name or f"planes.{world.scenario.planes.index(overlap.plane)}"
+            where, collider = next(
+                table for table in collider_tables(world.scenario) if table[1] is overlap.collider
+            )
+            name = collider.name or ".".join(map(str, where))
             found.append(
-                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside {collider.type} {name}, the deepest "
                 f"(id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
                 "which changes their energy"
             )

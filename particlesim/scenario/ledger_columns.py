@@ -7,8 +7,8 @@ from collections.abc import Collection
 from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
-from particlesim.laws.registry import has_law, potential
-from particlesim.scenario.reach import acts_on
+from particlesim.laws.registry import KILL, has_law, potential
+from particlesim.scenario.reach import acts_on, held_back
 from particlesim.scenario.tables import Tables
 
 
@@ -53,16 +53,14 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
     found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
-    planes = [
-        plane for plane in scenario.planes if plane.on is None or any(name in names for name in plane.on)
-    ]
+    colliders = [each for each in scenario.all_colliders if held_back(each, names)]
     emitted = any(isinstance(group, Emitter) for group in groups)
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
-        "contact": bool(planes),
+        "contact": bool(colliders),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
-        "deaths": emitted or any(plane.contact == "kill" for plane in planes),
+        "deaths": emitted or any(each.contact == "kill" for each in colliders),
     }
     return (*found, *(name for name, there in others.items() if there))
 
@@ -75,8 +73,9 @@ def deaths(scenario: Tables) -> tuple[str, ...]:
         "age": any(emitter.lifetime is not None for emitter in emitters),
         "cold": any(die.temperature_below is not None for die in dies),
         "recycled": any(e.limit is not None and e.when_full == "recycle" for e in emitters),
-        "plane": any(plane.contact == "kill" for plane in scenario.planes),
+        "plane": any(each.contact == "kill" and each.killed == KILL for each in scenario.all_colliders),
         "outside": any(die.outside is not None for die in dies),
+        "collider": any(each.contact == "kill" and each.killed != KILL for each in scenario.all_colliders),
     }
     return tuple(cause for cause, there in found.items() if there)
 

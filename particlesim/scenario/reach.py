@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
+from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.forces.field import Field
 from particlesim.groups.group import Group, Particles
@@ -31,6 +32,19 @@ def unfelt(force: Force, group: Group) -> str | None:
     if group.dynamics.type == "first_order" and velocity:
         return "this force depends on the velocity, which particles without inertia do not have"
     return None
+
+
+def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
+    """Planes and other colliders, and where they are stated."""
+    for k, plane in enumerate(scenario.planes):
+        yield ("planes", k), plane
+    for k, collider in enumerate(scenario.colliders):
+        yield ("colliders", k), collider
+
+
+def held_back(collider: Collider, groups: Collection[str]) -> bool:
+    """Whether a collider holds back one of some groups."""
+    return collider.on is None or any(name in groups for name in collider.on)
 
 
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:

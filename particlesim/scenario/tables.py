@@ -10,7 +10,7 @@ from pydantic import PrivateAttr
 
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
 from particlesim.checks.check import Check
-from particlesim.colliders import Plane
+from particlesim.colliders import AnyCollider, Collider, Plane
 from particlesim.emitters import Emitter
 from particlesim.forces import AnyForce
 from particlesim.groups.group import Group, Particles
@@ -52,7 +52,9 @@ class Tables(Model):
     motions: tuple[Motion, ...] = ()
     """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
-    """Half-spaces that hold particles back."""
+    """Half-spaces that hold particles back: colliders of type "plane"."""
+    colliders: tuple[AnyCollider, ...] = ()
+    """Shapes that hold particles back."""
     impulses: tuple[Impulse, ...] = ()
     """Kicks at given times."""
     checks: tuple[Check, ...] = ()
@@ -71,6 +73,11 @@ class Tables(Model):
     def groups(self) -> tuple[Group, ...]:
         """All groups: laid out ones, then those of emitters."""
         return (*self.particles, *self.emitters)
+
+    @property
+    def all_colliders(self) -> tuple[Collider, ...]:
+        """All that holds particles back: planes, then the other colliders."""
+        return (*self.planes, *self.colliders)
 
     def streams(self, group: Group) -> Streams:
         """The random streams of a group."""

@@ -90,7 +90,7 @@ class Bench(NamedTuple):
 
 class Rods(NamedTuple):
     """What a thread holds: components [first, last). `eager`: forces depend on velocities, which must be right at every
-    evaluation; `touched`: there are planes.
+    evaluation; `touched`: there are colliders.
 
     For every component the energy that rods gave to led ends [J], the rod that could not be held (−1: none), and its misfit
     as a part of its length.

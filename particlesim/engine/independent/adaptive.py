@@ -218,9 +218,9 @@ def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
         still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
         return not still, r, outcome
     outcome = PASS
-    inside = overlapped(program.contacts, q)
+    p = at(d, k, STATE, d.clock[NOW, k])
+    inside = overlapped(program.contacts, p, q)
     if inside:
-        p = at(d, k, STATE, d.clock[NOW, k])
         h = type_of(p.x, d.clock[TAKEN, k])
         q, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
     return inside, q, outcome

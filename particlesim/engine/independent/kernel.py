@@ -56,7 +56,7 @@ def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, mar
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        inside = overlapped(program.contacts, q)
+        inside = overlapped(program.contacts, p, q)
         marks[i] = inside
         store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
         remember(c.memory, i, not inside, memory)

@@ -81,7 +81,7 @@ class CoupledIsland:
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
         self._radius = any(
-            group_uses_radius(island.forces[k], island.planes[k], g) for k, g in enumerate(island.groups)
+            group_uses_radius(island.forces[k], island.colliders[k], g) for k, g in enumerate(island.groups)
         )
         self._thermal = any(force.needs_temperature() for forces in island.forces for force in forces)
         self.parts = tuple(
@@ -89,7 +89,7 @@ class CoupledIsland:
                 Part(
                     dynamics_record(group),
                     tuple(force.record() for force in island.forces[k]),
-                    contacts_record(island.planes[k], group, dtype),
+                    contacts_record(island.colliders[k], group, dtype),
                     bounds[k],
                     bounds[k + 1],
                 ),
@@ -111,7 +111,7 @@ class CoupledIsland:
         self.springs += sum(each.rows.size for each in self.corners)
         if self.rods is not None and self.rods.components > 1:
             self.springs += ROD_IN_SPRINGS * self.rods.number
-        self._disturbed = any(island.planes) or any(bonds.breaking is not None for bonds in self.bonds)
+        self._disturbed = any(island.colliders) or any(bonds.breaking is not None for bonds in self.bonds)
         looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
         self._work = scratch(self._method, self._all.count, dtype, looks_back=looks_back)
         if isinstance(self._method, ImplicitMethod):

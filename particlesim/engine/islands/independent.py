@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.colliders import Plane
+from particlesim.colliders import Collider
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
@@ -65,13 +65,13 @@ class IndependentIsland:
         births: tuple[int, int],
         block: int = BLOCK,
     ) -> None:
-        (group,), (forces,), (planes,) = island.groups, island.forces, island.planes
+        (group,), (forces,), (colliders,) = island.groups, island.forces, island.colliders
         self.states = [state]
         self.group = group
         self.dt = scenario.grid.dt
-        self.program: Program = group_program(island, forces, planes, group, state.dtype)
+        self.program: Program = group_program(island, forces, colliders, group, state.dtype)
         self._columns_of = {
-            "radius": group_uses_radius(forces, planes, group),
+            "radius": group_uses_radius(forces, colliders, group),
             "thermal": any(force.needs_temperature() for force in forces),
         }
         self._block = block
@@ -373,9 +373,9 @@ def copied(c: Columns) -> Columns:
     )
 
 
-def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:
-    """Whether a kernel must read the radii of a group: a law does, or planes hold back particles that have a size."""
+def group_uses_radius(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> bool:
+    """Whether a kernel must read the radii of a group: a law does, or colliders hold back particles that have a size."""
     from_file = isinstance(group, Particles) and isinstance(group.layout, File)
     return any(force.needs_radius() for force in forces) or (
-        bool(planes) and (group.has_radius() or from_file)
+        bool(colliders) and (group.has_radius() or from_file)
     )

@@ -27,7 +27,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
     Raises UsageError for a file that cannot be read, or that has no particle of a pinned index.
     """
     member = island.groups.index(group)
-    planes, motions = island.planes[member], island.motions[member]
+    colliders, motions = island.colliders[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
     if isinstance(group, Particles):
         group = group.model_copy(update={"layout": scenario.opened(group)})
@@ -38,7 +38,7 @@ def populate(scenario: Scenario, island: Island, group: Group, first_id: int) ->
         count,
         dtype=dtype,
         memory=island.method.memory,
-        clocked=needs_clock(group, planes, bool(motions)),
+        clocked=needs_clock(group, colliders, bool(motions)),
         warm=group.temperature is not None,
         cooling=group.cooling,
     )

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
 from particlesim.groups.group import Cooling
-from particlesim.laws.registry import KILL, LEAVE, STICK, Particle
+from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 
-CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside"}
+CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside", 6: "collider"}
 """Why a particle died, by code."""
-AGE, COLD, RECYCLED, BY_PLANE, OUTSIDE = 1, 2, 3, 4, 5
+AGE, COLD, RECYCLED, BY_PLANE, OUTSIDE, BY_COLLIDER = 1, 2, 3, 4, 5, 6
 
 
 @dataclass(frozen=True)
@@ -210,6 +210,7 @@ class GroupState:
         cause = self.cause[:n]
         cause[outcome == KILL] = BY_PLANE
         cause[outcome == LEAVE] = OUTSIDE
+        cause[outcome == ABSORB] = BY_COLLIDER
         deaths = Deaths(self.id[:n][dead], self.stop[:n][dead], cause[dead])
         keep = ~dead
         place = np.cumsum(keep) - 1

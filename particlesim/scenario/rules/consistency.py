@@ -50,7 +50,7 @@ def references(scenario: Tables) -> Iterator[Invalid]:
     """Every group that is spoken of exists."""
     known = [group.name for group in scenario.groups]
     places: list[tuple[Path, str]] = []
-    for section in ("forces", "planes", "impulses"):
+    for section in ("forces", "planes", "colliders", "impulses"):
         for k, entry in enumerate(getattr(scenario, section)):
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
     for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):

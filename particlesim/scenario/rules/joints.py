@@ -10,7 +10,7 @@ from particlesim.groups.group import Particles
 from particlesim.groups.selection import mistakes as selection_mistakes
 from particlesim.integrators import method_for
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back
 from particlesim.scenario.rules.rods import are_rods, rod_tables, unfit
 from particlesim.scenario.tables import Tables
 
@@ -140,13 +140,13 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
             )
-        for j, plane in enumerate(scenario.planes):
-            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+        for where, collider in collider_tables(scenario):
+            if collider.contact == "kill" and held_back(collider, (first.name, second.name)):
                 yield Invalid(
-                    f"a plane cannot kill particles that are joined by {what}",
-                    ("planes", j, "contact"),
+                    f"a {collider.type} cannot kill particles that are joined by {what}",
+                    (*where, "contact"),
                     ((here, "joined here"),),
-                    hint="name the groups that the plane acts on with on = [...]",
+                    hint=f"name the groups that the {collider.type} acts on with on = [...]",
                 )
         for place, group in ((path, first), (other, second)):
             reads = [

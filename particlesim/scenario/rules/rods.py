@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from particlesim.integrators import METHODS, Composition, method_for
 from particlesim.model.mistakes import Invalid, Path
+from particlesim.scenario.reach import collider_tables, held_back
 from particlesim.scenario.tables import Tables
 
 
@@ -24,7 +25,7 @@ def are_rods(place: Path) -> bool:
 
 
 def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invalid]:
-    """Rods that nothing can hold: methods that are no kicks and drifts, particles without inertia, planes that catch.
+    """Rods that nothing can hold: methods that are no kicks and drifts, particles without inertia, colliders that catch.
 
     `couplings` are all pairs of groups that step together.
     """
@@ -40,13 +41,13 @@ def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invali
                         (((section, k, "dynamics"), f"{group.name!r} has none"),),
                         hint="springs join particles without inertia",
                     )
-        for k, plane in enumerate(scenario.planes):
-            if plane.contact == "stick" and (plane.on is None or set(names) & set(plane.on)):
+        for where, collider in collider_tables(scenario):
+            if collider.contact == "stick" and held_back(collider, names):
                 yield Invalid(
-                    "a plane cannot hold on to particles of rods: two that stick might not be a rod's length apart",
-                    ("planes", k, "contact"),
+                    f"a {collider.type} cannot hold on to particles of rods: two that stick might not be a rod's length apart",
+                    (*where, "contact"),
                     ((here, "joined here"),),
-                    hint="name the groups that the plane acts on with on = [...], or let them bounce",
+                    hint=f"name the groups that the {collider.type} acts on with on = [...], or let them bounce",
                 )
 
 
