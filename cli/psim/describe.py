@@ -24,11 +24,11 @@ def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A force, flow, layout, integrator, table or key.", autocompletion=_names
+            metavar="[NAME]", help="A force, flow, layout, collider, integrator, table or key.", autocompletion=_names
         ),
     ] = None,
 ) -> None:
-    """Explain a force, flow, layout, integrator, table or key of a scenario.
+    """Explain a force, flow, layout, collider, integrator, table or key of a scenario.
 
     Shows its formula, energy and parameters with their units. Without a name: what there is.
     """
@@ -79,13 +79,20 @@ def _show_word(word: str) -> bool:
 
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     """Titles, and what there is under them by the name that scenarios use: models, or methods."""
+    from particlesim.colliders import COLLIDERS
     from particlesim.flows import FLOWS
     from particlesim.forces import FORCES, SURFACE_FORCES
     from particlesim.integrators import METHODS
     from particlesim.layouts import LAYOUTS
     from particlesim.scenario.scenario import Scenario
 
-    for title, models in (("Forces", (*FORCES, *SURFACE_FORCES)), ("Flows", FLOWS), ("Layouts", LAYOUTS)):
+    kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
+        ("Forces", (*FORCES, *SURFACE_FORCES)),
+        ("Flows", FLOWS),
+        ("Layouts", LAYOUTS),
+        ("Colliders", COLLIDERS),
+    )
+    for title, models in kinds:
         yield title, {model.model_fields["type"].default: model for model in models}
     yield "Integrators", dict(METHODS)
     yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}

@@ -5,7 +5,7 @@ Gap of a particle of radius r, with d its distance from the centre: g = d − R 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
@@ -18,6 +18,8 @@ from particlesim.model.units import Vector as VectorOf
 
 class Sphere(Collider):
     """A ball that particles stay out of, or a hollow one that they stay in."""
+
+    kind: ClassVar[str] = "sphere"
 
     type: Literal["sphere"] = "sphere"
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)

@@ -123,7 +123,7 @@ def build_graph(scenario: Scenario) -> Graph:
     for hinges in scenario.hinges:
         act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
     for k, each in enumerate(scenario.all_colliders):
-        act(Node(each.type, each.name or str(k), _collider_detail(each)), "holds back", _targets(each, scenario))
+        act(Node(each.kind, each.name or str(k), _collider_detail(each)), "holds back", _targets(each, scenario))
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
