@@ -24,7 +24,9 @@ def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A force, flow, layout, collider, integrator, table or key.", autocompletion=_names
+            metavar="[NAME]",
+            help="A force, flow, layout, collider, integrator, table or key.",
+            autocompletion=_names,
         ),
     ] = None,
 ) -> None:
@@ -38,7 +40,7 @@ def describe(
             print(paint(title, "bold", sys.stdout))
             facts([(key, _headline(entry)) for key, entry in entries.items()], sys.stdout)
         return
-    for word in (name, f"{name}s"):  # [[planes]] answer to "plane"
+    for word in (f"{name}s", name):  # [[planes]] answer to "plane"
         for entries in sections.values():
             if word in entries:
                 _show(word, entries[word])

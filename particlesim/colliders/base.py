@@ -63,7 +63,7 @@ class Collider(Model):
         raise NotImplementedError
 
     def reach(self) -> float:
-        """Size of the numbers that its gap is the difference of, beside the particle's place [m]: rounding is a part of it."""
+        """Size of the numbers that its gap is the difference of, beside the particle's place [m]: this decides its rounding."""
         raise NotImplementedError
 
     def describe(self) -> str:

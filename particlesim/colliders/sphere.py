@@ -16,7 +16,7 @@ from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
 
 
-class Sphere(Collider):
+class SphereCollider(Collider):
     """A ball that particles stay out of, or a hollow one that they stay in."""
 
     kind: ClassVar[str] = "sphere"
@@ -63,7 +63,7 @@ class BowlRecord(NamedTuple):
 def distance(c: BallRecord | BowlRecord, p: Particle) -> float:
     """From the centre of the sphere to that of the particle [m]."""
     x, y, z = p.x - c.x, p.y - c.y, p.z - c.z
-    return np.sqrt(x * x + y * y + z * z)  # type: ignore[no-any-return]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def outwards(c: BallRecord | BowlRecord, p: Particle) -> Vector:

@@ -123,7 +123,11 @@ def build_graph(scenario: Scenario) -> Graph:
     for hinges in scenario.hinges:
         act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
     for k, each in enumerate(scenario.all_colliders):
-        act(Node(each.kind, each.name or str(k), _collider_detail(each)), "holds back", _targets(each, scenario))
+        act(
+            Node(each.kind, each.name or str(k), _collider_detail(each)),
+            "holds back",
+            _targets(each, scenario),
+        )
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
@@ -188,7 +192,9 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(
                     tuple(f for f in scenario.forces if acts_on(f, g) and not f.on_surfaces) for g in groups
                 ),
-                tuple(tuple(c for c in scenario.all_colliders if c.on is None or g.name in c.on) for g in groups),
+                tuple(
+                    tuple(c for c in scenario.all_colliders if c.on is None or g.name in c.on) for g in groups
+                ),
                 bonds_here,
                 methods[0],
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),

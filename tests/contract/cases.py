@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders import Collider, PlaneCollider, SphereCollider
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders import Collider, PlaneCollider, Sphere
 from particlesim.expressions.operations import FUNCTIONS
 from particlesim.expressions.parser import parse
 from particlesim.flows import Flow
@@ -83,12 +83,14 @@ FORCE_CASES: dict[str, Force] = {
 
 # Every registered shape, with every record that it can give.
 COLLIDER_CASES: dict[str, Collider] = {
-    "plane": PlaneCollider(normal=(0.48, 0.6, 0.64), point=(0.1, 0.1, 0.1), restitution=0.5, tangential_loss=0.1),
+    "plane": PlaneCollider(
+        normal=(0.48, 0.6, 0.64), point=(0.1, 0.1, 0.1), restitution=0.5, tangential_loss=0.1
+    ),
     "plane_x": PlaneCollider(normal=(1, 0, 0), point=(0.1, 0, 0), restitution=0.5, tangential_loss=0.1),
     "plane_y": PlaneCollider(normal=(0, -1, 0), point=(0, 0.1, 0), contact="stick"),
     "plane_z": PlaneCollider(normal=(0, 0, 1), point=(0, 0, 0.1), contact="kill"),
-    "sphere": Sphere(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
-    "sphere_inside": Sphere(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
+    "sphere": SphereCollider(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
+    "sphere_inside": SphereCollider(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
 }
 
 COLLIDER_RECORDS: dict[str, Any] = {

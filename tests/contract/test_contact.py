@@ -165,7 +165,9 @@ def test_many_impacts_in_one_step() -> None:
     # 100 m/s between walls 2 m apart: 50 impacts in 1 s, back where it began
     walls = [ColliderRecord(PlaneXRecord(side, -1.0), ELASTIC) for side in (1.0, -1.0)]
     walls += [
-        ColliderRecord(kind(side, -1.0), ELASTIC) for kind in (PlaneYRecord, PlaneZRecord) for side in (1.0, -1.0)
+        ColliderRecord(kind(side, -1.0), ELASTIC)
+        for kind in (PlaneYRecord, PlaneZRecord)
+        for side in (1.0, -1.0)
     ]
     c = columns([[0.0, 0, 0]], [[100.0, 0, 0]], radius=0.05)
     run(program("velocity_verlet", NO_GRAVITY, careful(continuous=walls)), c, 1, 1.9)

@@ -45,7 +45,7 @@ def hint(more: str) -> str:
         ("[[colliders]]\ntype = 'sphere'\nradius = 1\nhollow = true", '"inside" = true'),
         ("[[colliders]]\ntype = 'ball'\nradius = 1", '"sphere"'),
         ("[[obstacles]]", "[[colliders]]"),
-        ("[[planes]]\ncontact = 'reflect''", '"bounce"'),
+        ("[[planes]]\ncontact = 'reflect'", '"bounce"'),
         ("[[forces]]\ntype = 'nbody'", "psim has no forces between all pairs"),
         ("[[forces]]\ntype = 'n-body'", "psim has no forces between all pairs"),
         ("[[forces]]\ntype = 'wind'", 'the "flow" of a "drag"'),

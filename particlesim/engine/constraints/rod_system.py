@@ -132,7 +132,9 @@ def rod_system(
         np.concatenate([getattr(each, key) for each in members]) for key in ("first", "second", "length")
     )
     rig, order = new_rig(first, second, length, inverse)
-    found = RodSystem(members, offset, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order)
+    found = RodSystem(
+        members, offset, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order
+    )
     found.fit(whole.columns(radius=False, thermal=False))
     if (bad := found.unheld()) is not None:
         a, b = bad.particles
