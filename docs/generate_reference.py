@@ -17,6 +17,7 @@ from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
+from particlesim.colliders import COLLIDERS, Collider
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
@@ -121,6 +122,10 @@ def parts() -> Iterator[str]:
     yield summary(Waypoint) + "\n\n" + table(Waypoint)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
+    yield "## `[[colliders]]`"
+    yield prose("colliders")
+    yield table(Collider)
+    yield from (collider_section(shape) for shape in COLLIDERS)
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
@@ -204,6 +209,12 @@ def force_section(force: type[Force]) -> str:
     if force.needs_velocity:
         facts.append("- Depends on the velocity, so it does not act on particles without inertia.")
     return "\n\n".join([*lines, "\n".join(facts), table(force)])
+
+
+def collider_section(shape: type[Collider]) -> str:
+    """What a shape has beside the keys of all colliders."""
+    rows = table(shape, without=("type", *Collider.model_fields))
+    return f"#### {type_name(shape)}\n\n{summary(shape)}\n\n{rows}"
 
 
 def maths(text: str) -> str:

@@ -24,11 +24,13 @@ def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A force, flow, layout, integrator, table or key.", autocompletion=_names
+            metavar="[NAME]",
+            help="A force, flow, layout, collider, integrator, table or key.",
+            autocompletion=_names,
         ),
     ] = None,
 ) -> None:
-    """Explain a force, flow, layout, integrator, table or key of a scenario.
+    """Explain a force, flow, layout, collider, integrator, table or key of a scenario.
 
     Shows its formula, energy and parameters with their units. Without a name: what there is.
     """
@@ -58,7 +60,7 @@ def _find_extensions() -> None:
 
 def _explain(name: str, sections: dict[str, dict[str, Any]]) -> bool:
     """Show what a name stands for; False where it stands for nothing."""
-    for word in (name, f"{name}s"):  # [[planes]] answer to "plane"
+    for word in (f"{name}s", name):  # [[planes]] answer to "plane"
         for entries in sections.values():
             if word in entries:
                 _show(word, entries[word])
@@ -99,6 +101,7 @@ def _show_word(word: str) -> bool:
 
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     """Titles, and what there is under them by the name that scenarios use: models, or methods."""
+    from particlesim.colliders import COLLIDERS
     from particlesim.flows import OPEN_FLOWS
     from particlesim.forces import OPEN_FORCES
     from particlesim.integrators import METHODS
@@ -106,7 +109,13 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     from particlesim.scenario.scenario import Scenario
 
     forces, flows = ((*union.own, *union.added) for union in (OPEN_FORCES, OPEN_FLOWS))
-    for title, models in (("Forces", forces), ("Flows", flows), ("Layouts", LAYOUTS)):
+    kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
+        ("Forces", forces),
+        ("Flows", flows),
+        ("Layouts", LAYOUTS),
+        ("Colliders", COLLIDERS),
+    )
+    for title, models in kinds:
         yield title, {model.model_fields["type"].default: model for model in models}
     yield "Integrators", dict(METHODS)
     yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}

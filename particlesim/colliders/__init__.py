@@ -6,10 +6,10 @@ from pydantic import Field
 
 from particlesim.colliders.base import Collider
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.plane import Plane
-from particlesim.colliders.sphere import Sphere
+from particlesim.colliders.plane import Plane, PlaneCollider
+from particlesim.colliders.sphere import SphereCollider
 
-AnyCollider = Annotated[Plane | Sphere, Field(discriminator="type")]
-COLLIDERS: tuple[type[Collider], ...] = (Plane, Sphere)
+AnyCollider = Annotated[PlaneCollider | SphereCollider, Field(discriminator="type")]
+COLLIDERS: tuple[type[Collider], ...] = (PlaneCollider, SphereCollider)
 
-__all__ = ["COLLIDERS", "AnyCollider", "BoundsRecord", "Collider", "Plane", "Sphere"]
+__all__ = ["COLLIDERS", "AnyCollider", "BoundsRecord", "Collider", "Plane", "PlaneCollider", "SphereCollider"]

@@ -24,10 +24,11 @@ LIVELY = 0.9
 class Collider(Model):
     """What holds particles back. Laws: `gap` and `normal` of its shape's record."""
 
+    kind: ClassVar[str]
+    """What the shape is called."""
     killed: ClassVar[int] = ABSORB
     """The outcome of contact = "kill"."""
 
-    type: str
     name: Name | None = None
     """Name for messages and overrides."""
     on: tuple[Name, ...] | None = Field(default=None, min_length=1)
@@ -62,7 +63,7 @@ class Collider(Model):
         raise NotImplementedError
 
     def reach(self) -> float:
-        """Size of the numbers that its gap is the difference of, beside the particle's place [m]: rounding is a part of it."""
+        """Size of the numbers that its gap is the difference of, beside the particle's place [m]: this decides its rounding."""
         raise NotImplementedError
 
     def describe(self) -> str:

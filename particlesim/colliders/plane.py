@@ -21,9 +21,9 @@ from particlesim.model.vectors import dot, unit
 class Plane(Collider):
     """A plane; the normal points to the side where particles may be."""
 
+    kind: ClassVar[str] = "plane"
     killed: ClassVar[int] = KILL
 
-    type: Literal["plane"] = "plane"
     point: VectorOf[Metres] = (0.0, 0.0, 0.0)
     """A point on the plane."""
     normal: VectorOf[float] = (0.0, 1.0, 0.0)
@@ -52,6 +52,12 @@ class Plane(Collider):
     def describe(self) -> str:
         x, y, z = self.normal
         return f"normal ({x:g}, {y:g}, {z:g})"
+
+
+class PlaneCollider(Plane):
+    """A plane; the normal points to the side where particles may be."""
+
+    type: Literal["plane"] = "plane"
 
 
 class PlaneRecord(NamedTuple):

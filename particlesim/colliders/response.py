@@ -7,8 +7,8 @@ back on the surface, and if it approaches (v·n < 0) its velocity becomes (impul
 
 with restitution e and tangential loss k. Nothing of it gains energy: |v'|² = e² v_n² + (1 − k)² v_t².
 
-A component of a normal that is None is always zero: it drops out of the compiled loop. A normal with two of them lies along an
-axis, and the response is exact.
+A component of a normal that is None is always zero: it drops out of the compiled loop. A normal with two of them lies along
+an axis, and the response is exact.
 """
 
 from __future__ import annotations

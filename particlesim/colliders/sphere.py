@@ -5,7 +5,7 @@ Gap of a particle of radius r, with d its distance from the centre: g = d − R 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
@@ -16,8 +16,10 @@ from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
 
 
-class Sphere(Collider):
+class SphereCollider(Collider):
     """A ball that particles stay out of, or a hollow one that they stay in."""
+
+    kind: ClassVar[str] = "sphere"
 
     type: Literal["sphere"] = "sphere"
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)
@@ -61,7 +63,7 @@ class BowlRecord(NamedTuple):
 def distance(c: BallRecord | BowlRecord, p: Particle) -> float:
     """From the centre of the sphere to that of the particle [m]."""
     x, y, z = p.x - c.x, p.y - c.y, p.z - c.z
-    return np.sqrt(x * x + y * y + z * z)  # type: ignore[no-any-return]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def outwards(c: BallRecord | BowlRecord, p: Particle) -> Vector:

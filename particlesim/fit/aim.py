@@ -112,8 +112,8 @@ def _unreachable(range_: Range, group: str, nearest: float) -> UsageError:
             clear = range_.target + (1.1 * radius + 2 * range_.speed * range_.typical.grid.dt - free) * away
             where = ",".join(f"{part:.4g}" for part in clear)
             return UsageError(
-                f"the target is {free:.6g} m from a {collider.type}, which keeps the centre of {group!r} {radius:.6g} m off, "
-                "one radius",
+                f"the target is {free:.6g} m from a {collider.kind}, which keeps the centre of {group!r} {radius:.6g} m "
+                "off, one radius",
                 f"Aim at a point above it, such as --target {where}",
             )
     return UsageError(

@@ -124,7 +124,7 @@ def build_graph(scenario: Scenario) -> Graph:
         act(Node("hinges", hinges.name, hinges.describe()), "bends", [hinges.group])
     for k, each in enumerate(scenario.all_colliders):
         act(
-            Node(each.type, each.name or str(k), _collider_detail(each)),
+            Node(each.kind, each.name or str(k), _collider_detail(each)),
             "holds back",
             _targets(each, scenario),
         )

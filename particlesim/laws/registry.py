@@ -253,12 +253,12 @@ def surface(c: Any, p: Particle) -> Vector:
 
 @generic(0)
 def passing(c: Any, p: Particle, q: Particle) -> float:
-    """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two legal
-    places may cross."""
-    return GENERICS[passing].laws[type(c)](c, p, q)
+    """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two
+    legal places may cross."""
+    return GENERICS[passing].laws[type(c)](c, p, q)  # type: ignore[no-any-return]
 
 
 @generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
-    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL, LEAVE or ABSORB)."""
+    """The particle after meeting a collider that it overlaps, and what becomes of it: PASS, STICK, KILL, LEAVE or ABSORB."""
     return evaluate(contact, c, p)

@@ -63,19 +63,19 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
 def _projection(scenario: Scenario) -> list[str]:
     """Discrete detection lifts a particle out of the collider, which adds m g times the depth."""
     return [
-        f"{each.type} {each.name or k} with discrete detection and restitution {each.restitution:g} can add energy: particles "
-        'are lifted out of it; detection = "continuous" does not'
+        f"{each.kind} {each.name or k} with discrete detection and restitution {each.restitution:g} can add energy: "
+        'particles are lifted out of it; detection = "continuous" does not'
         for k, each in enumerate(scenario.all_colliders)
         if each.lifts()
     ]
 
 
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
-    """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches in
-    every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
+    """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
+    in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
-        f"{each.type} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the {each.type} touches "
-        "it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model of impacts, not of "
+        f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the {each.kind} "
+        "touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model of impacts, not of "
         "friction, which psim does not have"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"

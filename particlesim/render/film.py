@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from particlesim.colliders import Plane, Sphere
+from particlesim.colliders import Plane, SphereCollider
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
 from particlesim.render.scene.source import BallShape, PlaneShape
@@ -83,5 +83,5 @@ def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
 
 def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
     """The solid spheres among the colliders of a scenario; hollow ones would hide what is in them, and are not drawn."""
-    spheres = (each for each in scenario.colliders if isinstance(each, Sphere) and not each.inside)
+    spheres = (each for each in scenario.colliders if isinstance(each, SphereCollider) and not each.inside)
     return tuple(BallShape(sphere.center, sphere.radius) for sphere in spheres)

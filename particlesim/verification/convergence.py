@@ -209,7 +209,7 @@ def _reasons(scenario: Scenario, name: str) -> Iterator[str]:
     """What is known to cost a group its order."""
     group = next(group for group in scenario.groups if group.name == name)
     yield from loss_of_order(scenario, group)
-    met = [f"{c.type} {c.name or k}" for k, c in enumerate(scenario.all_colliders) if held_back(c, (name,))]
+    met = [f"{c.kind} {c.name or k}" for k, c in enumerate(scenario.all_colliders) if held_back(c, (name,))]
     if met:
         yield (
             f"particles of {name!r} can meet {' and '.join(met)}: a path with a kink has no order "

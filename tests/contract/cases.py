@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from particlesim import testing
-from particlesim.colliders import Collider, Plane, Sphere
+from particlesim.colliders import Collider, PlaneCollider, SphereCollider
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.expressions.operations import FUNCTIONS
 from particlesim.expressions.parser import parse
@@ -84,12 +84,14 @@ FORCE_CASES: dict[str, Force] = {
 
 # Every registered shape, with every record that it can give.
 COLLIDER_CASES: dict[str, Collider] = {
-    "plane": Plane(normal=(0.48, 0.6, 0.64), point=(0.1, 0.1, 0.1), restitution=0.5, tangential_loss=0.1),
-    "plane_x": Plane(normal=(1, 0, 0), point=(0.1, 0, 0), restitution=0.5, tangential_loss=0.1),
-    "plane_y": Plane(normal=(0, -1, 0), point=(0, 0.1, 0), contact="stick"),
-    "plane_z": Plane(normal=(0, 0, 1), point=(0, 0, 0.1), contact="kill"),
-    "sphere": Sphere(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
-    "sphere_inside": Sphere(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
+    "plane": PlaneCollider(
+        normal=(0.48, 0.6, 0.64), point=(0.1, 0.1, 0.1), restitution=0.5, tangential_loss=0.1
+    ),
+    "plane_x": PlaneCollider(normal=(1, 0, 0), point=(0.1, 0, 0), restitution=0.5, tangential_loss=0.1),
+    "plane_y": PlaneCollider(normal=(0, -1, 0), point=(0, 0.1, 0), contact="stick"),
+    "plane_z": PlaneCollider(normal=(0, 0, 1), point=(0, 0, 0.1), contact="kill"),
+    "sphere": SphereCollider(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
+    "sphere_inside": SphereCollider(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
 }
 
 COLLIDER_RECORDS: dict[str, Any] = {

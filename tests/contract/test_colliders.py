@@ -3,6 +3,7 @@ gains no energy."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, get_args
 
 import numpy as np
@@ -103,7 +104,7 @@ def test_the_response_is_that_of_the_law_and_gains_no_energy(
 def test_a_way_comes_nearest_to_a_shape_where_it_says(collider: Collider) -> None:
     # A shape without this law must have no dents to speak of: a way between two legal places stays legal.
     shape = collider.shape()
-    for p, q in zip(PARTICLES, PARTICLES[1:], strict=False):
+    for p, q in pairwise(PARTICLES):
         q = q._replace(r=p.r)
         s = np.linspace(0, 1, 201)
         step = np.subtract(q[:3], p[:3])

@@ -38,7 +38,7 @@ def run(name: str, **simulation: Any) -> ps.Result:
 def test_the_scenarios_of_the_gallery_are_here() -> None:
     assert set(NAMES) >= {
         *("projectile", "projectile_drag", "fountain", "terminal_velocity", "buoyant_ball"),
-        *("bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
+        *("rain_on_dome", "bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
         *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
     }

@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 from simulate import EPS, G, points, record, simulate
 from support import careful, columns, position, program, run, velocity
 
-from particlesim.colliders import Sphere
+import particlesim as ps
+from particlesim.colliders import SphereCollider
 from particlesim.engine.step.impacts import Careful, Simple
+from particlesim.engine.step.records import contacts_record
+from particlesim.groups.group import Particles
 
 GRAVITY = [{"type": "gravity"}]
 
@@ -29,8 +32,8 @@ def ball(**options: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("e", [1.0, 0.6, 0.0])
 @pytest.mark.parametrize("dt", [0.005, 0.25, 3.0])
 def test_an_impact_mirrors_the_velocity_at_its_exact_time(e: float, dt: float) -> None:
-    # Along x at height b = 0.6 R' towards a ball at the origin, R' = R + r = 1.25: it touches where x = −0.8 R', and the normal
-    # is (−0.8, 0.6). v' = v − (1 + e)(v·n) n with v·n = −0.8 v. The last step of 3 s flies through the ball and out again.
+    # Along x at height b = 0.6 R' towards a ball at the origin, R' = R + r = 1.25: it touches where x = −0.8 R', and the
+    # normal is (−0.8, 0.6). v' = v − (1 + e)(v·n) n with v·n = −0.8 v. The last step of 3 s flies through the ball and out again.
     reach, speed, loss = 1.25, 2.0, 0.25
     hit = np.array([-0.8, 0.6, 0]) * reach
     final = simulate(
@@ -130,8 +133,8 @@ def test_what_lies_on_top_of_a_ball_stays() -> None:
 
 
 def test_it_leaves_a_dome_where_the_weight_no_longer_holds_it() -> None:
-    # A grain that slides without friction from rest at cos θ₀ leaves a sphere at cos θ = ⅔ cos θ₀, where v² = g R cos θ, and falls
-    # in a parabola from there. What lies on a ball is put back on it after each step: an error of first order.
+    # A grain that slides without friction from rest at cos θ₀ leaves a sphere at cos θ = ⅔ cos θ₀, where v² = g R cos θ, and
+    # falls in a parabola from there. What lies on a ball is put back on it after each step: an error of first order.
     start = 0.3
 
     def landing(dt: float) -> float:
@@ -162,13 +165,13 @@ def test_it_leaves_a_dome_where_the_weight_no_longer_holds_it() -> None:
 )
 @settings(max_examples=60)
 def test_nothing_crosses_a_ball_or_a_bowl_at_any_speed(seed: int, speed: float, e: float) -> None:
-    # Two balls in a bowl. Inside of it, where a chord is at most 2 m, a step at 10¹⁰ m/s is billions of impacts: more than are
-    # followed, but none may get out.
+    # Two balls in a bowl. Inside of it, where a chord is at most 2 m, a step at 10¹⁰ m/s is billions of impacts: more than
+    # are followed, but none may get out.
     rng = np.random.default_rng(seed)
     walls = [
-        Sphere(radius=1.0, inside=True, restitution=e),
-        Sphere(center=(0.45, 0, 0), radius=0.3, restitution=e),
-        Sphere(center=(-0.4, 0.2, 0.1), radius=0.25, restitution=e),
+        SphereCollider(radius=1.0, inside=True, restitution=e),
+        SphereCollider(center=(0.45, 0, 0), radius=0.3, restitution=e),
+        SphereCollider(center=(-0.4, 0.2, 0.1), radius=0.25, restitution=e),
     ]
     contacts = careful(continuous=[w.record() for w in walls], reach=1.0, tolerance=16 * EPS)
     x = rng.normal(size=(12, 3))
@@ -195,7 +198,10 @@ def test_the_first_ball_on_the_way_is_hit(seed: int, speed: float) -> None:
     radii = rng.uniform(0.1, 0.4, 5)
     offsets = rng.uniform(-0.05, 0.05, 5)
     first = np.argmin(places - np.sqrt(radii**2 - offsets**2))
-    walls = [Sphere(center=(places[k], offsets[k], 0), radius=radii[k]).record() for k in rng.permutation(5)]
+    walls = [
+        SphereCollider(center=(places[k], offsets[k], 0), radius=radii[k]).record()
+        for k in rng.permutation(5)
+    ]
     c = columns([[0, 0, 0]], [[speed, 0, 0]], radius=0.0)
     run(program("velocity_verlet", (), careful(continuous=walls, reach=51.0)), c, 1, 60 / speed)
     n = np.array([-math.sqrt(radii[first] ** 2 - offsets[first] ** 2), -offsets[first], 0]) / radii[first]
@@ -271,10 +277,51 @@ def test_a_weight_on_a_spring_bounces_off_a_ball() -> None:
 
 
 def test_a_lone_discrete_sphere_needs_no_second_look() -> None:
-    from particlesim.engine.step.records import contacts_record
-    from particlesim.groups.group import Particles
-
-    group = Particles.model_validate({"name": "a", "layout": {"type": "points", "position": [[0, 0, 0]]}})
-    alone = Sphere(radius=1.0, detection="discrete")
+    group = Particles.model_validate(points((0, 0, 0), name="a"))
+    alone = SphereCollider(radius=1.0, detection="discrete")
     assert isinstance(contacts_record([alone], group, np.dtype(float)), Simple)
     assert isinstance(contacts_record([alone, alone], group, np.dtype(float)), Careful)
+
+
+@pytest.mark.parametrize("detection", ["continuous", "discrete"])
+def test_the_work_of_impacts_is_booked(detection: str) -> None:
+    # A fall of 1 m on top of a ball, e = ½: the impact takes (1 − e²) m g h.
+    result = simulate(
+        0.6,
+        0.001,
+        particles=[points((0, 2, 0), mass=2.0, radius=0.0)],
+        forces=GRAVITY,
+        colliders=[ball(restitution=0.5, detection=detection)],
+        output={"ledger": True, "work": True},
+    )
+    row = {name: float(values[-1]) for name, values in result.ledger.items()}
+    assert row["work.contact"] == pytest.approx(
+        -0.75 * 2 * G, rel=1e-9 if detection == "continuous" else 2e-2
+    )
+    assert row["balance"] == pytest.approx(0, abs=1e-8)
+
+
+def test_particles_that_start_inside_a_ball_are_told() -> None:
+    result = simulate(
+        0.1,
+        0.01,
+        particles=[points((0, 0.5, 0), (0, 2, 0), radius=0.1)],
+        colliders=[ball(name="dome")],
+    )
+    (told,) = [line for line in result.warnings if "inside" in line]
+    assert "1 of 2" in told
+    assert "start inside sphere dome, the deepest (id 0) by 0.6 m" in told
+
+
+def test_a_ball_cannot_kill_what_springs_join() -> None:
+    scenario = {
+        "simulation": {"duration": 1, "dt": 0.01},
+        "particles": [points((0, 2, 0), (1, 2, 0), name="pair")],
+        "springs": [{"on": "pair", "pairs": [[0, 1]], "stiffness": 1.0}],
+        "colliders": [{"type": "plane"}, ball(contact="kill", name="hot")],
+    }
+    with pytest.raises(ps.ScenarioError, match="a sphere cannot kill particles that are joined by springs"):
+        ps.from_table(scenario)
+    assert ps.from_table(scenario, {"colliders.hot.contact": "bounce", "colliders.hot.radius": 0.5})
+    with pytest.raises(ps.ScenarioError, match="unknown group 'pear'"):
+        ps.from_table(scenario, {"colliders.hot.on": ["pear"], "colliders.hot.contact": "bounce"})

@@ -5,8 +5,8 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-Whether a way crosses a collider that is thin enough for it, such as a ball, is seen on the straight line from its beginning to
-its end.
+Whether a way crosses a collider, such as a ball, and comes out of it again is seen on the straight line from its beginning
+to its end.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Simple(NamedTuple):
 class Careful(NamedTuple):
     """Colliders that need more: a time of impact (continuous), or several passes in a corner.
 
-    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach` what
-    gaps are rounded by beside it [m].
+    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach`
+    the size of the numbers beside it that gaps are made of [m].
     """
 
     continuous: tuple[Any, ...]
@@ -170,8 +170,8 @@ def _time_of_impact(
 
 
 def _end(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
-    """When the first impact in (0, h] is sure to have been: h, or where the particle is deepest inside the first collider that
-    it crosses."""
+    """When the first impact in (0, h] is sure to have been: h, or where the particle is deepest inside the first collider
+    that it crosses."""
     if not any(crossable(c) for c in colliders):
         return h
     end = h

@@ -143,10 +143,10 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
         for where, collider in collider_tables(scenario):
             if collider.contact == "kill" and held_back(collider, (first.name, second.name)):
                 yield Invalid(
-                    f"a {collider.type} cannot kill particles that are joined by {what}",
+                    f"a {collider.kind} cannot kill particles that are joined by {what}",
                     (*where, "contact"),
                     ((here, "joined here"),),
-                    hint=f"name the groups that the {collider.type} acts on with on = [...]",
+                    hint=f"name the groups that the {collider.kind} acts on with on = [...]",
                 )
         for place, group in ((path, first), (other, second)):
             reads = [

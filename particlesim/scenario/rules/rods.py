@@ -44,10 +44,11 @@ def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invali
         for where, collider in collider_tables(scenario):
             if collider.contact == "stick" and held_back(collider, names):
                 yield Invalid(
-                    f"a {collider.type} cannot hold on to particles of rods: two that stick might not be a rod's length apart",
+                    f"a {collider.kind} cannot hold on to particles of rods: two that stick might not be a rod's length "
+                    "apart",
                     (*where, "contact"),
                     ((here, "joined here"),),
-                    hint=f"name the groups that the {collider.type} acts on with on = [...], or let them bounce",
+                    hint=f"name the groups that the {collider.kind} acts on with on = [...], or let them bounce",
                 )
 
 
