@@ -14,6 +14,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from particlesim.model.attributes import FURTHER
+
 Record = tuple[Any, ...]
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]  # row by row
@@ -31,7 +33,8 @@ LEAVE = 3
 class Particle(NamedTuple):
     """One particle: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], and the time [s].
 
-    `w` is the inverse mass [1/kg], for integrators: a division less in every step. Laws use the mass.
+    `w` is the inverse mass [1/kg], for integrators: a division less in every step. Laws use the mass. Then
+    come the further attributes of `particlesim.model.attributes`, by their symbols: the charge q [C].
     """
 
     x: float
@@ -45,6 +48,18 @@ class Particle(NamedTuple):
     T: float
     t: float
     w: float = math.nan
+    q: float = 0.0
+
+
+FIRST_FURTHER = Particle._fields.index("w") + 1
+assert Particle._fields[FIRST_FURTHER:] == tuple(each.symbol for each in FURTHER), (
+    "Particle lacks an attribute"
+)
+
+
+def further(p: Any) -> Any:
+    """The further attributes of a particle, in the order of their table."""
+    return p[FIRST_FURTHER:]
 
 
 class Generic(NamedTuple):
@@ -65,7 +80,7 @@ def moved_to(
     p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float, t: float
 ) -> Particle:
     """The particle at another place, velocity and time."""
-    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w)
+    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w, *further(p))
 
 
 def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

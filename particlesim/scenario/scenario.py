@@ -22,6 +22,7 @@ from particlesim.layouts import Layout
 from particlesim.layouts.base import LayoutError
 from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
 from particlesim.layouts.surface import SurfaceFile
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.model.mistakes import Invalid, invalid
 from particlesim.sampling.random_streams import Streams
@@ -221,10 +222,11 @@ class Scenario(Model):
         if self.output.fields is not None:
             return (*self.output.fields, *groups)
         fields = ["velocity"]
-        if any(group.has_radius() for group in self.groups):
-            fields.append("radius")
-        if any(group.temperature is not None for group in self.groups):
-            fields.append("temperature")
+        fields += [
+            name
+            for name, attribute in ATTRIBUTES.items()
+            if attribute.recorded and any(group.has(name) for group in self.groups)
+        ]
         return (*fields, *groups)
 
     @model_validator(mode="after")

@@ -133,7 +133,7 @@ def rod_system(
     )
     rig, order = new_rig(first, second, length, inverse)
     found = RodSystem(members, offset, new_rods(rig, eager=_eager(island), touched=any(island.planes)), order)
-    found.fit(whole.columns(radius=False, thermal=False))
+    found.fit(whole.columns(frozenset()))
     if (bad := found.unheld()) is not None:
         a, b = bad.particles
         raise UsageError(
