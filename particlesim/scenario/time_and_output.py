@@ -58,7 +58,7 @@ class Output(Model):
     every: Annotated[int, Field(ge=1, le=10**15, strict=True)] | None = None
     """Steps between frames, instead of fps. Without any of the three, about 300 frames are kept."""
     fields: tuple[FieldName, ...] | None = None
-    """Quantities beside position and id; velocity, and what particles have of radius, temperature and charge, unless given."""
+    """Quantities beside position and id; velocity, and radius, temperature, charge where there are any, unless given."""
     precision: Literal["single", "double"] = "single"
     """Floating-point numbers in the file."""
     compression: Literal["gzip", "none"] = "gzip"

@@ -32,6 +32,7 @@ from particlesim.laws.registry import (
     velocity,
     velocity_dx,
 )
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import field_docs
 
 H = 1e-3
@@ -117,13 +118,14 @@ def test_forces_that_do_not_need_the_velocity_do_not_read_it(model: Force) -> No
 
 
 @forces
-def test_forces_that_do_not_need_radius_or_temperature_do_not_read_them(model: Force) -> None:
+def test_forces_do_not_read_attributes_that_they_do_not_need(model: Force) -> None:
     record = model.record()
-    for p in PARTICLES:
-        if not model.needs_radius():
-            assert force(record, p) == force(record, p._replace(r=p.r + 1))
-        if not model.needs_temperature():
-            assert force(record, p) == force(record, p._replace(T=p.T + 100))
+    for each in ATTRIBUTES.values():
+        if each.name == "mass" or each.name in model.needs():
+            continue
+        for p in PARTICLES:
+            other = p._replace(**{each.symbol: getattr(p, each.symbol) + 1})
+            assert force(record, p) == force(record, other)
 
 
 @pytest.mark.parametrize("cls", FORCES, ids=lambda c: c.__name__)
