@@ -39,6 +39,7 @@ FIXED = (
     Streams,
     np.dtype,
     str,
+    frozenset,
     type,
     FunctionType,
     BuiltinFunctionType,
@@ -65,7 +66,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Bonds: frozenset(("law", "i", "j", "holes", "table", "begin")),
-    GroupState: frozenset(("parts", *(column.name for column in TABLE))),
+    GroupState: frozenset(column.name for column in TABLE),
     Work: frozenset(("force", "before", "slopes", "pull", "spread")),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The

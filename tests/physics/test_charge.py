@@ -58,7 +58,7 @@ def test_energy_in_an_electric_potential_is_conserved() -> None:
 def test_charges_stay_with_their_particles_when_others_die() -> None:
     # Every particle that a plane kills takes its charge out of the sum; those that stay still have their own.
     ions = points(
-        (0, 0.5, 0), (0, 3, 0), (0, 0.6, 0), (0, 4, 0), velocity=[(0, -1, 0)], charge=[1.0, 2.0, 4.0, 8.0]
+        (0, 0.55, 0), (0, 3, 0), (0, 0.6, 0), (0, 4, 0), velocity=[(0, -1, 0)], charge=[1.0, 2.0, 4.0, 8.0]
     )
     floor = {"normal": [0, 1, 0], "contact": "kill"}
     result = simulate(
