@@ -35,6 +35,7 @@ from particlesim.laws.registry import (
     velocity,
     velocity_dx,
 )
+from particlesim.model.attributes import ATTRIBUTES
 
 H = 1e-3
 """Step of differences [m], [m/s]."""
@@ -142,8 +143,7 @@ def check_jacobian(
 
 
 def check_reads(model: Force, points: Iterable[Particle]) -> None:
-    """The force reads velocity, radius and temperature only if `needs_velocity`, `needs_radius` and `needs_temperature` say
-    so: particles may have none."""
+    """The force reads the velocity only if `needs_velocity` says so, and attributes only if `needs` names them."""
     record = model.record()
     reads_velocity = model.needs_velocity or getattr(model, "reads_velocity", lambda: False)()
     for p in points:
@@ -151,12 +151,10 @@ def check_reads(model: Force, points: Iterable[Particle]) -> None:
         if not reads_velocity:
             same = f == force(record, p._replace(vx=9.0, vy=-9.0, vz=9.0))
             assert same, f"{model.type} reads the velocity: set needs_velocity = True"
-        if not model.needs_radius():
-            same = f == force(record, p._replace(r=p.r + 1))
-            assert same, f"{model.type} reads the radius: override needs_radius"
-        if not model.needs_temperature():
-            same = f == force(record, p._replace(T=p.T + 100))
-            assert same, f"{model.type} reads the temperature: override needs_temperature"
+        for each in ATTRIBUTES.values():
+            if each.name != "mass" and each.name not in model.needs():
+                same = f == force(record, p._replace(**{each.symbol: getattr(p, each.symbol) + 1}))
+                assert same, f"{model.type} reads the {each.name}: `needs` must name it"
 
 
 def check_compiled(record: Any, laws: Sequence[Callable[..., Any]], points: Sequence[Particle]) -> None:

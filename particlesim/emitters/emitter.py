@@ -151,19 +151,15 @@ class Emitter(Group):
         velocity = np.asarray(self.velocity)[:, None] + draw(
             self.speed, streams["speed"], first, count
         ) * self._directions(streams, first, position)
-        mass, radius = self.size(streams, first, count)
-        temperature = None
-        if self.temperature is not None:
-            temperature = draw(self.temperature, streams["temperature"], first, count)
+        given = self.attributes(streams, first, count)
+        attributes = {name: np.broadcast_to(np.asarray(each, float), count) for name, each in given.items()}
         lifetime = np.full(count, np.inf)
         if self.lifetime is not None:
             lifetime = draw(self.lifetime, streams["lifetime"], first, count)
         return Born(
             position,
             velocity,
-            np.broadcast_to(np.asarray(mass, dtype=float), count),
-            np.broadcast_to(np.asarray(radius, dtype=float), count),
-            temperature,
+            attributes,
             lifetime,
         )
 
@@ -193,14 +189,11 @@ class Emitter(Group):
 
 
 class Born(NamedTuple):
-    """New particles: position [m] and velocity [m/s] of shape [3, n]; mass [kg], radius [m], temperature [K] or None,
-    lifetime [s] of shape [n]."""
+    """New particles: position [m] and velocity [m/s] of shape [3, n]; attributes by name and lifetime [s] of shape [n]."""
 
     position: Floats
     velocity: Floats
-    mass: Floats
-    radius: Floats
-    temperature: Floats | None
+    attributes: dict[str, Floats]
     lifetime: Floats
 
 

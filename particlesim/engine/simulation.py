@@ -22,7 +22,7 @@ from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
-from particlesim.scenario.ledger_columns import work_columns
+from particlesim.scenario.ledger_columns import attribute_totals, work_columns
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
 
@@ -145,7 +145,7 @@ class Simulation(World):
         bonds = range(len(self.scenario.forces), len(self._labels))
         potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
         work = work_columns(self.scenario) if self.scenario.output.work else ()
-        return (*MOTION, *potentials, *work)
+        return (*MOTION, *potentials, *attribute_totals(self.scenario), *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -159,6 +159,9 @@ class Simulation(World):
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
+        for name in attribute_totals(self.scenario):
+            attribute = name.partition(".")[0]
+            total[name] = float(sum(state.attribute(attribute).sum(dtype=float) for state in self.states))
         self._energies = [self._island_energies(number, total) for number in range(len(self.islands))]
         self._energies_of = self.step
         for energies in self._energies:

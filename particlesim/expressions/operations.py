@@ -80,6 +80,10 @@ class Temperature(NamedTuple):
     """Temperature."""
 
 
+class Charge(NamedTuple):
+    """Electric charge."""
+
+
 class Time(NamedTuple):
     """Time."""
 
@@ -102,6 +106,8 @@ law(value, Radius)(lambda f, p: p.r)
 law(slope, Radius)(lambda f, p: p.d.r)
 law(value, Temperature)(lambda f, p: p.T)
 law(slope, Temperature)(lambda f, p: p.d.T)
+law(value, Charge)(lambda f, p: p.q)
+law(slope, Charge)(lambda f, p: p.d.q)
 law(value, Time)(lambda f, p: p.t)
 law(slope, Time)(lambda f, p: p.d.t)
 
@@ -116,6 +122,7 @@ VARIABLES: dict[str, Node] = {
     "m": Mass(),
     "r": Radius(),
     "T": Temperature(),
+    "q": Charge(),
 }
 """What an expression may name beside its constants."""
 

@@ -135,8 +135,9 @@ class Drag(Force):
         area = Sphere(math.pi) if self.area is None else Constant(self.area)
         return DragRecord(0.5, rho, c_d, area, tuple(flow.record() for flow in self.flow))
 
-    def needs_radius(self) -> bool:
-        return self.area is None or self.coefficient == "schiller_naumann"
+    def needs(self) -> frozenset[str]:
+        sized = self.area is None or self.coefficient == "schiller_naumann"
+        return frozenset({"radius"} if sized else ())
 
     def kink(self) -> str | None:
         if self.coefficient != "schiller_naumann":

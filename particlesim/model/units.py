@@ -262,6 +262,7 @@ _VISCOSITY = Unit("Pa s", "a dynamic viscosity", "1.8e-2 mPa s")
 _KINEMATIC = Unit("m^2/s", "a circulation or diffusivity", "3 cm^2/s")
 _GRAVITATIONAL = Unit("m^3/s^2", "a gravitational parameter", "398600 km^3/s^2")
 _TEMPERATURE = Unit("K", "a temperature", "20 degC")
+_CHARGE = Unit("C", "an electric charge", "2 uC")
 _ENERGY = Unit("J", "an energy", "3 kJ")
 _ANGULAR_MOMENTUM = Unit("J s", "an angular momentum", "3 kg m^2/s")
 
@@ -292,6 +293,7 @@ SquareMetresPerSecond = Annotated[float, _KINEMATIC]
 CubicMetresPerSecondSquared = Annotated[float, _GRAVITATIONAL]
 Kelvin = Annotated[float, _TEMPERATURE]
 KelvinDifference = Annotated[float, _TEMPERATURE.difference()]
+Coulombs = Annotated[float, _CHARGE]
 Joules = Annotated[float, _ENERGY]
 JouleSeconds = Annotated[float, _ANGULAR_MOMENTUM]
 

@@ -63,7 +63,7 @@ def _fill(
     elif field == "group":
         out[:] = number
     else:
-        out[:] = {"id": state.id, "mass": state.mass, "radius": state.radius}[field][:n]
+        out[:] = state.id[:n] if field == "id" else state.attribute(field)
 
 
 def _interleave(simulation: Simulation, arrays: Array, out: Array, note: Callable[..., None]) -> None:

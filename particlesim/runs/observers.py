@@ -16,6 +16,7 @@ from particlesim.engine.world import rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
 from particlesim.scenario.scenario import Scenario
@@ -33,9 +34,7 @@ SAME_TIME = 1e-9
 _COLUMNS = {
     **{axis: f"position.{axis}" for axis in AXES},
     **{f"v{axis}": f"velocity.{axis}" for axis in AXES},
-    "m": "mass",
-    "r": "radius",
-    "T": "temperature",
+    **{each.symbol: each.name for each in ATTRIBUTES.values()},
 }
 _NAMES = {type(node): name for name, node in VARIABLES.items()}
 

@@ -8,6 +8,7 @@ from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import KILL, has_law, potential
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.scenario.reach import acts_on, held_back
 from particlesim.scenario.tables import Tables
 
@@ -25,8 +26,15 @@ def totals(scenario: Tables) -> tuple[str, ...]:
         *(["broken"] if broken else []),
         *(f"broken.{name}" for name in broken),
         *(f"potential.{label}" for label in stored),
+        *attribute_totals(scenario),
         *(booked(scenario) if scenario.output.work else ()),
     )
+
+
+def attribute_totals(scenario: Tables) -> tuple[str, ...]:
+    """Sums of attributes over all particles, such as "charge.total", where some particle may have them."""
+    summed = (each.name for each in ATTRIBUTES.values() if each.total)
+    return tuple(f"{name}.total" for name in summed if any(group.may_have(name) for group in scenario.groups))
 
 
 def booked(scenario: Tables) -> tuple[str, ...]:

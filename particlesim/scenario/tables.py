@@ -16,6 +16,7 @@ from particlesim.forces import AnyForce
 from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
@@ -127,10 +128,11 @@ class Tables(Model):
         if self.output.fields is not None:
             return (*self.output.fields, *groups)
         fields = ["velocity"]
-        if any(group.has_radius() for group in self.groups):
-            fields.append("radius")
-        if any(group.temperature is not None for group in self.groups):
-            fields.append("temperature")
+        fields += [
+            name
+            for name, attribute in ATTRIBUTES.items()
+            if attribute.recorded and any(group.has(name) for group in self.groups)
+        ]
         return (*fields, *groups)
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
 from particlesim.integrators import AnyIntegrator
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Hertz, Seconds
 
-FieldName = Literal["velocity", "speed", "acceleration", "force", "mass", "radius", "temperature", "age"]
+if TYPE_CHECKING:
+    FieldName = str
+else:
+    FieldName = Literal[("velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")]
 
 
 class Simulation(Model):
@@ -54,7 +58,7 @@ class Output(Model):
     every: Annotated[int, Field(ge=1, le=10**15, strict=True)] | None = None
     """Steps between frames, instead of fps. Without any of the three, about 300 frames are kept."""
     fields: tuple[FieldName, ...] | None = None
-    """Quantities beside position and id; velocity, and radius and temperature where particles have them, unless given."""
+    """Quantities beside position and id; velocity, and radius, temperature, charge where there are any, unless given."""
     precision: Literal["single", "double"] = "single"
     """Floating-point numbers in the file."""
     compression: Literal["gzip", "none"] = "gzip"

@@ -114,6 +114,7 @@ EXPRESSIONS: tuple[str, ...] = (
     "-x * y / (z + 4)",
     "vx*vy + vz - m*r",
     "T/300 + t",
+    "q*vy - sin(q)*x",
     "x**2",
     "(x + 3)**1.7",
     "(x + 3)**y",

@@ -135,7 +135,7 @@ def rod_system(
     found = RodSystem(
         members, offset, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order
     )
-    found.fit(whole.columns(radius=False, thermal=False))
+    found.fit(whole.columns(frozenset()))
     if (bad := found.unheld()) is not None:
         a, b = bad.particles
         raise UsageError(

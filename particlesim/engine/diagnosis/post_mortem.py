@@ -20,7 +20,7 @@ from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.stability.limits import advice
 from particlesim.engine.stability.linearised import IslandModel
-from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.columns import Columns, fetch
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
 from particlesim.engine.world import World
 from particlesim.errors import DivergenceError, PostMortem
@@ -232,14 +232,7 @@ def _speeds(c: Columns) -> NDArray[np.float64]:
 
 def _particle(c: Columns, i: int, time: float) -> Particle:
     """Particle i of columns, in plain Python."""
-    heat = 0.0
-    if c.thermal is not None:
-        excess = (c.thermal.start[i] - c.thermal.ambient) * math.exp(
-            -c.thermal.rate * (time - c.thermal.birth[i])
-        )
-        heat = float(c.thermal.ambient + excess)
-    x, y, z, vx, vy, vz, m = (float(column[i]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m))
-    return Particle(x, y, z, vx, vy, vz, m, 0.0 if c.r is None else float(c.r[i]), heat, time, 1 / m)
+    return Particle(*map(float, fetch(c, i, time)))
 
 
 def _report(

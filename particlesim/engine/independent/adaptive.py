@@ -20,11 +20,8 @@ from particlesim.engine.independent.active_set import (
     BEYOND,
     DESK,
     ERROR,
-    INVERSE,
-    MASS,
     NOW,
     PREVIOUS,
-    RADIUS,
     SLOPE,
     STATE,
     STEP,
@@ -32,6 +29,7 @@ from particlesim.engine.independent.active_set import (
     TAKEN,
     TRIES,
     at,
+    bring_attributes,
     bring_heat,
     leave,
     move,
@@ -170,7 +168,7 @@ def sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Any:
             bring_heat(c.thermal, i, d.clock, n)
             p = fetch(c, i, begin)
             put(d, n, STATE, p)
-            d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
+            bring_attributes(d, n, p)
             n += 1
     for k in range(n):
         slope_here(program, d, k)

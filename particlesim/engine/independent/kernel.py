@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 import particlesim.engine.step.newton  # noqa: F401
 from particlesim.compiler import kernel
 from particlesim.engine.state.columns import (
-    KEPT,
     Columns,
     block_of,
+    changing,
     chosen,
     fetch,
     fetch_known,
@@ -92,7 +92,7 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 
 
 class Room(NamedTuple):
-    """What a thread remembers of a block: its state at the beginning [KEPT, block], marks and inverse masses [block]."""
+    """What a thread remembers of a block: its state at the beginning as `keep` has it, marks and inverse masses [block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.bool_]
@@ -101,7 +101,9 @@ class Room(NamedTuple):
 
 def new_room(columns: Columns, block: int) -> Room:
     """Room for a block of some columns."""
-    return Room(np.empty((KEPT, block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype))
+    return Room(
+        np.empty((len(changing(columns)), block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype)
+    )
 
 
 @kernel

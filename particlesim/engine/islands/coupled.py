@@ -31,13 +31,12 @@ from particlesim.engine.interactions.elements import (
 )
 from particlesim.engine.islands.independent import (
     OWN_STEPS,
-    copied,
-    group_uses_radius,
+    attributes_read,
     shortest_step,
 )
 from particlesim.engine.ledger.particle_work import Opened, SpringBooks, spans, stages
 from particlesim.engine.ledger.work import Books, moved
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Columns, block_of, changing, copied, replaced
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
@@ -80,10 +79,11 @@ class CoupledIsland:
             self._staged, self._step = staged(self._method, apart=bool(island.rods)), step_island
         bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
         self._bounds = bounds
-        self._radius = any(
-            group_uses_radius(island.forces[k], island.colliders[k], g) for k, g in enumerate(island.groups)
+        read = (
+            attributes_read(*each)
+            for each in zip(island.forces, island.colliders, island.groups, strict=True)
         )
-        self._thermal = any(force.needs_temperature() for forces in island.forces for force in forces)
+        self._read = frozenset[str]().union(*read)
         self.parts = tuple(
             as_precision(
                 Part(
@@ -137,8 +137,7 @@ class CoupledIsland:
             total,
             dtype=first.dtype,
             memory=len(first.memory),
-            clocked=any(state.clocked for state in states),
-            warm=any(state.warm for state in states),
+            parts=frozenset[str]().union(*(state.parts for state in states)),
         )
         whole.count = total
         if whole.clocked:
@@ -313,7 +312,7 @@ class CoupledIsland:
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
-        return self._all.columns(radius=self._radius, thermal=self._thermal)
+        return self._all.columns(self._read)
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
@@ -458,7 +457,7 @@ class CoupledIsland:
 
     def _cut(self, whole: Columns) -> list[Columns]:
         """Columns of the island cut into those of its groups."""
-        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+        return [block_of(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def _forces_in(
         self, columns: Columns, bonds: tuple[Bonds, ...], time: float, *, corners: bool = True
@@ -550,7 +549,7 @@ def _lopsided(island: Island, states: Sequence[GroupState]) -> bool:
 
 def _changing(c: Columns, bonds: Sequence[Bonds]) -> list[NDArray[Any]]:
     """All that steps change: motion, what methods remember, clocks, and bonds that can break."""
-    arrays = [c.x, c.y, c.z, c.vx, c.vy, c.vz, *c.memory, *(c.clock or ())]
+    arrays = list(changing(c))
     for bond in bonds:
         if bond.breaking is not None:
             arrays += [bond.k, bond.c, bond.breaking.when]
@@ -562,28 +561,11 @@ def _with(
 ) -> tuple[Columns, tuple[Bonds, ...]]:
     """Columns and bonds made of other arrays, in the order of `_changing`."""
     rest = iter(arrays)
-    motion = {name: next(rest) for name in ("x", "y", "z", "vx", "vy", "vz")}
-    memory = tuple(next(rest) for _ in c.memory)
-    clock = None if c.clock is None else Clock(*(next(rest) for _ in c.clock))
+    columns = replaced(c, rest)
     made = []
     for bond in bonds:
         if bond.breaking is not None:
             k, damping, when = (next(rest) for _ in range(3))
             bond = bond._replace(k=k, c=damping, breaking=bond.breaking._replace(when=when))
         made.append(bond)
-    return c._replace(**motion, memory=memory, clock=clock), tuple(made)
-
-
-def _stretch(c: Columns, a: int, b: int) -> Columns:
-    """Rows [a, b) of columns."""
-    clock = None if c.clock is None else Clock(*(column[a:b] for column in c.clock))
-    heat = c.thermal
-    if heat is not None:
-        heat = Thermal(heat.start[a:b], heat.birth[a:b], heat.rate, heat.ambient)
-    return c._replace(
-        **{name: getattr(c, name)[a:b] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
-        r=None if c.r is None else c.r[a:b],
-        thermal=heat,
-        clock=clock,
-        memory=tuple(column[a:b] for column in c.memory),
-    )
+    return columns, tuple(made)

@@ -17,7 +17,7 @@ from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.ledger.work import Books
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.newton import unsolved
@@ -28,7 +28,6 @@ from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
-from particlesim.layouts.file import File
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 
@@ -70,10 +69,7 @@ class IndependentIsland:
         self.group = group
         self.dt = scenario.grid.dt
         self.program: Program = group_program(island, forces, colliders, group, state.dtype)
-        self._columns_of = {
-            "radius": group_uses_radius(forces, colliders, group),
-            "thermal": any(force.needs_temperature() for force in forces),
-        }
+        self._read = attributes_read(forces, colliders, group)
         self._block = block
         self._method = island.method
         self._adaptive = island.method.adaptive
@@ -90,7 +86,7 @@ class IndependentIsland:
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
-        return [self.state.columns(**self._columns_of)]
+        return [self.state.columns(self._read)]
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
@@ -149,11 +145,8 @@ class IndependentIsland:
             if taken <= self._room:
                 break
             self._room = taken + taken // 4
-            for name in ("x", "y", "z", "vx", "vy", "vz", "memory", "clock"):
-                for mine, kept in zip(
-                    _arrays(getattr(columns, name)), _arrays(getattr(opened.columns, name)), strict=True
-                ):
-                    mine[part] = kept[part]
+            for mine, kept in zip(changing(columns), changing(opened.columns), strict=True):
+                mine[part] = kept[part]
         if self._booking is None or faults.any() or not taken:
             return
         assert isinstance(self._method, EmbeddedRungeKutta)
@@ -262,25 +255,7 @@ class IndependentIsland:
 
 def snapshot(c: Columns, part: slice) -> Columns:
     """Some rows of columns; what steps change is copied."""
-    clock = None if c.clock is None else Clock(*(column[part].copy() for column in c.clock))
-    heat = c.thermal
-    if heat is not None:
-        heat = Thermal(heat.start[part], heat.birth[part], heat.rate, heat.ambient)
-    return c._replace(
-        **{name: getattr(c, name)[part].copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        m=c.m[part],
-        r=None if c.r is None else c.r[part],
-        thermal=heat,
-        clock=clock,
-        memory=tuple(column[part].copy() for column in c.memory),
-    )
-
-
-def _arrays(columns: Any) -> tuple[NDArray[Any], ...]:
-    """A column, or those of a tuple; none of None."""
-    if columns is None:
-        return ()
-    return columns if isinstance(columns, tuple) else (columns,)
+    return copied(block_of(c, part.start, part.stop))
 
 
 class Source:
@@ -319,18 +294,15 @@ class Source:
         born = self.emitter.births(self.streams, first, times)
         state.x[:, new] = born.position
         state.v[:, new] = born.velocity
-        state.mass[new] = born.mass
-        if self.emitter.has_radius():
-            state.radius[new] = born.radius
+        for name, values in born.attributes.items():
+            state.assign(name, new, values)
         state.id[new] = ids
         state.birth[new] = state.start[new] = times
         state.outcome[new] = 0
-        for column in state.memory:
-            column[new] = 0
+        state.memory[:, new] = 0
         stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
-        if born.temperature is not None:
-            state.heat[new] = born.temperature
-            cold = times + self._cooling_time(born.temperature)
+        if "temperature" in born.attributes:
+            cold = times + self._cooling_time(born.attributes["temperature"])
             cause[cold < stop] = COLD
             stop = np.minimum(stop, cold)
         state.stop[new], state.cause[new] = stop, cause
@@ -364,18 +336,8 @@ def shortest_step(method: Method, time: float) -> float:
     return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
-def copied(c: Columns) -> Columns:
-    """Columns with all that a step changes copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
-        clock=None if c.clock is None else Clock(*(column.copy() for column in c.clock)),
-    )
-
-
-def group_uses_radius(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> bool:
-    """Whether a kernel must read the radii of a group: a law does, or colliders hold back particles that have a size."""
-    from_file = isinstance(group, Particles) and isinstance(group.layout, File)
-    return any(force.needs_radius() for force in forces) or (
-        bool(colliders) and (group.has_radius() or from_file)
-    )
+def attributes_read(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> frozenset[str]:
+    """Attributes of a group that a kernel must read: those of its laws, and radii where colliders hold back particles that
+    have a size."""
+    read = frozenset[str]().union(*(force.needs() for force in forces))
+    return read | {"radius"} if colliders and group.may_have("radius") else read

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from particlesim.checks.check import Check, Initial
 from particlesim.checks.quantities import FIELD_QUANTITIES, VECTOR_FIELDS
 from particlesim.emitters import Emitter
-from particlesim.expressions.operations import Temperature
-from particlesim.expressions.parser import reads
+from particlesim.expressions.parser import attributes_read, reads
 from particlesim.groups.group import Group
+from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.ledger_columns import booked, totals
@@ -60,8 +60,8 @@ def _quantity(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:
     if name in known:
         yield from _total(check, k)
     looked = [group for group in scenario.groups if check.group in (None, group.name)]
-    if name == "temperature" and looked and all(group.temperature is None for group in looked):
-        yield Invalid("no particle here has a temperature", (*at, "quantity"))
+    if name in OPTIONAL and looked and not any(group.may_have(name) for group in looked):
+        yield Invalid(f"no particle here has a {name}", (*at, "quantity"))
     if check.expression is not None:
         yield from _expression(check, k, looked)
     if check.reference is not None:
@@ -91,8 +91,9 @@ def _expression(check: Check, k: int, looked: list[Group]) -> Iterator[Invalid]:
                 at,
                 hint="name a group of [[particles]] with group",
             )
-        if group.temperature is None and reads(node, Temperature):
-            yield Invalid(f"the particles of {group.name!r} have no temperature", at)
+        for name in sorted(attributes_read([node]) & OPTIONAL):
+            if not group.may_have(name):
+                yield Invalid(f"the particles of {group.name!r} have no {name}", at)
 
 
 def _reference(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:

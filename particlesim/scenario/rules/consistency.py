@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from particlesim.emitters import Schedule
-from particlesim.groups.group import Particles
-from particlesim.layouts.file import File
+from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, group_tables, unfelt
@@ -86,24 +85,18 @@ def needs(scenario: Tables) -> Iterator[Invalid]:
                 )
             if not acts_on(force, group):
                 continue
-            from_file = isinstance(group, Particles) and isinstance(group.layout, File)
-            if force.needs_radius() and not group.has_radius() and not from_file:
-                yield Invalid(
-                    f"{force.label} needs a radius, and the particles of {group.name!r} have none",
-                    ("forces", k),
-                    ((path, "no radius here"),),
-                    hint="give the group a radius, or name the groups of this force with on = [...]",
-                )
-            if force.needs_temperature() and group.temperature is None and not from_file:
-                yield Invalid(
-                    f"{force.label} needs a temperature, and the particles of {group.name!r} have none",
-                    ("forces", k),
-                    ((path, "no temperature here"),),
-                )
+            for name in sorted(force.needs()):
+                if not group.may_have(name):
+                    yield Invalid(
+                        f"{force.label} needs a {name}, and the particles of {group.name!r} have none",
+                        ("forces", k),
+                        ((path, f"no {name} here"),),
+                        hint=f"give the group a {name}, or name the groups of this force with on = [...]",
+                    )
     if scenario.output.fields is not None:
         for j, name in enumerate(scenario.output.fields):
-            if name == "temperature" and all(group.temperature is None for group in scenario.groups):
-                yield Invalid("no particle has a temperature", ("output", "fields", j))
+            if name in OPTIONAL and not any(group.may_have(name) for group in scenario.groups):
+                yield Invalid(f"no particle has a {name}", ("output", "fields", j))
 
 
 def times(scenario: Tables) -> Iterator[Invalid]:

@@ -150,7 +150,7 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
                 )
         for place, group in ((path, first), (other, second)):
             reads = [
-                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+                force for force in scenario.forces if acts_on(force, group) and "temperature" in force.needs()
             ]
             if group.cooling is not None and reads:
                 yield Invalid(
