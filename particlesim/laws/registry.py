@@ -255,7 +255,7 @@ def surface(c: Any, p: Particle) -> Vector:
 def passing(c: Any, p: Particle, q: Particle) -> float:
     """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two
     legal places may cross."""
-    return GENERICS[passing].laws[type(c)](c, p, q)  # type: ignore[no-any-return]
+    return GENERICS[passing].laws[type(c)](c, p, q)
 
 
 @generic(0)
