@@ -63,7 +63,7 @@ class Collider(Model):
         raise NotImplementedError
 
     def reach(self) -> float:
-        """Size of the numbers that its gap is the difference of, beside the particle's place [m]: this decides its rounding."""
+        """Size of the numbers beside the particle's place [m] that its gap is the difference of."""
         raise NotImplementedError
 
     def describe(self) -> str:

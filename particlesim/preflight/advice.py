@@ -74,9 +74,9 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
     in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
-        f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the {each.kind} "
-        "touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model of impacts, not of "
-        "friction, which psim does not have"
+        f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the "
+        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
+        "of impacts, not of friction, which psim does not have"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
         and each.tangential_loss > 0

@@ -80,8 +80,8 @@ def misplaced(world: World) -> tuple[str, ...]:
             name = collider.name or ".".join(map(str, where))
             found.append(
                 f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside {collider.kind} {name}, "
-                f"the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
-                "which changes their energy"
+                f"the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its "
+                "surface, which changes their energy"
             )
     return tuple(found)
 

@@ -33,7 +33,7 @@ def ball(**options: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("dt", [0.005, 0.25, 3.0])
 def test_an_impact_mirrors_the_velocity_at_its_exact_time(e: float, dt: float) -> None:
     # Along x at height b = 0.6 R' towards a ball at the origin, R' = R + r = 1.25: it touches where x = −0.8 R', and the
-    # normal is (−0.8, 0.6). v' = v − (1 + e)(v·n) n with v·n = −0.8 v. The last step of 3 s flies through the ball and out again.
+    # normal is (−0.8, 0.6). v' = v − (1 + e)(v·n) n with v·n = −0.8 v. The step of 3 s flies through the ball.
     reach, speed, loss = 1.25, 2.0, 0.25
     hit = np.array([-0.8, 0.6, 0]) * reach
     final = simulate(

@@ -43,7 +43,8 @@ class Balls:
 @dataclass(frozen=True)
 class Cast:
     """A frame's particles and then its balls, surfaces and tubes: `world` [scene units], `sphere` (camera axes and drawn
-    radius), palette index, which particles are not drawn, which triangles are whole; boxes: the samples that each may touch."""
+    radius), palette index, which particles are not drawn, which triangles are whole; boxes: the samples that each may
+    touch."""
 
     world: Array
     sphere: Array
