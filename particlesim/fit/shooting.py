@@ -14,21 +14,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.predict import hermite
 from particlesim.groups.group import Particles
 from particlesim.layouts.points import Points
+from particlesim.model.arrays import Floats
 from particlesim.model.spelling import did_you_mean
 from particlesim.model.vectors import unit
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.overrides import Override, overrides_from_mapping
 from particlesim.scenario.text.source import Source
-
-Floats = NDArray[np.float64]
 
 ANGLES = np.radians(np.arange(-181.0, 182.0, 2.0))
 """Directions that are tried first, from ahead over up: the whole circle, since wind can turn a shot round."""

@@ -16,6 +16,7 @@ from particlesim.engine.world import rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads
+from particlesim.model.arrays import Floats
 from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
 from particlesim.scenario.scenario import Scenario
@@ -23,8 +24,6 @@ from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory import reader
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
-
-Floats = NDArray[np.float64]
 
 MOST_NAMED = 3
 """Lost particles that a message names."""

@@ -13,10 +13,8 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from particlesim.model.arrays import Floats, Ints
 from particlesim.trajectory.hdf5 import entries
-
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 

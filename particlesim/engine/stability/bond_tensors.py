@@ -12,13 +12,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.bonds import StringRecord, StrutRecord
 from particlesim.engine.interactions.bonds import Bonds
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from particlesim.model.arrays import Floats, Ints
 
 LANCZOS = 48
 """Steps of the iteration for extreme modes."""

@@ -26,9 +26,9 @@ from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group
 from particlesim.integrators.regions import Linear, has_function
 from particlesim.laws.registry import Particle, evaluate, force, force_dv, force_dx, velocity_dx
+from particlesim.model.arrays import Floats
 from particlesim.scenario.scenario import Scenario
 
-Floats = NDArray[np.float64]
 AnyIsland = IndependentIsland | CoupledIsland
 
 SAMPLE = 24
