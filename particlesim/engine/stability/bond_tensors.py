@@ -12,10 +12,13 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.bonds import StringRecord, StrutRecord
 from particlesim.engine.interactions.bonds import Bonds
-from particlesim.model.arrays import Floats, Ints
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 LANCZOS = 48
 """Steps of the iteration for extreme modes."""

@@ -14,12 +14,15 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.bonds.hinge import angles_at, wrapped
 from particlesim.engine.interactions.elements import AngleColumns, Corners, TriangleColumns
 from particlesim.forces.sheet_drag import Triangle
 from particlesim.laws.registry import Particle, hinge_moment, hinge_stiffness, triangle_force_dv
-from particlesim.model.arrays import Floats, Ints
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 LOOKED_AT = 2_000
 """Triangles whose drag is looked at, evenly spread; the others count as the one before them does, by their area."""

@@ -17,17 +17,19 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.stability.bond_tensors import Coupling, Tensors, bound, extreme_modes, tensors
 from particlesim.engine.stability.element_tensors import corner_tensors
 from particlesim.engine.stability.rod_modes import directions, free_motions, pulls
 from particlesim.engine.state.group_state import GroupState
-from particlesim.engine.world import AnyIsland
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group
 from particlesim.integrators.regions import Linear, has_function
 from particlesim.laws.registry import Particle, evaluate, force, force_dv, force_dx, velocity_dx
-from particlesim.model.arrays import Floats
 from particlesim.scenario.scenario import Scenario
+
+Floats = NDArray[np.float64]
+AnyIsland = IndependentIsland | CoupledIsland
 
 SAMPLE = 24
 """Particles of a group that are looked at: the extreme ones, and others evenly spread."""
