@@ -1,6 +1,6 @@
 """The largest stable step of a world at its present state: of every island, by force and with all forces together.
 
-What decides are the modes of the linearised island (`engine.linear`) and the stability region of its method
+What decides are the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
 (`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
 """
 
