@@ -37,7 +37,7 @@ from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.time_and_output import Output, Simulation
+from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 TARGET = Path(__file__).with_name("scenario.md")
 TEXTS = Path(__file__).with_name("reference")
@@ -59,7 +59,7 @@ def parts() -> Iterator[str]:
     yield summary(Scenario) + "\n\n" + table(Scenario)
     yield "## `[simulation]`"
     yield prose("simulation")
-    yield table(Simulation)
+    yield table(SimulationSettings)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()

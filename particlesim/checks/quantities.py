@@ -39,7 +39,7 @@ TOTALS = (
     *MOTION,
     *(name for vector in VECTORS for name in (vector, *(f"{vector}.{axis}" for axis in AXES))),
 )
-"""Quantities that every simulation has; `scenario.totals` knows those that a scenario adds."""
+"""Quantities that every simulation has; `scenario.ledger_columns` knows those that a scenario adds."""
 
 VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from particlesim.groups.group import Group
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
@@ -18,8 +18,6 @@ from particlesim.model.vectors import perpendicular, unit
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import AnyShape
-
-Floats = NDArray[np.float64]
 
 
 class Burst(Model):

@@ -15,15 +15,13 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter IX.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.integrators import METHODS
-
-Floats = NDArray[np.float64]
+from particlesim.model.arrays import Floats
 
 LEAPFROGS = ("velocity_verlet", "stormer_verlet")
 

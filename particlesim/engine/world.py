@@ -23,8 +23,6 @@ from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
-AnyIsland = IndependentIsland | CoupledIsland
-
 
 class World:
     """The particles of a scenario at one time, at first as they are laid out.
@@ -43,7 +41,7 @@ class World:
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
 
-    def _populate(self, block: int | None) -> list[AnyIsland]:
+    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
         states: dict[str, GroupState] = {}
         first_id = 0
@@ -55,7 +53,7 @@ class World:
             state = states[group.name]
             state.id[: state.count] += first_id
             first_id += state.count
-        islands: list[AnyIsland] = []
+        islands: list[IndependentIsland | CoupledIsland] = []
         for island in self.graph.islands:
             if island.coupled:
                 islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))

@@ -11,7 +11,7 @@ import numpy as np
 
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.fit.shooting import CLOSE, Hit, Range
+from particlesim.fit.shooting import CLOSE, FiringRange, Hit
 from particlesim.laws.registry import Particle, gap, normal
 from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides
@@ -54,7 +54,7 @@ def aim(
     when the group is not one particle at a point that flies, and when the target is out of range.
     """
     path = Path(scenario)
-    range_ = Range(read_source(path), parse_overrides(overrides), path.resolve().parent, group, target)
+    range_ = FiringRange(read_source(path), parse_overrides(overrides), path.resolve().parent, group, target)
     with held_signals() as signals:
         survey = range_.survey(signals.check)
         hits = _hits(range_, survey.guesses(), signals.check)
@@ -66,7 +66,7 @@ def aim(
 
 
 def _hits(
-    range_: Range, guesses: Iterable[tuple[float, float, float]], check: Callable[[], None]
+    range_: FiringRange, guesses: Iterable[tuple[float, float, float]], check: Callable[[], None]
 ) -> list[Hit]:
     """One hit for each direction, the earliest."""
     found: list[Hit] = []
@@ -83,7 +83,7 @@ def _hits(
     return found
 
 
-def _shot(range_: Range, hit: Hit) -> Shot:
+def _shot(range_: FiringRange, hit: Hit) -> Shot:
     ahead, left, up = (float(hit.direction @ axis) for axis in (range_.ahead, range_.left, range_.up))
     level = math.hypot(ahead, left)
     x, y, z = (range_.speed * hit.direction).tolist()
@@ -97,7 +97,7 @@ def _shot(range_: Range, hit: Hit) -> Shot:
     )
 
 
-def _unreachable(range_: Range, group: str, nearest: float) -> UsageError:
+def _unreachable(range_: FiringRange, group: str, nearest: float) -> UsageError:
     """Why nothing hits: a collider keeps the particle away, or it does not fly far enough."""
     world = World(range_.typical)
     radius = float(next(state.radius[0] for state in world.states if state.name == group))

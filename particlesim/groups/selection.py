@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from pydantic import Field, StringConstraints
 
 from particlesim.layouts import Layout
+from particlesim.model.arrays import Ints
 from particlesim.model.mistakes import Invalid
 from particlesim.model.spelling import did_you_mean
 from particlesim.model.variants import Tagged
 from particlesim.sampling.shapes import Ball, Box, Shape, Shell
 
-Ints = NDArray[np.int64]
 Path = tuple[str | int, ...]
 
 Index = Annotated[int, Field(ge=0, strict=True)]

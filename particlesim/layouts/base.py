@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from pydantic import StringConstraints
 
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.sampling.random_streams import Streams
-
-Floats = NDArray[np.float64]
 
 Line = Annotated[str, StringConstraints(pattern=r"^(row|column) -?[0-9]{1,9}$")]
 """A row or a column of a layout that is a grid; negative numbers count from the end."""

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, StringConstraints
 
 from particlesim.errors import UsageError
-from particlesim.layouts.base import CHUNK, Floats, Layout, LayoutError, Placed
+from particlesim.layouts.base import CHUNK, Layout, LayoutError, Placed
 from particlesim.layouts.csv_file import line_of, read_csv
 from particlesim.layouts.input_file import check_regular, require_memory
 from particlesim.layouts.npy_file import open_npy
 from particlesim.layouts.table import Columns, Table
+from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Name
 from particlesim.model.spelling import did_you_mean

@@ -286,7 +286,6 @@ Newtons = Annotated[float, _FORCE]
 NewtonSeconds = Annotated[float, _IMPULSE]
 NewtonsPerMetre = Annotated[float, _STIFFNESS]
 KilogramsPerSecond = Annotated[float, _MASS_RATE]
-NewtonSecondsPerMetre = KilogramsPerSecond
 Pascals = Annotated[float, _PRESSURE]
 PascalSeconds = Annotated[float, _VISCOSITY]
 SquareMetresPerSecond = Annotated[float, _KINEMATIC]

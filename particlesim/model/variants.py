@@ -40,7 +40,8 @@ class Tagged:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        return handler(self._whole.core_schema)
+        own = schema["type"] in ("function-plain", "function-wrap")  # else of an outer mark, which has a larger union
+        return handler(self._whole.core_schema if own else schema)
 
     @cached_property
     def _whole(self) -> TypeAdapter[Any]:

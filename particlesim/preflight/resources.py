@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import RungeKutta, method_for
 from particlesim.memory import available_memory
+from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.sampling.distributions import largest
 from particlesim.scenario.scenario import Scenario
@@ -21,8 +21,6 @@ from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
 from particlesim.trajectory.fields import FIELDS, select_fields
 from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
-
-Floats = NDArray[np.float64]
 
 ANYWAY = "if you know better, --yes (must_fit=False) runs it anyway"
 BASE_MEMORY = 192 << 20

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Log:
+class RunLog:
     """Times and ledger rows of the frames so far, counts of births and deaths."""
 
     times: list[float] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Course:
         max_wall: float | None = None,
     ) -> None:
         self.simulation, self.checks, self.writer, self.keeper = simulation, checks, writer, keeper
-        self.watch, self.log = Watch(simulation.scenario), Log()
+        self.watch, self.log = Watch(simulation.scenario), RunLog()
         self._signals, self._progress, self._max_wall = signals, progress, max_wall
         self._began = time.perf_counter()
         self._compiled = compiling_seconds()
@@ -79,7 +79,7 @@ class Course:
     def resume(self, found: Resumption) -> None:
         """Take over what the run had before; its simulation has been restored, and its checks too."""
         facts = found.facts
-        self.log = Log(list(found.times), list(found.rows), int(facts["born"]), dict(facts["died"]))
+        self.log = RunLog(list(found.times), list(found.rows), int(facts["born"]), dict(facts["died"]))
         self.watch.restore(facts["watch"])
         self._before = float(facts["seconds"])
 

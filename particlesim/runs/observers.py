@@ -16,6 +16,7 @@ from particlesim.engine.world import rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads
+from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
@@ -23,8 +24,6 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
-
-Floats = NDArray[np.float64]
 
 MOST_NAMED = 3
 """Lost particles that a message names."""

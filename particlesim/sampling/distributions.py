@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Uni
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Number, Unit
 from particlesim.model.variants import Tagged
 from particlesim.sampling.random_streams import Stream
 
-Floats = NDArray[np.float64]
 Q = TypeVar("Q")
 D = TypeVar("D")
 

@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 from pydantic import field_validator, model_validator
 
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Vector
@@ -16,7 +17,6 @@ from particlesim.model.variants import Tagged
 from particlesim.model.vectors import perpendicular, unit
 from particlesim.sampling.random_streams import Streams
 
-Floats = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 

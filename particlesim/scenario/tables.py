@@ -20,7 +20,7 @@ from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
-from particlesim.scenario.time_and_output import Output, Simulation
+from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 
 class Tables(Model):
@@ -32,7 +32,7 @@ class Tables(Model):
     """A line that names the scene, for summaries and videos."""
     description: Prose = ""
     """What the scene shows."""
-    simulation: Simulation
+    simulation: SimulationSettings
     """Time, method, seed and precision."""
     output: Output = Output()
     """Which moments and which quantities go to the trajectory."""

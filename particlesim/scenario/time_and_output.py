@@ -19,7 +19,7 @@ else:
     FieldName = Literal[("velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")]
 
 
-class Simulation(Model):
+class SimulationSettings(Model):
     """Time, method, seed and precision."""
 
     duration: Annotated[Seconds, Gt(0)]
@@ -36,7 +36,7 @@ class Simulation(Model):
     """Floating-point numbers of the state: 64 bits, or 32 bits for half the memory and more speed."""
 
     @model_validator(mode="after")
-    def _one_step(self) -> Simulation:
+    def _one_step(self) -> SimulationSettings:
         if self.dt is None and self.substeps is None:
             raise invalid("needs a step", allowed="dt = 0.001 (seconds), or substeps = 16 (steps per frame)")
         if self.dt is not None and self.substeps is not None:

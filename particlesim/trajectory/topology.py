@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from particlesim.model.arrays import Floats, Ints
+
 if TYPE_CHECKING:
     import h5py
-
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 

@@ -7,17 +7,14 @@ from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.bonds import RodSet
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.scenario import Scenario
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

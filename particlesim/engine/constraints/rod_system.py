@@ -22,10 +22,9 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
 from particlesim.forces.field import Field
 from particlesim.graph.graph import Island
+from particlesim.model.arrays import Ints
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
-
-Ints = NDArray[np.int64]
 
 
 class RodSystem:

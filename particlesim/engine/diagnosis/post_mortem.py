@@ -18,7 +18,7 @@ from particlesim.engine.diagnosis.undefined_paths import astray
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
-from particlesim.engine.stability.limits import advice
+from particlesim.engine.stability.limits import remedy
 from particlesim.engine.stability.linearised import IslandModel
 from particlesim.engine.state.columns import Columns, fetch
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
@@ -274,7 +274,7 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
-        hint += f": {advice(stable, rods=bool(world.graph.islands[number].rods))}"
+        hint += f": {remedy(stable, rods=bool(world.graph.islands[number].rods))}"
     return DivergenceError(message, hint, found)
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.bonds.hinge import angle_gradient, dihedral_gradient, wrapped
 from particlesim.bonds.spring import Pair
@@ -19,9 +18,8 @@ from particlesim.engine.world import World
 from particlesim.forces.sheet_drag import Triangle
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import Particle, bond_force, evaluate, force, hinge_moment, triangle_force
+from particlesim.model.arrays import Floats
 from particlesim.scenario.reach import acts_on
-
-Floats = NDArray[np.float64]
 
 
 def strongest(

@@ -34,20 +34,15 @@ from particlesim.engine.implicit.krylov import (
 from particlesim.engine.implicit.linear_system import linearise
 from particlesim.engine.interactions.elements import TriangleColumns
 from particlesim.engine.state.columns import fetch, recall, span, type_of
+from particlesim.engine.step.newton import GROWTH, HALVINGS, ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
 from particlesim.laws.registry import velocity
 
 GOING = -1
 """A solution is still looked for."""
-ROUNDING = 8
-"""Residuals of this many rounding errors of positions and velocities count as zero."""
 FORCING = 1e-2
 """How far the linear solve of a Newton iteration reduces the residual."""
-GROWTH = 4.0
-"""Growth of the residual in an iteration beyond which half of the change is taken back."""
-HALVINGS = 6
-"""How often that is done in a row."""
 
 
 class StagedImplicit(NamedTuple):

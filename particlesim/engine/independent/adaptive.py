@@ -67,7 +67,7 @@ from particlesim.laws.registry import PASS
 # The log of steps
 
 
-class Log(NamedTuple):
+class StepLog(NamedTuple):
     """Own steps that particles have taken, for who needs them.
 
     `number` [2]: how many, and the row at which the present block begins. Of the first of them, `spans` [3, room] has row,
@@ -80,9 +80,9 @@ class Log(NamedTuple):
     states: NDArray[np.float64]
 
 
-def new_log(room: int = 0) -> Log:
+def new_log(room: int = 0) -> StepLog:
     """A log with room for so many steps; those beyond are only counted."""
-    return Log(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
+    return StepLog(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
 
 
 def enter(log: Any, d: Any, k: Any, q: Any, r: Any) -> None:

@@ -1,4 +1,4 @@
-"""How the accounts of `engine.books` are kept while islands step, one step at a time."""
+"""How the accounts of `engine.ledger.work` are kept while islands step, one step at a time."""
 
 from __future__ import annotations
 

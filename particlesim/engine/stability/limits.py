@@ -1,6 +1,6 @@
 """The largest stable step of a world at its present state: of every island, by force and with all forces together.
 
-What decides are the modes of the linearised island (`engine.linear`) and the stability region of its method
+What decides are the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
 (`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
 """
 
@@ -70,7 +70,7 @@ class IslandStability:
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {advice(self.step, rods=self.rods)}"
+            f"{self._strictest()}: {remedy(self.step, rods=self.rods)}"
         )
 
     def _strictest(self) -> str:
@@ -147,7 +147,7 @@ def island_stability(world: World, number: int) -> IslandStability:
         return _judged(world, number)
 
 
-def advice(step: float, *, rods: bool) -> str:
+def remedy(step: float, *, rods: bool) -> str:
     """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
     names = () if rods else unlimited()

@@ -35,7 +35,7 @@ _ESCAPED = {"b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r", "e": "\x1b", 
 
 
 @dataclass(frozen=True)
-class Range:
+class TextRange:
     """Characters `start` to `end` (exclusive) of the text."""
 
     start: int
@@ -46,8 +46,8 @@ class Range:
 class Place:
     """The ranges of a value and of the key that names it (None for an element of an array)."""
 
-    key: Range | None
-    value: Range
+    key: TextRange | None
+    value: TextRange
     explicit: bool = True
     """False for a table that exists only because a longer key or header passes through it."""
 
@@ -68,7 +68,7 @@ def scan(text: str) -> Positions:
     return _Scanner(text).document()
 
 
-def scan_value(text: str, start: int, path: Path, key: Range) -> Positions:
+def scan_value(text: str, start: int, path: Path, key: TextRange) -> Positions:
     """The places inside the single value at `start` of `text`, which the key at `key` names `path`."""
     return _Scanner(text).single(start, path, key)
 
@@ -100,7 +100,7 @@ class _Scanner:
             self._note_stop()
         return self.found
 
-    def single(self, start: int, path: Path, key: Range) -> Positions:
+    def single(self, start: int, path: Path, key: TextRange) -> Positions:
         self.at = start
         try:
             self._value(path, key)
@@ -123,19 +123,19 @@ class _Scanner:
             raise _Stop
         return self.text[self.at]
 
-    def _take(self, pattern: str) -> Range:
+    def _take(self, pattern: str) -> TextRange:
         match = re.compile(pattern).match(self.text, self.at)
         if match is None:
             raise _Stop
         self.at = match.end()
-        return Range(match.start(), match.end())
+        return TextRange(match.start(), match.end())
 
     def _expect(self, character: str) -> None:
         if self._next() != character:
             raise _Stop
         self.at += 1
 
-    def _keys(self) -> list[tuple[str, Range]]:
+    def _keys(self) -> list[tuple[str, TextRange]]:
         """A dotted key: the name and the range of each part."""
         parts = []
         while True:
@@ -157,7 +157,7 @@ class _Scanner:
         keys = self._keys()
         for _ in range(2 if is_array else 1):
             self._expect("]")
-        header = Range(start, self.at)
+        header = TextRange(start, self.at)
         path: Path = ()
         for name, place in keys[:-1]:
             path = self._enter(path, name, place)
@@ -174,7 +174,7 @@ class _Scanner:
         self._record((*path, index), Place(place, header))
         return (*path, index)
 
-    def _enter(self, path: Path, name: str, place: Range) -> Path:
+    def _enter(self, path: Path, name: str, place: TextRange) -> Path:
         """One step of a dotted key or header, into the newest entry where `name` is an array of tables."""
         path = (*path, name)
         self.found.places.setdefault(path, Place(place, place, explicit=False))
@@ -198,7 +198,7 @@ class _Scanner:
         self._skip(_SPACE)
         self._value((*path, name), place)
 
-    def _value(self, path: Path, key: Range | None) -> None:
+    def _value(self, path: Path, key: TextRange | None) -> None:
         first = self._next()
         start = self.at
         if first == "[":
@@ -207,7 +207,7 @@ class _Scanner:
             self._inline_table(path)
         else:
             self._take(_STRING if first in "\"'" else _SCALAR)
-        self._record(path, Place(key, Range(start, self.at)))
+        self._record(path, Place(key, TextRange(start, self.at)))
 
     def _array(self, path: Path) -> None:
         for index in self._members("[", "]"):

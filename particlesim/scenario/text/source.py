@@ -12,7 +12,7 @@ from typing import Any
 
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span, UsageError
 from particlesim.scenario.text import positions, syntax
-from particlesim.scenario.text.positions import Place, Positions, Range
+from particlesim.scenario.text.positions import Place, Positions, TextRange
 from particlesim.trajectory.places import kind_of
 
 LARGEST_FILE = 8 * 2**20
@@ -42,7 +42,7 @@ class Text:
     def _line_starts(self) -> list[int]:
         return [0, *(at + 1 for at, character in enumerate(self.text) if character == "\n")]
 
-    def span(self, place: Range) -> Span:
+    def span(self, place: TextRange) -> Span:
         """`place` as line and column. What goes beyond the line's end is not underlined."""
         line = bisect_right(self._line_starts, place.start)
         start = self._line_starts[line - 1]
@@ -56,7 +56,7 @@ class OverrideText(Text):
     """`--set forces.air.coefficient=-1`: the text of one override, which gives the value at `path`."""
 
     path: KeyPath = ()
-    key: Range = field(default_factory=lambda: Range(0, 0))
+    key: TextRange = field(default_factory=lambda: TextRange(0, 0))
     value_start: int = 0
 
     @cached_property
@@ -108,7 +108,7 @@ class Source:
         first = min(max(offset, 0), len(offsets) - 1)
         last = min(first + max(length, 1), len(offsets) - 1)
         start = place.value.start + offsets[first]
-        return text.span(Range(start, max(start + 1, place.value.start + offsets[last])))
+        return text.span(TextRange(start, max(start + 1, place.value.start + offsets[last])))
 
 
 def read_source(path: str | Path, *, largest: int = LARGEST_FILE) -> Source:
