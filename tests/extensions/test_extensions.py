@@ -161,6 +161,24 @@ def test_the_command_knows_it(psim: Command, axis_forces: Path) -> None:
     assert Draft7Validator(json.loads(psim("schema")[1])).is_valid(parse_source(SCENARIO).raw)
 
 
+def test_its_name_is_completed_without_an_import(axis_forces: Path) -> None:
+    from psim.describe import _names
+
+    assert _names("axis") == ["axis_pull"]
+    assert "axis_forces" not in sys.modules
+
+
+def test_help_and_version_look_at_no_package(axis_forces: Path, tmp_path: Path) -> None:
+    program = (
+        "import sys, importlib.metadata as m; m.entry_points = None; from psim.app import app\n"
+        "for word in ('--help', '--version'):\n"
+        "    try: app([word], prog_name='psim')\n"
+        "    except SystemExit as end: assert not end.code\n"
+        "assert not any(name.startswith('particlesim.extensions') for name in sys.modules)"
+    )
+    assert "psim" in own_process(program, tmp_path)
+
+
 def test_sweeps_take_it_to_their_workers(psim: Command, axis_forces: Path) -> None:
     Path("axis.toml").write_text(SCENARIO)
     code, _, said = psim("sweep", "axis.toml", "--vary", "forces.axis_pull.pull=1,2", "--workers", 2)
