@@ -138,6 +138,18 @@ def test_the_schema_takes_it_once_it_is_known(axis_forces: Path) -> None:
     assert not Draft7Validator(json_schema(ps.Scenario)).is_valid(raw)
 
 
+def test_the_schema_takes_forces_and_flows_together(axis_forces: Path, wind_models: Path) -> None:
+    assert find_all() == []
+    schema = Draft7Validator(json_schema(ps.Scenario))
+    windy = (
+        SCENARIO
+        + '[[forces]]\ntype = "linear_drag"\ncoefficient = 1\nflow = [{ type = "shear", rate = 2 }]\n'
+    )
+    assert schema.is_valid(parse_source(windy).raw)
+    assert not schema.is_valid(parse_source(windy.replace("rate", "speed")).raw)
+    ps.loads(windy)
+
+
 def test_psims_own_types_look_for_no_package(axis_forces: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(**_: object) -> None:
         raise AssertionError("looked for entry points")
