@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 def _names(incomplete: str = "") -> list[str]:
-    return sorted(name for _, names in _sections() for name in names if name.startswith(incomplete))
+    from particlesim.scenario.extensions import UNIONS
+
+    own = (name for _, names in _sections() for name in names)
+    offered = (name for union in UNIONS for name in union.names())
+    return sorted(name for name in {*own, *offered} if name.startswith(incomplete))
 
 
 def describe(

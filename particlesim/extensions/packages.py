@@ -50,8 +50,6 @@ def installed(group: str) -> tuple[Extension, ...]:
     """
     found = []
     for point in importlib.metadata.entry_points(group=group):
-        package, version = (
-            (point.dist.name, point.dist.version) if point.dist is not None else ("unknown", "unknown")
-        )
+        package, version = (getattr(point.dist, what, None) or "unknown" for what in ("name", "version"))
         found.append(Extension(point.name, point.value, package, version))
     return tuple(sorted(found))

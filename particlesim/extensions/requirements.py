@@ -9,9 +9,6 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import BaseModel
 
-from particlesim.compiler.kernel import write
-from particlesim.compiler.unit import CompileError
-from particlesim.compiler.values import kinds_in
 from particlesim.laws.registry import GENERICS, Particle, has_law
 from particlesim.model.base import field_docs
 
@@ -67,6 +64,10 @@ def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:
 def unlawful(record: Any, laws: Sequence[Callable[..., Any]]) -> str | None:
     """Why kernels cannot take a record: it is none, has no law for the first of the generics, or one that does not compile;
     None if all is well. Laws for the other generics are looked at if there are any."""
+    from particlesim.compiler.kernel import write  # here: psim's own types are read without the compiler
+    from particlesim.compiler.unit import CompileError
+    from particlesim.compiler.values import kinds_in
+
     if not isinstance(record, tuple) or not hasattr(record, "_fields"):
         return f"record() gives {type(record).__name__}, not a NamedTuple of numbers"
     if not has_law(laws[0], record):

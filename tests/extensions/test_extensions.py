@@ -138,6 +138,18 @@ def test_the_schema_takes_it_once_it_is_known(axis_forces: Path) -> None:
     assert not Draft7Validator(json_schema(ps.Scenario)).is_valid(raw)
 
 
+def test_the_schema_takes_forces_and_flows_together(axis_forces: Path, wind_models: Path) -> None:
+    assert find_all() == []
+    schema = Draft7Validator(json_schema(ps.Scenario))
+    windy = (
+        SCENARIO
+        + '[[forces]]\ntype = "linear_drag"\ncoefficient = 1\nflow = [{ type = "shear", rate = 2 }]\n'
+    )
+    assert schema.is_valid(parse_source(windy).raw)
+    assert not schema.is_valid(parse_source(windy.replace("rate", "speed")).raw)
+    ps.loads(windy)
+
+
 def test_psims_own_types_look_for_no_package(axis_forces: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(**_: object) -> None:
         raise AssertionError("looked for entry points")
@@ -159,6 +171,24 @@ def test_the_command_knows_it(psim: Command, axis_forces: Path) -> None:
     assert "Size of the force F. (in N; required)" in described
     assert "axis_pull" in psim("describe")[1]
     assert Draft7Validator(json.loads(psim("schema")[1])).is_valid(parse_source(SCENARIO).raw)
+
+
+def test_its_name_is_completed_without_an_import(axis_forces: Path) -> None:
+    from psim.describe import _names
+
+    assert _names("axis") == ["axis_pull"]
+    assert "axis_forces" not in sys.modules
+
+
+def test_help_and_version_look_at_no_package(axis_forces: Path, tmp_path: Path) -> None:
+    program = (
+        "import sys, importlib.metadata as m; m.entry_points = None; from psim.app import app\n"
+        "for word in ('--help', '--version'):\n"
+        "    try: app([word], prog_name='psim')\n"
+        "    except SystemExit as end: assert not end.code\n"
+        "assert not any(name.startswith('particlesim.extensions') for name in sys.modules)"
+    )
+    assert "psim" in own_process(program, tmp_path)
 
 
 def test_sweeps_take_it_to_their_workers(psim: Command, axis_forces: Path) -> None:
