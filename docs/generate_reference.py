@@ -17,6 +17,7 @@ from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
+from particlesim.colliders import COLLIDERS, Collider
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
@@ -36,7 +37,7 @@ from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.time_and_output import Output, Simulation
+from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 TARGET = Path(__file__).with_name("scenario.md")
 TEXTS = Path(__file__).with_name("reference")
@@ -58,7 +59,7 @@ def parts() -> Iterator[str]:
     yield summary(Scenario) + "\n\n" + table(Scenario)
     yield "## `[simulation]`"
     yield prose("simulation")
-    yield table(Simulation)
+    yield table(SimulationSettings)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
@@ -121,6 +122,10 @@ def parts() -> Iterator[str]:
     yield summary(Waypoint) + "\n\n" + table(Waypoint)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
+    yield "## `[[colliders]]`"
+    yield prose("colliders")
+    yield table(Collider)
+    yield from (collider_section(shape) for shape in COLLIDERS)
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
@@ -204,6 +209,12 @@ def force_section(force: type[Force]) -> str:
     if force.model_construct().needs_velocity():  # by its defaults: a formula may or may not
         facts.append("- Depends on the velocity, so it does not act on particles without inertia.")
     return "\n\n".join([*lines, "\n".join(facts), table(force)])
+
+
+def collider_section(shape: type[Collider]) -> str:
+    """What a shape has beside the keys of all colliders."""
+    rows = table(shape, without=("type", *Collider.model_fields))
+    return f"#### {type_name(shape)}\n\n{summary(shape)}\n\n{rows}"
 
 
 def maths(text: str) -> str:

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
-from particlesim.colliders import Plane
+from particlesim.colliders import Collider, Plane
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import Flow
@@ -30,11 +30,11 @@ from particlesim.sampling.distributions import Distribution
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Shape
 from particlesim.scenario.rendering import Camera, RenderSettings
-from particlesim.scenario.time_and_output import Output, Simulation
+from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 # What a table is called, and where on the page it is described. The first match counts.
 TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
-    (Simulation, "[simulation](#simulation)"),
+    (SimulationSettings, "[simulation](#simulation)"),
     (Output, "[output](#output)"),
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),
@@ -47,6 +47,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Angles, "[angles](#angles)"),
     (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),
+    (Collider, "[colliders](#colliders)"),
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),
     (Waypoint, "[waypoint](#waypoint)"),

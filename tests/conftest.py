@@ -9,7 +9,6 @@ import os
 import shutil
 import tempfile
 
-import pytest
 from hypothesis import settings
 
 if "PSIM_CACHE_DIR" not in os.environ:
@@ -19,16 +18,3 @@ if "PSIM_CACHE_DIR" not in os.environ:
 
 settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("psim")
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--slow", action="store_true", help="run tests that compile big kernels of their own, too"
-    )
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.getoption("--slow"):
-        for item in items:
-            if "slow" in item.keywords:
-                item.add_marker(pytest.mark.skip(reason="needs --slow"))

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from particlesim.engine.independent.kernel import BLOCK, Program, new_room, step_range
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.state.columns import Clock, Columns
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK, Program
+from particlesim.engine.step.records import without_rebound
 from particlesim.integrators import METHODS
 
 NO_CONTACTS = Simple(())
@@ -85,10 +87,11 @@ def careful(
     discrete: Sequence[Any] = (),
     *,
     tolerance: float = 4 * np.finfo(float).eps,
+    reach: float = 0.0,
 ) -> Careful:
-    """Careful contacts; the resting planes are the continuous ones without rebound."""
+    """Careful contacts; the resting colliders are the continuous ones without rebound."""
     return Careful(
-        tuple(continuous), tuple(c._replace(bounce=1.0) for c in continuous), tuple(discrete), tolerance
+        tuple(continuous), tuple(without_rebound(c) for c in continuous), tuple(discrete), tolerance, reach
     )
 
 

@@ -5,12 +5,16 @@ Nothing is imported here that takes time: Ctrl-C, SIGTERM and SIGHUP count from 
 
 from __future__ import annotations
 
+import os
+
 from psim.signals import end_at_once
 
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     end_at_once()
+    # psim has no plug-ins for pydantic, which reads the metadata of all installed packages to look for some.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from psim.app import main as run
 
     run()

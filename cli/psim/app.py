@@ -6,54 +6,23 @@ Only Typer is imported here; every subcommand imports what it needs when it is c
 from __future__ import annotations
 
 import gc
+import importlib
 import sys
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
 
 from psim import std_streams as standard
-from psim.check import check
-from psim.describe import describe
-from psim.diff import diff
-from psim.examples import examples
-from psim.export import export
-from psim.fit import fit
-from psim.graph import graph
-from psim.inspect import inspect
-from psim.migrate import migrate
-from psim.new import new
-from psim.plot import plot
-from psim.render import render
 from psim.report import guarded, report
-from psim.rerun import rerun
-from psim.run import run
-from psim.schema import schema
 from psim.signals import INTERRUPTED, end_at_once, listen
-from psim.stability import stability
-from psim.sweep import sweep
-from psim.verify import verify
-
-app = typer.Typer(
-    name="psim",
-    help="Particle simulations from TOML files: [bold]run[/bold] a scenario, [bold]render[/bold] it, look inside.",
-    epilog="[bold]Start here[/bold]\n\n"
-    "psim examples fountain --copy .\n\n"
-    "psim run fountain.toml --video\n\n"
-    "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 the simulation diverged, "
-    "4 input or output failed, 70 a mistake in psim itself, 130 interrupted.",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["--help", "-h"]},
-)
 
 _SIMULATE, _LOOK, _LEARN = "Simulate", "Look", "Learn"
 
-# name, function, help panel, examples
-_COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
+# name of the command, of its module and of its function; help panel; examples
+_COMMANDS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     (
         "run",
-        run,
         _SIMULATE,
         (
             "psim run fountain.toml --video",
@@ -64,7 +33,6 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "sweep",
-        sweep,
         _SIMULATE,
         (
             "psim sweep fountain.toml --vary forces.air.coefficient=0.1,0.2,0.5 --vary simulation.integrator=heun,rk4",
@@ -76,7 +44,6 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "fit",
-        fit,
         _SIMULATE,
         (
             "psim fit ball.toml measured.csv --vary forces.air.coefficient=0,2 -o fitted.toml",
@@ -85,19 +52,16 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "verify",
-        verify,
         _SIMULATE,
         ("psim verify orbit.toml", "psim verify orbit.toml --set simulation.dt=1e-3 --json"),
     ),
     (
         "check",
-        check,
         _SIMULATE,
         ("psim check scenarios/*.toml", "psim check fountain.toml --set emitters.drops.rate=1e6"),
     ),
     (
         "stability",
-        stability,
         _SIMULATE,
         (
             "psim stability orbit.toml",
@@ -106,7 +70,6 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "render",
-        render,
         _LOOK,
         (
             "psim render outputs/fountain.vtkhdf",
@@ -116,13 +79,11 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "inspect",
-        inspect,
         _LOOK,
         ("psim inspect outputs/fountain.vtkhdf", "psim inspect outputs/fountain.vtkhdf --json"),
     ),
     (
         "diff",
-        diff,
         _LOOK,
         (
             "psim diff outputs/a.vtkhdf outputs/b.vtkhdf",
@@ -131,13 +92,11 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "rerun",
-        rerun,
         _LOOK,
         ("psim rerun outputs/fountain.vtkhdf", "psim rerun theirs.vtkhdf --tolerance 1e-9 -o mine.vtkhdf"),
     ),
     (
         "plot",
-        plot,
         _LOOK,
         (
             "psim plot outputs/fountain.vtkhdf energy",
@@ -146,7 +105,6 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "export",
-        export,
         _LOOK,
         (
             "psim export outputs/fountain.vtkhdf -o last.csv --frames=-1:",
@@ -155,15 +113,14 @@ _COMMANDS: tuple[tuple[str, Any, str, tuple[str, ...]], ...] = (
     ),
     (
         "migrate",
-        migrate,
         _LEARN,
         ("psim migrate old.toml", "psim migrate --check scenarios/*.toml"),
     ),
-    ("new", new, _LEARN, ("psim new sparks --template emitter",)),
-    ("examples", examples, _LEARN, ("psim examples", "psim examples fountain --copy .")),
-    ("describe", describe, _LEARN, ("psim describe", "psim describe drag", "psim describe rk4")),
-    ("graph", graph, _LEARN, ("psim graph fountain.toml", "psim graph fountain.toml --mermaid >> README.md")),
-    ("schema", schema, _LEARN, ("psim schema -o psim.schema.json",)),
+    ("new", _LEARN, ("psim new sparks --template emitter",)),
+    ("examples", _LEARN, ("psim examples", "psim examples fountain --copy .")),
+    ("describe", _LEARN, ("psim describe", "psim describe drag", "psim describe rk4")),
+    ("graph", _LEARN, ("psim graph fountain.toml", "psim graph fountain.toml --mermaid >> README.md")),
+    ("schema", _LEARN, ("psim schema -o psim.schema.json",)),
 )
 
 
@@ -175,7 +132,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _psim(
     version: Annotated[
         bool,
@@ -192,14 +148,44 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
 
-for _name, _function, _panel, _examples in _COMMANDS:
-    app.command(
-        _name,
-        help=_unwrapped(_function.__doc__),
-        rich_help_panel=_panel,
-        epilog="[bold]Examples[/bold]\n\n" + "\n\n".join(_examples).replace("[", r"\["),
-        no_args_is_help=_name not in ("schema", "examples", "describe"),
-    )(guarded(_function))
+def _app(names: Iterable[str]) -> typer.Typer:
+    """The command line with these subcommands: Typer takes a while to look at the parameters of all of them."""
+    app = typer.Typer(
+        name="psim",
+        help="Particle simulations from TOML files: [bold]run[/bold] a scenario, [bold]render[/bold] it, look inside.",
+        epilog="[bold]Start here[/bold]\n\n"
+        "psim examples fountain --copy .\n\n"
+        "psim run fountain.toml --video\n\n"
+        "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 the simulation diverged, "
+        "4 input or output failed, 70 a mistake in psim itself, 130 interrupted.",
+        no_args_is_help=True,
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["--help", "-h"]},
+    )
+    app.callback()(_psim)
+    for name, panel, examples in _COMMANDS:
+        if name in names:
+            function = getattr(importlib.import_module(f"psim.{name}"), name)
+            app.command(
+                name,
+                help=_unwrapped(function.__doc__),
+                rich_help_panel=panel,
+                epilog="[bold]Examples[/bold]\n\n" + "\n\n".join(examples).replace("[", r"\["),
+                no_args_is_help=name not in ("schema", "examples", "describe"),
+            )(guarded(function))
+    return app
+
+
+_NAMES = tuple(name for name, *_ in _COMMANDS)
+
+
+def __getattr__(name: str) -> Any:
+    """`psim.app.app`, with all subcommands: made when it is asked for."""
+    if name != "app":
+        raise AttributeError(f"module 'psim.app' has no attribute {name!r}")
+    app = globals()["app"] = _app(_NAMES)
+    return app
 
 
 def main() -> None:
@@ -225,7 +211,8 @@ def main() -> None:
 def _call() -> int:
     """Run the command line; returns its exit code. Raises OSError when help or a version cannot be printed."""
     try:
-        app(prog_name="psim")
+        asked = sys.argv[1:2]
+        _app(asked if asked and asked[0] in _NAMES else _NAMES)(prog_name="psim")
     except SystemExit as end:
         cause = end.__context__
         if isinstance(cause, BrokenPipeError):  # Typer found the reader of the help gone

@@ -17,35 +17,61 @@ if TYPE_CHECKING:
 
 
 def _names(incomplete: str = "") -> list[str]:
-    return sorted(name for _, names in _sections() for name in names if name.startswith(incomplete))
+    from particlesim.scenario.extensions import UNIONS
+
+    own = (name for _, names in _sections() for name in names)
+    offered = (name for union in UNIONS for name in union.names())
+    return sorted(name for name in {*own, *offered} if name.startswith(incomplete))
 
 
 def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A force, flow, layout, integrator, table or key.", autocompletion=_names
+            metavar="[NAME]",
+            help="A force, flow, layout, collider, integrator, table or key.",
+            autocompletion=_names,
         ),
     ] = None,
 ) -> None:
-    """Explain a force, flow, layout, integrator, table or key of a scenario.
+    """Explain a force, flow, layout, collider, integrator, table or key of a scenario.
 
     Shows its formula, energy and parameters with their units. Without a name: what there is.
     """
+    if name is None:
+        _find_extensions()
     sections = dict(_sections())
     if name is None:
         for title, entries in sections.items():
             print(paint(title, "bold", sys.stdout))
             facts([(key, _headline(entry)) for key, entry in entries.items()], sys.stdout)
         return
-    for word in (name, f"{name}s"):  # [[planes]] answer to "plane"
+    if _explain(name, sections):
+        return
+    _find_extensions()  # only now: packages are imported for what psim itself does not have
+    if not _explain(name, dict(_sections())):
+        raise _unknown(name)
+
+
+def _find_extensions() -> None:
+    """Import the types that installed packages add, and warn of those that cannot be used."""
+    from particlesim.scenario.extensions import find_all
+    from psim.console import warn
+
+    for problem in find_all():
+        warn(problem)
+
+
+def _explain(name: str, sections: dict[str, dict[str, Any]]) -> bool:
+    """Show what a name stands for; False where it stands for nothing."""
+    for word in (f"{name}s", name):  # [[planes]] answer to "plane"
         for entries in sections.values():
             if word in entries:
                 _show(word, entries[word])
-                return
+                return True
         if _show_word(word):
-            return
-    raise _unknown(name)
+            return True
+    return False
 
 
 def _show_word(word: str) -> bool:
@@ -79,13 +105,21 @@ def _show_word(word: str) -> bool:
 
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     """Titles, and what there is under them by the name that scenarios use: models, or methods."""
-    from particlesim.flows import FLOWS
-    from particlesim.forces import FORCES, SURFACE_FORCES
+    from particlesim.colliders import COLLIDERS
+    from particlesim.flows import OPEN_FLOWS
+    from particlesim.forces import OPEN_FORCES
     from particlesim.integrators import METHODS
     from particlesim.layouts import LAYOUTS
     from particlesim.scenario.scenario import Scenario
 
-    for title, models in (("Forces", (*FORCES, *SURFACE_FORCES)), ("Flows", FLOWS), ("Layouts", LAYOUTS)):
+    forces, flows = ((*union.own, *union.added) for union in (OPEN_FORCES, OPEN_FLOWS))
+    kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
+        ("Forces", forces),
+        ("Flows", flows),
+        ("Layouts", LAYOUTS),
+        ("Colliders", COLLIDERS),
+    )
+    for title, models in kinds:
         yield title, {model.model_fields["type"].default: model for model in models}
     yield "Integrators", dict(METHODS)
     yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}
@@ -111,6 +145,14 @@ def _headline(entry: Any) -> str:
     return f"{formula}. {first}" if formula else first
 
 
+def _package(entry: type[BaseModel]) -> str:
+    """The package that a type comes from, with its version; empty for what is psim's own."""
+    from particlesim.scenario.extensions import extension_of
+
+    extension = extension_of(entry)
+    return "" if extension is None else extension.origin
+
+
 def _doc(entry: Any) -> str:
     import inspect
 
@@ -127,7 +169,8 @@ def _show(name: str, entry: Any) -> None:
         _show_method(entry)
         return
     print("  " + _doc(entry).replace("\n", "\n  "))
-    facts([("formula", getattr(entry, "formula", "")), ("energy", getattr(entry, "energy", ""))], sys.stdout)
+    rows = [("formula", getattr(entry, "formula", "")), ("energy", getattr(entry, "energy", ""))]
+    facts([*rows, ("package", _package(entry))], sys.stdout)
     _show_parameters(entry)
 
 

@@ -91,6 +91,7 @@ def _show(found: dict[str, Any]) -> None:
         "numpy",
         "llvmlite",
         "numba",
+        "extensions",
         "overrides",
     )
     print(paint("origin", "bold", sys.stdout))

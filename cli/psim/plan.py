@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 MOST_PARTICLES = 2_000_000
 """Particles up to which they are placed to look for the largest stable step; a run places them anyway."""
+MOST_LED = 50_000
+"""The same where particles are led along paths or held by rods: plain Python may have to put them into place."""
 
 
 def default_output(scenario: Path) -> Path:
@@ -33,7 +35,8 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
     required = needs(scenario)
     if must_fit:
         check_fits(required, output)
-    found, doubts = _first_look(scenario) if required.particles <= MOST_PARTICLES else (None, ())
+    most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
+    found, doubts = _first_look(scenario) if required.particles <= most else (None, ())
     grid = scenario.grid
     return {
         "title": scenario.title,
@@ -60,17 +63,16 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
 
 
 def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
-    """What the initial state tells: largest stable steps, and what to doubt."""
-    from particlesim.engine.simulation import Simulation
+    """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it."""
+    from particlesim.compiler import uncompiled
     from particlesim.engine.stability.limits import stability
+    from particlesim.engine.world import World
     from particlesim.runs.validity import misplaced
 
-    simulation = Simulation(scenario, threads=1)
-    try:
-        found = stability(simulation)
-        return found, (*found.warnings, *misplaced(simulation))
-    finally:
-        simulation.close()
+    with uncompiled():
+        world = World(scenario)
+        found = stability(world)
+        return found, (*found.warnings, *misplaced(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

@@ -20,13 +20,17 @@ def schema(
     """Print the JSON Schema of scenario files.
 
     With it, editors complete and check scenarios as you type: put '#:schema ./psim.schema.json' in the first line
-    (VS Code: Even Better TOML; Neovim and others: taplo).
+    (VS Code: Even Better TOML; Neovim and others: taplo). Types that installed packages add are in it.
     """
     import json
 
+    from particlesim.scenario.extensions import find_all
     from particlesim.scenario.scenario import Scenario
     from particlesim.scenario.schema import json_schema
+    from psim.console import warn
 
+    for problem in find_all():
+        warn(problem)
     text = json.dumps(json_schema(Scenario), indent=2, ensure_ascii=False)
     if output is None:
         print(text)

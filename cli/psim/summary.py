@@ -22,6 +22,7 @@ _CAUSES = {
     "cold": "cold",
     "recycled": "recycled",
     "plane": "at a plane",
+    "collider": "at a collider",
     "outside": "outside",
 }
 

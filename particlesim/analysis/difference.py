@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from particlesim.errors import UsageError
 from particlesim.scenario.digest import physics_of
+from particlesim.scenario.extensions import parsed
 from particlesim.trajectory.fields import FIELDS, Precision
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.reader import Trajectory
@@ -307,4 +308,10 @@ def _notes(a: Trajectory, b: Trajectory, compared: int, precision: Precision) ->
         versions = [str(t.provenance.get(what, "unknown")) for t in (a, b)]
         if versions[0] != versions[1]:
             notes.append(f"{what}: {versions[0]} and {versions[1]}")
+    first, second = (parsed(str(t.provenance.get("extensions", ""))) for t in (a, b))
+    notes += [
+        f"{name}: {first[name]} and {second[name]}"
+        for name in first
+        if second.get(name, first[name]) != first[name]
+    ]
     return tuple(notes)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.analysis.figure import COLORS, INK, blank_figure, check_image, dress, save
-from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import IslandStability, Stability
-from particlesim.engine.stability.limits import stability as of_simulation
+from particlesim.engine.stability.limits import stability as of_world
+from particlesim.engine.world import World
 from particlesim.integrators.base import Method
 from particlesim.integrators.regions import Linear, amplification, has_function, one_step
 from particlesim.scenario.scenario import Scenario
@@ -48,11 +48,7 @@ def stability(scenario: Scenario) -> Stability:
     Emitters are judged by the particles that they will emit first. Raises UsageError when a file that the scenario names
     cannot be read.
     """
-    simulation = Simulation(scenario, threads=1)
-    try:
-        return of_simulation(simulation)
-    finally:
-        simulation.close()
+    return of_world(World(scenario))
 
 
 def plot_stability(found: Stability, out: Path, *, overwrite: bool = False) -> None:

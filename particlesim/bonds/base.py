@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from particlesim.model.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,9 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from particlesim.bonds.base import Floats, Ints
 from particlesim.bonds.pairs import Index
 from particlesim.laws.registry import hinge_energy, hinge_moment, hinge_stiffness, law
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Degrees, Joules

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from particlesim.bonds.base import Floats, Ints
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats, Ints
 
 MOST = 50_000_000
 """Springs that one `within` may make: some ten gigabytes."""

@@ -17,8 +17,8 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.bonds.base import Ints
 from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
+from particlesim.model.arrays import Ints
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import Path
 from particlesim.model.units import Metres

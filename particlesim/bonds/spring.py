@@ -15,10 +15,11 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import Field, model_validator
 
-from particlesim.bonds.base import BondSet, Floats, Ints, SpringLaw
+from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.near import near_pairs
 from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
 from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number

@@ -8,12 +8,11 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.units import (
     QUANTITY_ERROR,
     Joules,
     JouleSeconds,
-    Kelvin,
-    Kilograms,
     Metres,
     MetresPerSecond,
     MetresPerSecondSquared,
@@ -40,7 +39,7 @@ TOTALS = (
     *MOTION,
     *(name for vector in VECTORS for name in (vector, *(f"{vector}.{axis}" for axis in AXES))),
 )
-"""Quantities that every simulation has; `scenario.totals` knows those that a scenario adds."""
+"""Quantities that every simulation has; `scenario.ledger_columns` knows those that a scenario adds."""
 
 VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
 
@@ -69,9 +68,7 @@ _UNITS: dict[str, Any] = {
     "speed": MetresPerSecond,
     "acceleration": MetresPerSecondSquared,
     "force": Newtons,
-    "mass": Kilograms,
-    "radius": Metres,
-    "temperature": Kelvin,
+    **{name: attribute.measure for name, attribute in ATTRIBUTES.items()},
     "age": Seconds,
 }
 

@@ -1,46 +1,33 @@
-"""Planes: half-spaces that particles bounce off, stick to or die at."""
+"""Planes: half-spaces that particles stay out of.
+
+Gap g = n·x − n·p − r for a particle of radius r. Planes whose normal is an axis have records of their own: the two other
+components then drop out of the compiled loop.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import ClassVar, Literal, NamedTuple
 
-from annotated_types import Ge, Le
-from pydantic import Field, field_validator, model_validator
+from pydantic import field_validator
 
-from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.laws.registry import KILL, PASS, STICK
-from particlesim.model.base import Model, Name
-from particlesim.model.mistakes import invalid
-from particlesim.model.units import Metres, Number, Vector
+from particlesim.colliders.base import Collider
+from particlesim.laws.registry import KILL, Particle, Vector, gap, law, normal, surface
+from particlesim.model.units import Metres
+from particlesim.model.units import Vector as VectorOf
 from particlesim.model.vectors import dot, unit
 
-LIVELY = 0.9
-"""Restitution above which projection out of a plane may add more energy than the bounce takes."""
 
-AnyPlaneRecord = PlaneRecord | PlaneXRecord | PlaneYRecord | PlaneZRecord
-
-
-class Plane(Model):
+class Plane(Collider):
     """A plane; the normal points to the side where particles may be."""
 
-    name: Name | None = None
-    """Name for messages and overrides."""
-    on: tuple[Name, ...] | None = Field(default=None, min_length=1)
-    """Groups it holds back; all unless given."""
-    point: Vector[Metres] = (0.0, 0.0, 0.0)
+    kind: ClassVar[str] = "plane"
+    killed: ClassVar[int] = KILL
+
+    point: VectorOf[Metres] = (0.0, 0.0, 0.0)
     """A point on the plane."""
-    normal: Vector[float] = (0.0, 1.0, 0.0)
+    normal: VectorOf[float] = (0.0, 1.0, 0.0)
     """Direction to the legal side; its length does not matter."""
-    restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
-    """Speed after over speed before the impact, along the normal: 1 elastic, 0 no rebound."""
-    tangential_loss: Annotated[Number, Ge(0), Le(1)] = 0.0
-    """Part of the velocity along the plane that an impact takes away. No friction: what lies on the plane loses it in every
-    step, and slides by a distance that depends on dt."""
-    detection: Literal["continuous", "discrete"] = "continuous"
-    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects."""
-    contact: Literal["bounce", "stick", "kill"] = "bounce"
-    """What contact does: bounce, stay there for good, or end the particle."""
 
     @field_validator("normal")
     @classmethod
@@ -48,33 +35,114 @@ class Plane(Model):
         unit(normal)
         return normal
 
-    @model_validator(mode="after")
-    def _bounces(self) -> Plane:
-        for name in ("restitution", "tangential_loss"):
-            if self.contact != "bounce" and getattr(self, name) != type(self).model_fields[name].default:
-                raise invalid(
-                    f'{name} acts only with contact = "bounce"',
-                    at=(name,),
-                    also=[(("contact",), f"{self.contact} here")],
-                )
-        return self
-
-    def lifts(self) -> bool:
-        """Whether particles may gain energy as they are lifted out of it."""
-        return self.contact == "bounce" and self.detection == "discrete" and self.restitution > LIVELY
-
-    def record(self) -> AnyPlaneRecord:
+    def shape(self) -> AnyPlaneRecord:
         """The plane as kernels take it; planes along an axis have faster records of their own."""
         normal = unit(self.normal)
-        outcome = {"bounce": PASS, "stick": STICK, "kill": KILL}[self.contact]
-        bounce, loss = 1 + self.restitution, self.tangential_loss
-        if self.contact == "stick":
-            bounce, loss = 1.0, 1.0  # nothing of the velocity is left
-        elif self.contact == "kill":
-            bounce, loss = 0.0, 0.0  # the velocity of the impact stays in the record
         along: tuple[Callable[..., AnyPlaneRecord], ...] = (PlaneXRecord, PlaneYRecord, PlaneZRecord)
         for axis, kind in enumerate(along):
             if abs(normal[axis]) == 1:
                 side = normal[axis]
-                return kind(side, side * self.point[axis], bounce, 1 - loss, outcome)
-        return PlaneRecord(*normal, dot(normal, self.point), bounce, loss, outcome)
+                return kind(side, side * self.point[axis])
+        return PlaneRecord(*normal, dot(normal, self.point))
+
+    def reach(self) -> float:
+        """Nothing: a plane is as far from the origin as the particles on it."""
+        return 0.0
+
+    def describe(self) -> str:
+        x, y, z = self.normal
+        return f"normal ({x:g}, {y:g}, {z:g})"
+
+
+class PlaneCollider(Plane):
+    """A plane; the normal points to the side where particles may be."""
+
+    type: Literal["plane"] = "plane"
+
+
+class PlaneRecord(NamedTuple):
+    """Any plane: unit normal, n·p."""
+
+    nx: float
+    ny: float
+    nz: float
+    offset: float
+
+
+class PlaneXRecord(NamedTuple):
+    """A plane whose normal is side · x̂ with side = ±1; offset = side · (the plane's x)."""
+
+    side: float
+    offset: float
+
+
+class PlaneYRecord(NamedTuple):
+    """A plane whose normal is side · ŷ."""
+
+    side: float
+    offset: float
+
+
+class PlaneZRecord(NamedTuple):
+    """A plane whose normal is side · ẑ."""
+
+    side: float
+    offset: float
+
+
+AnyPlaneRecord = PlaneRecord | PlaneXRecord | PlaneYRecord | PlaneZRecord
+
+
+@law(gap, PlaneRecord)
+def plane_gap(c: PlaneRecord, p: Particle) -> float:
+    return p.x * c.nx + p.y * c.ny + p.z * c.nz - c.offset - p.r
+
+
+@law(gap, PlaneXRecord)
+def plane_x_gap(c: PlaneXRecord, p: Particle) -> float:
+    return c.side * p.x - c.offset - p.r
+
+
+@law(gap, PlaneYRecord)
+def plane_y_gap(c: PlaneYRecord, p: Particle) -> float:
+    return c.side * p.y - c.offset - p.r
+
+
+@law(gap, PlaneZRecord)
+def plane_z_gap(c: PlaneZRecord, p: Particle) -> float:
+    return c.side * p.z - c.offset - p.r
+
+
+@law(normal, PlaneRecord)
+def plane_normal(c: PlaneRecord, p: Particle) -> Vector:
+    return c.nx, c.ny, c.nz
+
+
+@law(normal, PlaneXRecord)
+def plane_x_normal(c: PlaneXRecord, p: Particle) -> tuple[float, None, None]:
+    return c.side, None, None
+
+
+@law(normal, PlaneYRecord)
+def plane_y_normal(c: PlaneYRecord, p: Particle) -> tuple[None, float, None]:
+    return None, c.side, None
+
+
+@law(normal, PlaneZRecord)
+def plane_z_normal(c: PlaneZRecord, p: Particle) -> tuple[None, None, float]:
+    return None, None, c.side
+
+
+@law(surface, PlaneXRecord)
+def plane_x_surface(c: PlaneXRecord, p: Particle) -> Vector:
+    return c.side * (c.offset + p.r), p.y, p.z
+
+
+@law(surface, PlaneYRecord)
+def plane_y_surface(c: PlaneYRecord, p: Particle) -> Vector:
+    return p.x, c.side * (c.offset + p.r), p.z
+
+
+@law(surface, PlaneZRecord)
+def plane_z_surface(c: PlaneZRecord, p: Particle) -> Vector:
+    return p.x, p.y, c.side * (c.offset + p.r)

@@ -4,7 +4,7 @@
 """
 
 from particlesim.compiler.intrinsics import atomic_add, atomic_load, exact, let_others_run, on_stack, outlined
-from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling
+from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling, uncompiled
 
 __all__ = [
     "Kernel",
@@ -17,4 +17,5 @@ __all__ = [
     "on_stack",
     "outlined",
     "told_of_compiling",
+    "uncompiled",
 ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import inspect
 import os
 import struct
 import sys
@@ -12,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -228,18 +228,18 @@ class Kernel:
         functools.update_wrapper(self, function)
         self.python = function
         self._made: dict[Any, Compiled] = {}
-        self._parameters = inspect.signature(function)
-        self._count = len(self._parameters.parameters)
+        self._count = function.__code__.co_argcount
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Run compiled; arrays are changed in place. Raises CompileError, and TypeError for what kernels do not take."""
         if keywords or len(arguments) != self._count:
-            bound = self._parameters.bind(*arguments, **keywords)
+            import inspect
+
+            bound = inspect.signature(self.python).bind(*arguments, **keywords)
             bound.apply_defaults()
             arguments = bound.args
         if PLAIN:
-            with np.errstate(all="ignore"):
-                return self.python(*arguments)
+            return self._in_python(arguments)
         key: list[Any] = []
         numbers: list[Any] = []
         for each in arguments:
@@ -247,20 +247,36 @@ class Kernel:
         made = self._made.get(found := tuple(key))
         if made is None:
             made = self._compile(found, arguments)
+            if made is None:
+                return self._in_python(arguments)
         return made(numbers)
 
-    def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled:
+    def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
         with _LOCK, _timed():
-            if key not in self._made:
-                self._made[key] = _compiled(self.python, key, arguments)
-            return self._made[key]
+            if key not in self._made and (made := _compiled(self.python, key, arguments)) is not None:
+                self._made[key] = made
+            return self._made.get(key)
+
+    def _in_python(self, arguments: tuple[Any, ...]) -> Any:
+        with np.errstate(all="ignore"):
+            return self.python(*map(_scalars, arguments))
 
 
-def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled:
+def _scalars(x: Any) -> Any:
+    """An argument with NumPy's floats in place of Python's, which raise errors where IEEE 754 gives infinity or NaN."""
+    if isinstance(x, tuple):
+        parts = [_scalars(each) for each in x]
+        return tuple(parts) if type(x) is tuple else tuple.__new__(type(x), parts)
+    return np.float64(x) if type(x) is float else x
+
+
+def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
     from particlesim.compiler import machine
 
     entry = store.entry(function, key, machine.identity())
     kept = store.read(entry)
+    if kept is None and not _compiling.get():
+        return None
     if kept is None:
         text, form, unit = write(function, arguments)
         code = machine.object_code(text)
@@ -284,6 +300,19 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 PLAIN = os.environ.get("PSIM_KERNELS") == "python"
 """Whether kernels run as plain Python: slow, for finding mistakes."""
+
+_compiling = ContextVar("compiling", default=True)
+
+
+@contextmanager
+def uncompiled() -> Iterator[None]:
+    """In this thread, kernels that are not kept on disk run as plain Python: for little work, where nobody waits for a
+    compiler."""
+    before = _compiling.set(False)
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
 
 
 # How long it takes

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import json
 import os
 import stat
@@ -118,10 +119,23 @@ def _text(part: Any) -> str:
     raise _Nameless
 
 
+def _module(name: str | None) -> Any:
+    """A module that has gone into a kernel; None where there is no such module any more.
+
+    It may not be there yet: what only the compiler needs, as its elementary functions, a process imports that compiles.
+    """
+    if name is None or name in sys.modules:
+        return sys.modules.get(name or "")
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
+
+
 @functools.cache
 def _module_digest(name: str) -> str | None:
     """SHA-256 of a module's source; None for one that has no file."""
-    file = getattr(sys.modules.get(name), "__file__", None)
+    file = getattr(_module(name), "__file__", None)
     if name == "__main__" or file is None:
         return None
     try:
@@ -186,7 +200,7 @@ def write(entry: Entry | None, code: bytes, form: Any, unit: Any) -> None:
 @functools.cache
 def _number(module: str, name: str) -> str | None:
     """A number of a module, or an array of them, in words that tell it from every other."""
-    value = getattr(sys.modules.get(module), name, None)
+    value = getattr(_module(module), name, None)
     if isinstance(value, np.ndarray):
         return (
             f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"

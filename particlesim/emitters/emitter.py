@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from particlesim.groups.group import Group
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
@@ -18,8 +18,6 @@ from particlesim.model.vectors import perpendicular, unit
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import AnyShape
-
-Floats = NDArray[np.float64]
 
 
 class Burst(Model):
@@ -151,19 +149,15 @@ class Emitter(Group):
         velocity = np.asarray(self.velocity)[:, None] + draw(
             self.speed, streams["speed"], first, count
         ) * self._directions(streams, first, position)
-        mass, radius = self.size(streams, first, count)
-        temperature = None
-        if self.temperature is not None:
-            temperature = draw(self.temperature, streams["temperature"], first, count)
+        given = self.attributes(streams, first, count)
+        attributes = {name: np.broadcast_to(np.asarray(each, float), count) for name, each in given.items()}
         lifetime = np.full(count, np.inf)
         if self.lifetime is not None:
             lifetime = draw(self.lifetime, streams["lifetime"], first, count)
         return Born(
             position,
             velocity,
-            np.broadcast_to(np.asarray(mass, dtype=float), count),
-            np.broadcast_to(np.asarray(radius, dtype=float), count),
-            temperature,
+            attributes,
             lifetime,
         )
 
@@ -193,14 +187,11 @@ class Emitter(Group):
 
 
 class Born(NamedTuple):
-    """New particles: position [m] and velocity [m/s] of shape [3, n]; mass [kg], radius [m], temperature [K] or None,
-    lifetime [s] of shape [n]."""
+    """New particles: position [m] and velocity [m/s] of shape [3, n]; attributes by name and lifetime [s] of shape [n]."""
 
     position: Floats
     velocity: Floats
-    mass: Floats
-    radius: Floats
-    temperature: Floats | None
+    attributes: dict[str, Floats]
     lifetime: Floats
 
 

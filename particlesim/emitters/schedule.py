@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.emitters.emitter import Emitter
+from particlesim.model.arrays import Floats
 from particlesim.sampling.random_streams import Streams
-
-Floats = NDArray[np.float64]
 
 
 class Schedule:

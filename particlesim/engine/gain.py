@@ -19,11 +19,9 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.state.group_state import GroupState
-
-Floats = NDArray[np.float64]
+from particlesim.model.arrays import Floats
 
 ROUNDING = 64.0
 """Times the distance of floating-point numbers that rounding may change a position in a step."""

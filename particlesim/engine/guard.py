@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,12 @@ from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
+from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces import Force
 from particlesim.forces.field import Field
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import has_law, potential
-
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
 
 MOST_GAIN = 0.1
 """Part of its energy that an island may gain from nothing."""
@@ -39,14 +37,14 @@ class Guard:
 
     An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
-    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a plane begin after a step,
+    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a collider begin after a step,
     which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at
     least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that have grown a
     thousandfold since the last frame: energy may come from a potential without a bottom.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
-        pairs = list(zip(simulation.islands, simulation.graph.islands, strict=True))
+    def __init__(self, world: World, columns: Sequence[str]) -> None:
+        pairs = list(zip(world.islands, world.graph.islands, strict=True))
         self._judged = [island.books is not None or _closed(structure) for island, structure in pairs]
         self._judged = [
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
@@ -54,9 +52,9 @@ class Guard:
         ]
         # The first step at which the energies of an island can be a beginning.
         self._from = [int(any(overlaps(island, structure))) for island, structure in pairs]
-        names = tuple(name for name in simulation.ledger_columns() if name.startswith("potential."))
-        absolute = tuple(_has_zero(simulation, name) for name in names)
-        self._drift = drift_of(simulation.scenario.simulation.precision)
+        names = tuple(name for name in columns if name.startswith("potential."))
+        absolute = tuple(_has_zero(world, name) for name in names)
+        self._drift = drift_of(world.scenario.simulation.precision)
         self._accounts = [
             Account(names, absolute, 0 if island.books is None else len(island.books.names))
             for island, _ in pairs
@@ -73,31 +71,31 @@ class Guard:
         for account in self._accounts:
             account.forget()
 
-    def wants(self, simulation: Simulation) -> list[int]:
+    def wants(self, world: World) -> list[int]:
         """Islands whose energies are to be looked at now, though nobody else asks for them."""
-        steps, now = simulation.scenario.grid.steps, simulation.step
+        steps, now = world.scenario.grid.steps, world.step
         if steps < SELDOM or (now < steps and now - self._looked < SELDOM):
             return []
         return [number for number, judged in enumerate(self._judged) if judged]
 
-    def look(self, simulation: Simulation, energies: Mapping[int, dict[str, float]]) -> None:
-        """Judge the present state of a simulation; `energies` are those of its islands by number [J], as far as known.
+    def look(self, world: World, energies: Mapping[int, dict[str, float]]) -> None:
+        """Judge the present state of a world; `energies` are those of its islands by number [J], as far as known.
 
         Raises DivergenceError.
         """
         if energies:
-            self._looked = simulation.step
-        for number, island in enumerate(simulation.islands):
+            self._looked = world.step
+        for number, island in enumerate(world.islands):
             if self._judged[number] and number in energies:
-                self._judge(simulation, number, energies[number])
+                self._judge(world, number, energies[number])
             fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
             if fastest > LIGHT and fastest > MUCH_FASTER * self._fastest[number]:
-                raise ran_away(simulation, number, "speed", fastest)
+                raise ran_away(world, number, "speed", fastest)
             self._fastest[number] = fastest
 
-    def _judge(self, simulation: Simulation, number: int, energies: dict[str, float]) -> None:
+    def _judge(self, world: World, number: int, energies: dict[str, float]) -> None:
         """Hold the gain of an island against its energy. Raises DivergenceError."""
-        island, account, step = simulation.islands[number], self._accounts[number], simulation.step
+        island, account, step = world.islands[number], self._accounts[number], world.step
         count = sum(state.count for state in island.states)
         work = np.zeros(0) if island.books is None else island.books.totals
         lost = island.books is None and count != self._count[number]  # with particles that died
@@ -109,25 +107,25 @@ class Guard:
         gain = account.look(step, energies, work, self._drift)
         if gain.ratio <= MOST_GAIN:
             return
-        gain = gain._replace(noise=gain.noise + jitter(island.states, simulation.scenario.grid.dt))
-        if gain.ratio > MOST_GAIN and not self._swings(simulation, number, gain):
-            raise ran_away(simulation, number, "energy", gain.joule)
+        gain = gain._replace(noise=gain.noise + jitter(island.states, world.scenario.grid.dt))
+        if gain.ratio > MOST_GAIN and not self._swings(world, number, gain):
+            raise ran_away(world, number, "energy", gain.joule)
 
-    def _swings(self, simulation: Simulation, number: int, gain: Gain) -> bool:
+    def _swings(self, world: World, number: int, gain: Gain) -> bool:
         """Whether a gain is one that the method will take back."""
-        island, structure = simulation.islands[number], simulation.graph.islands[number]
-        dt, start = simulation.scenario.grid.dt, self._accounts[number].first_step
+        island, structure = world.islands[number], world.graph.islands[number]
+        dt, start = world.scenario.grid.dt, self._accounts[number].first_step
         if not swings(structure):
             return False
-        swung = swing(island, structure, simulation.time, dt)
+        swung = swing(island, structure, world.time, dt)
         if start == 0:
-            swung -= _swing_at_start(simulation, number)
+            swung -= _swing_at_start(world, number)
         kept = gain._replace(joule=gain.joule - swung)
         if not (math.isfinite(kept.joule) and kept.ratio <= MOST_GAIN):
             return False
         if gain.joule > 2 * self._stable[number]:  # seldom enough to look closely
             try:
-                stable = island_stability(simulation, number).step
+                stable = island_stability(world, number).step
             except UsageError:
                 return False
             if dt > stable:
@@ -136,37 +134,30 @@ class Guard:
         self._swung[number] = max(self._swung[number], gain.ratio)
         return True
 
-    def warnings(self, simulation: Simulation) -> tuple[str, ...]:
+    def warnings(self, world: World) -> tuple[str, ...]:
         """A sentence for every island whose energy has swung by more than a tenth, though its steps are stable."""
         found = []
-        for part, island, structure in zip(
-            self._swung, simulation.islands, simulation.graph.islands, strict=True
-        ):
+        for part, island, structure in zip(self._swung, world.islands, world.graph.islands, strict=True):
             if part > MOST_GAIN:
                 names = " and ".join(repr(state.name) for state in island.states)
                 other = ", or velocity_verlet" if structure.method.order < 2 else ""
                 found.append(
-                    f"the energy of {names} swings by {100 * part:.3g} %: dt = {simulation.scenario.grid.dt:.6g} s is "
+                    f"the energy of {names} swings by {100 * part:.3g} %: dt = {world.scenario.grid.dt:.6g} s is "
                     f"stable for {structure.method.name}, but too long to be accurate; try a smaller dt{other}"
                 )
         return tuple(found)
 
 
-def _swing_at_start(simulation: Simulation, number: int) -> float:
+def _swing_at_start(world: World, number: int) -> float:
     """What `swing` was when the run began [J]."""
-    began = type(simulation)(simulation.scenario, threads=1)
-    try:
-        return swing(
-            began.islands[number], began.graph.islands[number], began.time, simulation.scenario.grid.dt
-        )
-    finally:
-        began.close()
+    began = World(world.scenario)
+    return swing(began.islands[number], began.graph.islands[number], began.time, world.scenario.grid.dt)
 
 
-def _has_zero(simulation: Simulation, column: str) -> bool:
+def _has_zero(world: World, column: str) -> bool:
     """Whether a potential of the ledger has a zero of its own: springs and hinges at rest, and some forces."""
     label = column.removeprefix("potential.")
-    scenario = simulation.scenario
+    scenario = world.scenario
     forces = dict(zip(scenario.force_labels(), scenario.forces, strict=False))
     return forces[label].has_zero() if label in forces else True
 

@@ -15,15 +15,13 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter IX.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.integrators import METHODS
-
-Floats = NDArray[np.float64]
+from particlesim.model.arrays import Floats
 
 LEAPFROGS = ("velocity_verlet", "stormer_verlet")
 
@@ -46,7 +44,7 @@ def swing(island: IndependentIsland | CoupledIsland, structure: Island, time: fl
             free = np.isfinite(state.start[:n]) if state.clocked else np.ones(n, np.bool_)
             if structure.method.name in LEAPFROGS:
                 total += h * h / 8 * float(((here**2).sum(axis=0) / state.mass[:n])[free].sum())
-                total += _of_places(state, here, h) if state.memory else 0.0
+                total += _of_places(state, here, h) if len(state.memory) else 0.0
             else:
                 total -= h / 2 * float((here * state.v[:, :n]).sum(axis=0)[free].sum())
         return total

@@ -1,35 +1,28 @@
-"""A running simulation: islands, time, births, deaths, kicks, and the ledger."""
+"""A running simulation: a world in motion, with births, deaths, kicks, and the ledger."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import OWN_STEPS, Births, IndependentIsland
-from particlesim.engine.islands.initial import populate
+from particlesim.engine.islands.independent import OWN_STEPS, Births
 from particlesim.engine.ledger.sums import MOTION, measure
 from particlesim.engine.ledger.work import total_energy
-from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.state.group_state import Deaths
 from particlesim.engine.step.records import as_precision
-from particlesim.engine.topology import topology
+from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
-from particlesim.graph.graph import Graph, build_graph
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
-from particlesim.scenario.ledger_columns import work_columns
+from particlesim.scenario.ledger_columns import attribute_totals, work_columns
 from particlesim.scenario.reach import acts_on
 from particlesim.scenario.scenario import Scenario
-from particlesim.trajectory.topology import Topology
 
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
@@ -43,25 +36,18 @@ class Events:
     deaths: list[Deaths] = field(default_factory=list)
 
 
-class Simulation:
-    """The state of a scenario, and how to move it forward.
+class Simulation(World):
+    """A world that moves forward.
 
-    `threads` bounds the threads (all cores unless given). `block` is the number of particles that step together in
-    cache; results do not depend on either.
+    `threads` bounds the threads (all cores unless given); results do not depend on it, nor on `block`.
     Raises UsageError when a file that the scenario names cannot be read.
     """
 
     def __init__(self, scenario: Scenario, *, threads: int | None = None, block: int | None = None) -> None:
-        self.scenario = scenario
-        self.graph: Graph = build_graph(scenario)
+        super().__init__(scenario, block=block)
         self.team = Team(threads)
-        self.step = 0
-        self._dt = scenario.grid.dt
         self.events = Events()
         self.particle_steps = 0
-        self._islands = self._populate(block)
-        by_name = {state.name: state for island in self._islands for state in island.states}
-        self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
         self._kicks = sorted(
             (round(at / scenario.grid.dt), k)
             for k, kick in enumerate(scenario.impulses)
@@ -74,49 +60,7 @@ class Simulation:
         self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
-        self._guard = Guard(self)
-
-    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
-        emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
-        states: dict[str, GroupState] = {}
-        first_id = 0
-        for island in self.graph.islands:
-            for group in island.groups:
-                if not isinstance(group, Emitter):
-                    states[group.name] = populate(self.scenario, island, group)
-        for group in self.scenario.particles:  # ids run through the groups in the scenario's order
-            state = states[group.name]
-            state.id[: state.count] += first_id
-            first_id += state.count
-        islands: list[IndependentIsland | CoupledIsland] = []
-        for island in self.graph.islands:
-            if island.coupled:
-                islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))
-                continue
-            (group,) = island.groups
-            # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
-            births = (
-                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
-            )
-            state = states.get(group.name) or populate(self.scenario, island, group)
-            extra = {} if block is None else {"block": block}
-            islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
-        return islands
-
-    @property
-    def islands(self) -> Sequence[IndependentIsland | CoupledIsland]:
-        """What steps together, in the order of the graph's islands."""
-        return self._islands
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.step * self._dt
-
-    @property
-    def count(self) -> int:
-        """Particles alive."""
-        return sum(state.count for state in self.states)
+        self._guard = Guard(self, self._ledger_columns)
 
     def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
         """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
@@ -128,14 +72,14 @@ class Simulation:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            for number in range(len(self._islands)):
+            for number in range(len(self.islands)):
                 self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()
 
     def _advance(self, number: int, first: int, last: int) -> None:
-        island = self._islands[number]
+        island = self.islands[number]
         island.keep(first)
         while first < last:
             until = island.phase(first, last)
@@ -164,7 +108,7 @@ class Simulation:
                     )
                     if chosen:
                         state.kick(kick.impulse)
-                for island in self._islands:
+                for island in self.islands:
                     island.fit()
                 self.impulse_work[0] += self._kinetic() - before
 
@@ -197,7 +141,7 @@ class Simulation:
         bonds = range(len(self.scenario.forces), len(self._labels))
         potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
         work = work_columns(self.scenario) if self.scenario.output.work else ()
-        return (*MOTION, *potentials, *work)
+        return (*MOTION, *potentials, *attribute_totals(self.scenario), *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -211,7 +155,10 @@ class Simulation:
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
-        self._energies = [self._island_energies(number, total) for number in range(len(self._islands))]
+        for name in attribute_totals(self.scenario):
+            attribute = name.partition(".")[0]
+            total[name] = float(sum(state.attribute(attribute).sum(dtype=float) for state in self.states))
+        self._energies = [self._island_energies(number, total) for number in range(len(self.islands))]
         self._energies_of = self.step
         for energies in self._energies:
             for name, value in energies.items():
@@ -222,7 +169,7 @@ class Simulation:
 
     def _balance(self, total: dict[str, float]) -> None:
         """Add the work that has been done and what is left of the balance [J]."""
-        for island in self._islands:
+        for island in self.islands:
             if island.books is not None:
                 for name, joule in zip(island.books.names, island.books.totals, strict=True):
                     total[f"work.{name}"] += float(joule)
@@ -236,7 +183,7 @@ class Simulation:
 
     def _island_energies(self, number: int, total: dict[str, float]) -> dict[str, float]:
         """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
-        island, structure = self._islands[number], self.graph.islands[number]
+        island, structure = self.islands[number], self.graph.islands[number]
         found = {"kinetic": 0.0}
         for columns, group in zip(island.columns(), structure.groups, strict=True):
             forces, records = self._sources[self.scenario.groups.index(group)]
@@ -254,31 +201,6 @@ class Simulation:
                 if (energy := each.energy(whole)) is not None:
                     found[f"potential.{name}"] = energy
         return found
-
-    def broken(self) -> dict[str, tuple[int, int]]:
-        """For every set of springs that can break: how many are broken, and how many there were."""
-        return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
-
-    def topology(self) -> list[Topology]:
-        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
-        return topology(self.scenario, self._islands, self.states)
-
-    def broke(self) -> dict[str, NDArray[np.float64]]:
-        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
-        return {
-            name: each.broke
-            for island in self._islands
-            for name, each in zip(island.names, island.interactions, strict=True)
-            if each.broke is not None
-        }
-
-    def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
-        """Sum of all forces on every particle of a group [N], shape [n, 3]."""
-        for island in self._islands:
-            if any(member is state for member in island.states):
-                names = [member.name for member in island.states]
-                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
-        raise ValueError(f"{state.name} is no group of this simulation")
 
     def check(self) -> None:
         """Whether the present state makes sense; costs next to nothing.
@@ -305,9 +227,3 @@ class Simulation:
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
-
-
-def rows(states: Sequence[GroupState]) -> list[slice]:
-    """Rows of every group in a frame: groups follow each other."""
-    ends = np.cumsum([0, *(state.count for state in states)]).tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]

@@ -25,6 +25,7 @@ from particlesim.engine.islands.independent import Births, IndependentIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.state.table import TABLE
 from particlesim.integrators import Method
 from particlesim.sampling.random_streams import Streams
 
@@ -38,6 +39,7 @@ FIXED = (
     Streams,
     np.dtype,
     str,
+    frozenset,
     type,
     FunctionType,
     BuiltinFunctionType,
@@ -48,8 +50,8 @@ FIXED = (
 FOLLOWS: dict[type, frozenset[str]] = {
     Simulation: frozenset(
         {
-            *("scenario", "graph", "team", "states", "events"),
-            *("_dt", "_islands", "_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("scenario", "graph", "islands", "states", "team", "events"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns"),
             *("_energies", "_energies_of"),
         }
     ),
@@ -64,8 +66,10 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Work: frozenset(("force", "before", "slopes", "pull", "spread")),
+    GroupState: frozenset(column.name for column in TABLE),
 }
-"""Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew."""
+"""Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
+columns of groups are stored by their table."""
 
 
 @dataclass
@@ -130,7 +134,7 @@ def _captured(simulation: Simulation) -> Snapshot:
 
 
 def _islands(simulation: Simulation) -> list[tuple[Any, str]]:
-    return [(island, f"island.{k}") for k, island in enumerate(simulation._islands)]
+    return [(island, f"island.{k}") for k, island in enumerate(simulation.islands)]
 
 
 def _joined(parts: list[Array], dtype: Any) -> Array:
@@ -154,17 +158,6 @@ def _children(value: Any) -> list[tuple[str, Any]] | None:
     return [(name, each) for name, each in parts if name not in left_out]
 
 
-def _columns(state: GroupState) -> dict[str, Array]:
-    """The columns of a group by name; only the particles that are there."""
-    found: dict[str, Array] = {}
-    for name, value in vars(state).items():
-        if isinstance(value, np.ndarray):
-            found[name] = value[..., : state.count]
-        elif type(value) is tuple and value and all(isinstance(each, np.ndarray) for each in value):
-            found |= {f"{name}.{k}": each[..., : state.count] for k, each in enumerate(value)}
-    return found
-
-
 def _capture(value: Any, name: str, found: Snapshot) -> None:
     if isinstance(value, np.ndarray):
         found.arrays[name] = value
@@ -175,12 +168,10 @@ def _capture(value: Any, name: str, found: Snapshot) -> None:
     elif (children := _children(value)) is None:
         raise TypeError(f"{name} is a {type(value).__name__}, which a checkpoint cannot hold")
     else:
-        columns = _columns(value) if isinstance(value, GroupState) else {}
-        found.arrays |= {f"{name}.{key}": column for key, column in columns.items()}
-        apart = {key.split(".")[0] for key in columns}
+        if isinstance(value, GroupState):
+            found.arrays |= {f"{name}.{key}": column for key, column in value.columns_by_name().items()}
         for key, child in children:
-            if key not in apart:
-                _capture(child, f"{name}.{key}", found)
+            _capture(child, f"{name}.{key}", found)
 
 
 def _restored(value: Any, name: str, saved: Snapshot) -> Any:
@@ -198,12 +189,7 @@ def _restored(value: Any, name: str, saved: Snapshot) -> Any:
         return value
     if isinstance(value, GroupState):
         _restore_columns(value, name, saved)
-    apart = {key.split(".")[0] for key in _columns(value)} if isinstance(value, GroupState) else set()
-    children = {
-        key: _restored(child, f"{name}.{key}", saved)
-        for key, child in _children(value) or ()
-        if key not in apart
-    }
+    children = {key: _restored(child, f"{name}.{key}", saved) for key, child in _children(value) or ()}
     if isinstance(value, tuple):
         if hasattr(value, "_replace"):
             return value._replace(**children)
@@ -222,7 +208,7 @@ def _restore_columns(state: GroupState, name: str, saved: Snapshot) -> None:
     count = int(saved.numbers[f"{name}.count"])
     state.reserve(count)
     state.count = count
-    for key, column in _columns(state).items():
+    for key, column in state.columns_by_name().items():
         new = _fitting(column, saved.arrays[f"{name}.{key}"], f"{name}.{key}")
         if new.shape != column.shape:
             raise MisfitError(f"{name}.{key} has shape {new.shape}, not {column.shape}")

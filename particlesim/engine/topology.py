@@ -46,5 +46,6 @@ def _rows_are_ids(scenario: Scenario) -> bool:
     """Whether particles laid out at the start keep their rows: none of them can die."""
     groups = {group.name for group in scenario.particles}
     return not any(
-        plane.contact == "kill" and (plane.on is None or groups & set(plane.on)) for plane in scenario.planes
+        each.contact == "kill" and (each.on is None or groups & set(each.on))
+        for each in scenario.all_colliders
     )

@@ -30,8 +30,7 @@ from particlesim.expressions.operations import (
     Z,
 )
 from particlesim.expressions.parser import on_arrays
-
-Floats = NDArray[np.float64]
+from particlesim.model.arrays import Floats
 
 PAIRS = 1024
 """Lines that are looked at."""

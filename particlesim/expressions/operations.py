@@ -80,6 +80,10 @@ class Temperature(NamedTuple):
     """Temperature."""
 
 
+class Charge(NamedTuple):
+    """Electric charge."""
+
+
 class Time(NamedTuple):
     """Time."""
 
@@ -102,6 +106,8 @@ law(value, Radius)(lambda f, p: p.r)
 law(slope, Radius)(lambda f, p: p.d.r)
 law(value, Temperature)(lambda f, p: p.T)
 law(slope, Temperature)(lambda f, p: p.d.T)
+law(value, Charge)(lambda f, p: p.q)
+law(slope, Charge)(lambda f, p: p.d.q)
 law(value, Time)(lambda f, p: p.t)
 law(slope, Time)(lambda f, p: p.d.t)
 
@@ -116,48 +122,46 @@ VARIABLES: dict[str, Node] = {
     "m": Mass(),
     "r": Radius(),
     "T": Temperature(),
+    "q": Charge(),
 }
 """What an expression may name beside its constants."""
 
 
-class Negate(NamedTuple):
+class Unary(NamedTuple):
+    """An operation on a."""
+
+    a: Any
+
+
+class Binary(NamedTuple):
+    """An operation on a and b."""
+
+    a: Any
+    b: Any
+
+
+class Negate(Unary):
     """−a."""
 
-    a: Any
 
-
-class Add(NamedTuple):
+class Add(Binary):
     """a + b."""
 
-    a: Any
-    b: Any
 
-
-class Subtract(NamedTuple):
+class Subtract(Binary):
     """a − b."""
 
-    a: Any
-    b: Any
 
-
-class Multiply(NamedTuple):
+class Multiply(Binary):
     """a b."""
 
-    a: Any
-    b: Any
 
-
-class Divide(NamedTuple):
+class Divide(Binary):
     """a / b."""
 
-    a: Any
-    b: Any
 
-
-class Square(NamedTuple):
+class Square(Unary):
     """a²."""
-
-    a: Any
 
 
 class Power(NamedTuple):
@@ -167,11 +171,8 @@ class Power(NamedTuple):
     b: float
 
 
-class GeneralPower(NamedTuple):
+class GeneralPower(Binary):
     """aᵇ for a > 0, where b varies."""
-
-    a: Any
-    b: Any
 
 
 law(value, Negate)(lambda f, p: -value(f.a, p))
@@ -214,116 +215,76 @@ def _general_power_slope(f: GeneralPower, p: Ray) -> float:
     return (b * a ** (b - 1) * da if da != 0 else 0.0) + (a**b * np.log(a) * db if db != 0 else 0.0)
 
 
-class Sin(NamedTuple):
+class Sin(Unary):
     """sin a."""
 
-    a: Any
 
-
-class Cos(NamedTuple):
+class Cos(Unary):
     """cos a."""
 
-    a: Any
 
-
-class Tan(NamedTuple):
+class Tan(Unary):
     """tan a."""
 
-    a: Any
 
-
-class Asin(NamedTuple):
+class Asin(Unary):
     """asin a."""
 
-    a: Any
 
-
-class Acos(NamedTuple):
+class Acos(Unary):
     """acos a."""
 
-    a: Any
 
-
-class Atan(NamedTuple):
+class Atan(Unary):
     """atan a."""
 
-    a: Any
 
-
-class Sinh(NamedTuple):
+class Sinh(Unary):
     """sinh a."""
 
-    a: Any
 
-
-class Cosh(NamedTuple):
+class Cosh(Unary):
     """cosh a."""
 
-    a: Any
 
-
-class Tanh(NamedTuple):
+class Tanh(Unary):
     """tanh a."""
 
-    a: Any
 
-
-class Exp(NamedTuple):
+class Exp(Unary):
     """exp a."""
 
-    a: Any
 
-
-class Log(NamedTuple):
+class Log(Unary):
     """Natural logarithm of a."""
 
-    a: Any
 
-
-class Sqrt(NamedTuple):
+class Sqrt(Unary):
     """Square root of a."""
 
-    a: Any
 
-
-class Abs(NamedTuple):
+class Abs(Unary):
     """|a|."""
 
-    a: Any
 
-
-class Sign(NamedTuple):
+class Sign(Unary):
     """−1, 0 or 1 by the sign of a."""
 
-    a: Any
 
-
-class Atan2(NamedTuple):
+class Atan2(Binary):
     """Angle of the point (b, a)."""
 
-    a: Any
-    b: Any
 
-
-class Hypot(NamedTuple):
+class Hypot(Binary):
     """√(a² + b²)."""
 
-    a: Any
-    b: Any
 
-
-class Minimum(NamedTuple):
+class Minimum(Binary):
     """The smaller of a and b."""
 
-    a: Any
-    b: Any
 
-
-class Maximum(NamedTuple):
+class Maximum(Binary):
     """The larger of a and b."""
-
-    a: Any
-    b: Any
 
 
 class IfLess(NamedTuple):

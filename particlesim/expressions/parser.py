@@ -10,7 +10,7 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from particlesim.expressions.operations import (
     value,
 )
 from particlesim.laws.registry import Particle
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.spelling import near_miss
 
 MAX_LENGTH = 2000
@@ -269,6 +270,16 @@ def reads(node: Node, variable: type) -> bool:
     """Whether an expression reads a variable."""
     return isinstance(node, variable) or any(
         isinstance(part, tuple) and reads(part, variable) for part in node
+    )
+
+
+def attributes_read(nodes: Iterable[Node]) -> frozenset[str]:
+    """Attributes of particles that expressions read beside the mass, by name."""
+    symbols = {each.symbol: name for name, each in ATTRIBUTES.items() if name != "mass"}
+    return frozenset(
+        name
+        for symbol, name in symbols.items()
+        if any(reads(node, type(VARIABLES[symbol])) for node in nodes)
     )
 
 

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.fit.shooting import CLOSE, Hit, Range
-from particlesim.model.vectors import unit
+from particlesim.fit.shooting import CLOSE, FiringRange, Hit
+from particlesim.laws.registry import Particle, gap, normal
 from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides
+from particlesim.scenario.reach import held_back
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.source import read_source
 
@@ -53,7 +54,7 @@ def aim(
     when the group is not one particle at a point that flies, and when the target is out of range.
     """
     path = Path(scenario)
-    range_ = Range(read_source(path), parse_overrides(overrides), path.resolve().parent, group, target)
+    range_ = FiringRange(read_source(path), parse_overrides(overrides), path.resolve().parent, group, target)
     with held_signals() as signals:
         survey = range_.survey(signals.check)
         hits = _hits(range_, survey.guesses(), signals.check)
@@ -65,7 +66,7 @@ def aim(
 
 
 def _hits(
-    range_: Range, guesses: Iterable[tuple[float, float, float]], check: Callable[[], None]
+    range_: FiringRange, guesses: Iterable[tuple[float, float, float]], check: Callable[[], None]
 ) -> list[Hit]:
     """One hit for each direction, the earliest."""
     found: list[Hit] = []
@@ -82,7 +83,7 @@ def _hits(
     return found
 
 
-def _shot(range_: Range, hit: Hit) -> Shot:
+def _shot(range_: FiringRange, hit: Hit) -> Shot:
     ahead, left, up = (float(hit.direction @ axis) for axis in (range_.ahead, range_.left, range_.up))
     level = math.hypot(ahead, left)
     x, y, z = (range_.speed * hit.direction).tolist()
@@ -96,23 +97,23 @@ def _shot(range_: Range, hit: Hit) -> Shot:
     )
 
 
-def _unreachable(range_: Range, group: str, nearest: float) -> UsageError:
-    """Why nothing hits: a plane keeps the particle away, or it does not fly far enough."""
-    simulation = Simulation(range_.typical, threads=1)
-    radius = float(next(state.radius[0] for state in simulation.states if state.name == group))
-    simulation.close()
-    for plane in range_.typical.planes:
-        if plane.on is not None and group not in plane.on:
+def _unreachable(range_: FiringRange, group: str, nearest: float) -> UsageError:
+    """Why nothing hits: a collider keeps the particle away, or it does not fly far enough."""
+    world = World(range_.typical)
+    radius = float(next(state.radius[0] for state in world.states if state.name == group))
+    there = Particle(*range_.target.tolist(), *[0.0] * 7)
+    for collider in range_.typical.all_colliders:
+        if not held_back(collider, (group,)):
             continue
-        normal = np.array(unit(plane.normal))
-        gap = float((range_.target - plane.point) @ normal)
-        if gap < radius or gap < 0:
+        away = np.array([part or 0.0 for part in normal(collider.shape(), there)])
+        free = float(gap(collider.shape(), there))
+        if free < radius or free < 0:
             # A little more than a radius, so that it is not in the middle of an impact there.
-            clear = range_.target + (1.1 * radius + 2 * range_.speed * range_.typical.grid.dt - gap) * normal
+            clear = range_.target + (1.1 * radius + 2 * range_.speed * range_.typical.grid.dt - free) * away
             where = ",".join(f"{part:.4g}" for part in clear)
             return UsageError(
-                f"the target is {gap:.6g} m from a plane, which keeps the centre of {group!r} {radius:.6g} m off, "
-                "one radius",
+                f"the target is {free:.6g} m from a {collider.kind}, which keeps the centre of {group!r} {radius:.6g} m "
+                "off, one radius",
                 f"Aim at a point above it, such as --target {where}",
             )
     return UsageError(

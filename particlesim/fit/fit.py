@@ -14,19 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.errors import DivergenceError, ScenarioError, UsageError
 from particlesim.fit.measurements import Measurements
 from particlesim.fit.parameters import Range, value_of, within_limits
 from particlesim.fit.predict import predict
+from particlesim.model.arrays import Floats
 from particlesim.process.signals import held_signals
 from particlesim.scenario.load import Overrides, parse_overrides, scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.overrides import overrides_from_mapping
 from particlesim.scenario.text.source import read_source
-
-Floats = NDArray[np.float64]
 
 STEP = 1e-5
 """Step of the differences that make the Jacobian, in scaled parameters: rounding of the runs and curvature balance."""

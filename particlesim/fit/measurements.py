@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
 from particlesim.layouts.input_file import bounded_lines, check_regular, require_memory
+from particlesim.model.arrays import Floats
 from particlesim.model.spelling import did_you_mean
 from particlesim.model.units import Metres, MetresPerSecond, Seconds, Unit
-
-Floats = NDArray[np.float64]
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 _POSITION, _VELOCITY = (get_args(kind)[1] for kind in (Metres, MetresPerSecond))

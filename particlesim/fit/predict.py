@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats
 from particlesim.scenario.scenario import Scenario
 
-Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
 
 

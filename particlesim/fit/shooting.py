@@ -14,21 +14,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.predict import hermite
 from particlesim.groups.group import Particles
 from particlesim.layouts.points import Points
+from particlesim.model.arrays import Floats
 from particlesim.model.spelling import did_you_mean
 from particlesim.model.vectors import unit
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.overrides import Override, overrides_from_mapping
 from particlesim.scenario.text.source import Source
-
-Floats = NDArray[np.float64]
 
 ANGLES = np.radians(np.arange(-181.0, 182.0, 2.0))
 """Directions that are tried first, from ahead over up: the whole circle, since wind can turn a shot round."""
@@ -54,7 +52,7 @@ class Hit:
     miss: float
 
 
-class Range:
+class FiringRange:
     """A launch point, a target, and runs between them.
 
     Raises UsageError when the group is not one particle at a point that flies, or the target is no point apart from it.
@@ -142,7 +140,7 @@ class Range:
         h = float(times[1] - times[0])
         return np.asarray(hermite(states[:1], states[1:], [(time - times[0]) / h], h)[0])
 
-    def survey(self, check: Callable[[], None]) -> Survey:
+    def survey(self, check: Callable[[], None]) -> Flights:
         """Flights in the upright plane through the target; `check` is called between them."""
         steps = np.unique(np.linspace(0, self.typical.grid.steps, SAMPLES + 1).astype(int)).tolist()
         flights = []
@@ -151,7 +149,7 @@ class Range:
             times, states = self.fly(self.upright(float(angle)), steps)
             away = states[:, :3] - self.target
             flights.append((times, np.column_stack([away @ self.ahead, away @ self.up, away @ self.left])))
-        return Survey(flights)
+        return Flights(flights)
 
     def hit(self, angle: float, time: float, left: float) -> Hit | None:
         """The hit that Newton's method finds from a guess, which passes the target on the `left` [m]; None if none."""
@@ -177,7 +175,7 @@ class Range:
         return None
 
 
-class Survey:
+class Flights:
     """Flights as (times [n], positions relative to the target [n, 3]: ahead, up, left), one for each of `ANGLES`."""
 
     def __init__(self, flights: Sequence[tuple[Floats, Floats]]) -> None:

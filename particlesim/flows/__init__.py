@@ -2,13 +2,18 @@
 
 from typing import Annotated
 
-from pydantic import Field
-
+from particlesim.extensions.open_union import OpenUnion
 from particlesim.flows.base import Flow
 from particlesim.flows.uniform import Uniform
 from particlesim.flows.vortex import Vortex
+from particlesim.laws.registry import velocity, velocity_dx
+from particlesim.model.variants import Tagged
 
 FLOWS: tuple[type[Flow], ...] = (Uniform, Vortex)
-AnyFlow = Annotated[Uniform | Vortex, Field(discriminator="type")]
 
-__all__ = ["FLOWS", "AnyFlow", "Flow"]
+OPEN_FLOWS = OpenUnion("particlesim.flows", Flow, FLOWS, laws=(velocity, velocity_dx))
+"""What installed packages add to `AnyFlow`."""
+
+AnyFlow = Annotated[Uniform | Vortex, Tagged("type"), OPEN_FLOWS]
+
+__all__ = ["FLOWS", "OPEN_FLOWS", "AnyFlow", "Flow"]

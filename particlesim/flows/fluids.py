@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple, get_args
 
+from particlesim.model.mistakes import invalid
+
 FluidName = Literal[
     "air",
     "water",
@@ -67,3 +69,11 @@ assert set(FLUIDS) == set(get_args(FluidName)), "the names in the schema and in 
 
 WITH_DENSITY = tuple(name for name, fluid in FLUIDS.items() if fluid.density is not None)
 """Fluids whose density is known, for drag and buoyancy."""
+
+
+def require_density(fluid: FluidName | None) -> None:
+    """Refuse a fluid whose density is not known, for a force whose table gives none."""
+    if fluid is None:
+        raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
+    if fluid not in WITH_DENSITY:
+        raise invalid(f"no density is tabulated for {fluid}", at=("fluid",), hint="give density as well")

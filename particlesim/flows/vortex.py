@@ -49,7 +49,7 @@ class Vortex(Flow):
         return kind(*self.center, *unit(self.axis), self.circulation / (2 * np.pi), self.core_radius**2)
 
 
-class RankineRecord(NamedTuple):
+class VortexRecord(NamedTuple):
     """Center [m], unit axis, Γ/2π [m²/s], a² [m²]."""
 
     cx: float
@@ -62,20 +62,15 @@ class RankineRecord(NamedTuple):
     core2: float
 
 
-class LambOseenRecord(NamedTuple):
-    """Center [m], unit axis, Γ/2π [m²/s], a² [m²]."""
-
-    cx: float
-    cy: float
-    cz: float
-    ax: float
-    ay: float
-    az: float
-    strength: float
-    core2: float
+class RankineRecord(VortexRecord):
+    """A vortex whose core turns like a solid body."""
 
 
-def across(f: RankineRecord | LambOseenRecord, p: Particle) -> tuple[float, float, float, float]:
+class LambOseenRecord(VortexRecord):
+    """A vortex whose core joins the outer flow smoothly."""
+
+
+def across(f: VortexRecord, p: Particle) -> tuple[float, float, float, float]:
     """a × d, the direction of turning times the distance from the axis, and that distance squared."""
     dx, dy, dz = p.x - f.cx, p.y - f.cy, p.z - f.cz
     ux, uy, uz = f.ay * dz - f.az * dy, f.az * dx - f.ax * dz, f.ax * dy - f.ay * dx
@@ -83,7 +78,7 @@ def across(f: RankineRecord | LambOseenRecord, p: Particle) -> tuple[float, floa
 
 
 def turning(
-    f: RankineRecord | LambOseenRecord, p: Particle, rate: float, slope: float
+    f: VortexRecord, p: Particle, rate: float, slope: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Gradient of w = ω(ρ²) a × d, with ω = rate and dω/d(ρ²) = slope."""
     dx, dy, dz = p.x - f.cx, p.y - f.cy, p.z - f.cz

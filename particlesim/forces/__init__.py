@@ -2,8 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field as _Field
-
+from particlesim.extensions.open_union import OpenUnion
 from particlesim.forces.attractor import Attractor
 from particlesim.forces.base import Force
 from particlesim.forces.buoyancy import Buoyancy
@@ -15,20 +14,8 @@ from particlesim.forces.point_spring import PointSpring
 from particlesim.forces.rotating_frame import RotatingFrame
 from particlesim.forces.sheet_drag import SheetDrag
 from particlesim.forces.stokes_drag import StokesDrag
-
-AnyForce = Annotated[
-    Gravity
-    | LinearDrag
-    | StokesDrag
-    | Drag
-    | Buoyancy
-    | PointSpring
-    | Attractor
-    | RotatingFrame
-    | Field
-    | SheetDrag,
-    _Field(discriminator="type"),
-]
+from particlesim.laws.registry import force, force_dv, force_dx, potential
+from particlesim.model.variants import Tagged
 
 FORCES: tuple[type[Force], ...] = (
     Gravity,
@@ -45,4 +32,28 @@ FORCES: tuple[type[Force], ...] = (
 SURFACE_FORCES: tuple[type[Force], ...] = (SheetDrag,)
 """Forces on the triangles of surfaces, which have a law of their own."""
 
-__all__ = ["FORCES", "SURFACE_FORCES", "AnyForce", "Force", "SheetDrag"]
+OPEN_FORCES = OpenUnion(
+    "particlesim.forces",
+    Force,
+    (*FORCES, *SURFACE_FORCES),
+    texts=("formula", "energy"),
+    laws=(force, force_dx, force_dv, potential),
+)
+"""What installed packages add to `AnyForce`."""
+
+AnyForce = Annotated[
+    Gravity
+    | LinearDrag
+    | StokesDrag
+    | Drag
+    | Buoyancy
+    | PointSpring
+    | Attractor
+    | RotatingFrame
+    | Field
+    | SheetDrag,
+    Tagged("type"),
+    OPEN_FORCES,
+]
+
+__all__ = ["FORCES", "OPEN_FORCES", "SURFACE_FORCES", "AnyForce", "Force", "SheetDrag"]

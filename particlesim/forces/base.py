@@ -44,13 +44,9 @@ class Force(Model):
         """Whether the law reads the velocity, which a particle without inertia does not have."""
         return False
 
-    def needs_radius(self) -> bool:
-        """Whether the law reads the particle's radius."""
-        return False
-
-    def needs_temperature(self) -> bool:
-        """Whether the law reads the particle's temperature."""
-        return False
+    def needs(self) -> frozenset[str]:
+        """Attributes of particles that the law reads beside the mass, by name."""
+        return frozenset()
 
     def kink(self) -> str | None:
         """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""

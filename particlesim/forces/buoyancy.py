@@ -90,8 +90,8 @@ class Buoyancy(Force):
         k = self.rho * 4 / 3 * math.pi
         return ImmersedSphereRecord(k * gx, k * gy, k * gz)
 
-    def needs_radius(self) -> bool:
-        return self.volume is None
+    def needs(self) -> frozenset[str]:
+        return frozenset({"radius"} if self.volume is None else ())
 
     def kink(self) -> str | None:
         return (

@@ -18,7 +18,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
 from particlesim.flows import AnyFlow
-from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.flows.fluids import FLUIDS, FluidName, require_density
 from particlesim.forces.base import Force
 from particlesim.forces.drag_laws import (
     Constant,
@@ -89,12 +89,8 @@ class Drag(Force):
 
     @model_validator(mode="after")
     def _complete(self) -> Drag:
-        if self.fluid is None and self.density is None:
-            raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
-        if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
-            raise invalid(
-                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well"
-            )
+        if self.density is None:
+            require_density(self.fluid)
         if self.coefficient == "schiller_naumann":
             if self.fluid is None and self.viscosity is None:
                 raise invalid(
@@ -137,8 +133,9 @@ class Drag(Force):
         area = Sphere(math.pi) if self.area is None else Constant(self.area)
         return DragRecord(0.5, rho, c_d, area, tuple(flow.record() for flow in self.flow))
 
-    def needs_radius(self) -> bool:
-        return self.area is None or self.coefficient == "schiller_naumann"
+    def needs(self) -> frozenset[str]:
+        sized = self.area is None or self.coefficient == "schiller_naumann"
+        return frozenset({"radius"} if sized else ())
 
     def kink(self) -> str | None:
         if self.coefficient != "schiller_naumann":

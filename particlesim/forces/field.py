@@ -1,4 +1,4 @@
-"""Force fields written in the scenario: f = f(x, y, z, vx, vy, vz, t, m, r, T), or f = −∇U of a written potential.
+"""Force fields written in the scenario: f = f(x, y, z, vx, vy, vz, t, m, r, T, q), or f = −∇U of a written potential.
 
 Gradients come from forward differentiation of the expression, exact to rounding. The Jacobian of a potential's force is
 the central difference of its exact gradient, with a relative error of about 10⁻¹⁰.
@@ -24,7 +24,6 @@ from particlesim.expressions.operations import (
     Maximum,
     Minimum,
     Node,
-    Radius,
     Ray,
     Sign,
     Temperature,
@@ -32,7 +31,7 @@ from particlesim.expressions.operations import (
     slope,
     value,
 )
-from particlesim.expressions.parser import ExpressionError, parse, reads
+from particlesim.expressions.parser import ExpressionError, attributes_read, parse, reads
 from particlesim.forces.base import Force
 from particlesim.laws.registry import (
     Matrix,
@@ -45,6 +44,7 @@ from particlesim.laws.registry import (
     moved_to,
     potential,
 )
+from particlesim.model.attributes import FURTHER
 from particlesim.model.base import Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Number
@@ -57,13 +57,13 @@ class Field(Force):
 
     type: Literal["field"] = "field"
     force: tuple[Expression, Expression, Expression] | None = None
-    """Components of the force in newtons, as expressions of x, y, z, vx, vy, vz, t, m, r, T and the constants."""
+    """Components of the force in newtons, as expressions of x, y, z, vx, vy, vz, t, m, r, T, q and the constants."""
     potential: Expression | None = None
     """Potential energy in joules as an expression, instead of the force; F = −∇U."""
     constants: dict[Name, Number] = _Default(default_factory=dict)
     """Numbers by name, for use in the expressions."""
 
-    formula: ClassVar[str] = "f = f(x, v, t, m, r, T), or f = −∇U"
+    formula: ClassVar[str] = "f = f(x, v, t, m, r, T, q), or f = −∇U"
     energy: ClassVar[str] = (
         "U as written, if a potential is given; else none: a field need not derive from one"
     )
@@ -105,11 +105,8 @@ class Field(Force):
         nodes = self.nodes()
         return FieldRecord(*nodes) if self.force is not None else PotentialRecord(nodes[0])
 
-    def needs_radius(self) -> bool:
-        return any(reads(node, Radius) for node in self.nodes())
-
-    def needs_temperature(self) -> bool:
-        return any(reads(node, Temperature) for node in self.nodes())
+    def needs(self) -> frozenset[str]:
+        return attributes_read(self.nodes())
 
     def changes(self) -> bool:
         """Whether it changes while a particle stands still: with time, or with the temperature."""
@@ -140,9 +137,12 @@ def _kinked(node: Node) -> bool:
 
 
 def check_constant(name: str) -> None:
-    """Refuse a constant that no expression could name, or that would hide something else."""
+    """Refuse a constant that no expression could name, or that would hide something else.
+
+    One named as a further attribute takes its place, so that formulas from before the attribute mean what they did.
+    """
     place = ("constants", name)
-    if name in VARIABLES:
+    if name in VARIABLES and name not in {each.symbol for each in FURTHER}:
         raise invalid(f"{name!r} is a variable of every expression", at=place, hint="choose another name")
     if name in FUNCTIONS:
         raise invalid(f"{name!r} is a function of every expression", at=place, hint="choose another name")

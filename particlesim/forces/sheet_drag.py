@@ -21,7 +21,7 @@ from annotated_types import Ge, Gt
 from pydantic import model_validator
 
 from particlesim.flows import AnyFlow
-from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
+from particlesim.flows.fluids import FLUIDS, FluidName, require_density
 from particlesim.forces.base import Force
 from particlesim.laws.registry import (
     Matrix,
@@ -32,7 +32,6 @@ from particlesim.laws.registry import (
     triangle_force_dv,
     velocity,
 )
-from particlesim.model.mistakes import invalid
 from particlesim.model.units import KilogramsPerCubicMetre, Number
 
 
@@ -57,12 +56,8 @@ class SheetDrag(Force):
 
     @model_validator(mode="after")
     def _complete(self) -> SheetDrag:
-        if self.fluid is None and self.density is None:
-            raise invalid("needs the fluid's density", allowed='fluid = "air", or density = 1.225')
-        if self.fluid is not None and self.density is None and self.fluid not in WITH_DENSITY:
-            raise invalid(
-                f"no density is tabulated for {self.fluid}", at=("fluid",), hint="give density as well"
-            )
+        if self.density is None:
+            require_density(self.fluid)
         return self
 
     @property

@@ -67,8 +67,8 @@ class StokesDrag(Force):
     def record(self) -> StokesDragRecord:
         return StokesDragRecord(6 * math.pi * self.eta, tuple(flow.record() for flow in self.flow))
 
-    def needs_radius(self) -> bool:
-        return True
+    def needs(self) -> frozenset[str]:
+        return frozenset({"radius"})
 
 
 class StokesDragRecord(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from particlesim.bonds import BondSet, HingeSet, RodSet
-from particlesim.colliders import Plane
+from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
 from particlesim.forces import Force, SheetDrag
 from particlesim.forces.sheet_drag import SurfaceSet
@@ -54,7 +54,7 @@ class Island:
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
-    planes: tuple[tuple[Plane, ...], ...]
+    colliders: tuple[tuple[Collider, ...], ...]
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
@@ -120,9 +120,11 @@ def build_graph(scenario: Scenario) -> Graph:
     joints: tuple[BondSet | RodSet | HingeSet, ...] = (*scenario.bonds, *scenario.rod_sets, *scenario.hinges)
     for each in joints:
         act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
-    for k, plane in enumerate(scenario.planes):
+    for k, collider in enumerate(scenario.all_colliders):
         act(
-            Node("plane", plane.name or str(k), _plane_detail(plane)), "holds back", _targets(plane, scenario)
+            Node(collider.kind, collider.name or str(k), _collider_detail(collider)),
+            "holds back",
+            _targets(collider, scenario),
         )
     for k, impulse in enumerate(scenario.impulses):
         times = ", ".join(f"{t:g}" for t in impulse.times())
@@ -168,7 +170,7 @@ def _without_inertia(method: Method) -> Method:
     return method if method.first_order is None else METHODS[method.first_order]
 
 
-def _targets(entry: Plane | Impulse, scenario: Scenario) -> list[str]:
+def _targets(entry: Collider | Impulse, scenario: Scenario) -> list[str]:
     return [g.name for g in scenario.groups if entry.on is None or g.name in entry.on]
 
 
@@ -200,7 +202,9 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(
                     tuple(f for f in scenario.forces if acts_on(f, g) and not f.on_surfaces) for g in groups
                 ),
-                tuple(tuple(p for p in scenario.planes if p.on is None or g.name in p.on) for g in groups),
+                tuple(
+                    tuple(c for c in scenario.all_colliders if c.on is None or g.name in c.on) for g in groups
+                ),
                 methods[0],
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
                 tuple(each for each in interactions if root(each.groups[0]) == name),
@@ -221,7 +225,6 @@ def _group_node(group: Group) -> Node:
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 
 
-def _plane_detail(plane: Plane) -> str:
-    x, y, z = plane.normal
-    what = f"e = {plane.restitution:g}" if plane.contact == "bounce" else plane.contact
-    return f"normal ({x:g}, {y:g}, {z:g}), {what}, {plane.detection}"
+def _collider_detail(collider: Collider) -> str:
+    what = f"e = {collider.restitution:g}" if collider.contact == "bounce" else collider.contact
+    return f"{collider.describe()}, {what}, {collider.detection}"

@@ -19,10 +19,12 @@ from particlesim.groups.selection import Selection, selected
 from particlesim.integrators import AnyIntegrator
 from particlesim.layouts import AnyLayout
 from particlesim.layouts.mesh import STRUCTURAL
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import Path as Place
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import (
+    Coulombs,
     Kelvin,
     Kilograms,
     KilogramsPerCubicMetre,
@@ -30,6 +32,7 @@ from particlesim.model.units import (
     Metres,
     PerSecond,
 )
+from particlesim.model.variants import Tagged
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
 from particlesim.sampling.random_streams import Streams
 
@@ -62,7 +65,7 @@ class SecondOrder(Model):
     type: Literal["second_order"] = "second_order"
 
 
-AnyDynamics = Annotated[SecondOrder | FirstOrder | TracerMotion, Field(discriminator="type")]
+AnyDynamics = Annotated[SecondOrder | FirstOrder | TracerMotion, Tagged("type")]
 
 
 class Cooling(Model):
@@ -87,6 +90,8 @@ class Group(Model):
     """Density of a particle, which joins mass and radius: give two of the three at most."""
     temperature: Sampled[Annotated[Kelvin, Ge(0)]] | None = None
     """Temperature at the start."""
+    charge: Sampled[Coulombs] | None = None
+    """Electric charge of a particle, for forces that read it (q in a field); 0 unless given."""
     cooling: Cooling | None = None
     """How the temperature changes; constant unless given."""
     dynamics: AnyDynamics = SecondOrder()
@@ -111,18 +116,11 @@ class Group(Model):
                     at=("radius",),
                     hint="give the distribution a min" if isinstance(self.radius, Distribution) else None,
                 )
-        for name, least in (
-            ("mass", "greater than 0"),
-            ("radius", "0 or more"),
-            ("temperature", "0 or more"),
-        ):
+        for name, attribute in ATTRIBUTES.items():
             value = getattr(self, name)
-            if isinstance(value, Distribution):
-                low = smallest(value)
-                if low < 0 or (low == 0 and name == "mass"):
-                    raise invalid(
-                        f"this distribution can give a {name} that is not {least}", at=(name,), hint="add min"
-                    )
+            if isinstance(value, Distribution) and not attribute.allows(smallest(value)):
+                wrong = f"this distribution can give a {name} that is not {attribute.rule}"
+                raise invalid(wrong, at=(name,), hint="add min")
         if self.cooling is not None and self.temperature is None:
             raise invalid("cooling needs a temperature to begin with", at=("cooling",))
         return self
@@ -144,9 +142,22 @@ class Group(Model):
             return draw(value, streams[name], first, count)
         return value
 
-    def has_radius(self) -> bool:
-        """Whether its particles have a size."""
-        return self.radius is not None or self.density is not None
+    def attributes(self, streams: Streams, first: int, count: int) -> dict[str, Any]:
+        """All attributes that particles first … first + count − 1 have, by name; a number where all are equal."""
+        mass, radius = self.size(streams, first, count)
+        found = {"mass": mass, "radius": radius} if self.has("radius") else {"mass": mass}
+        rest = [name for name in ATTRIBUTES if name not in ("mass", "radius")]
+        sampled = {name: self.sample(name, streams, first, count) for name in rest}
+        return found | {name: values for name, values in sampled.items() if values is not None}
+
+    def has(self, attribute: str) -> bool:
+        """Whether its particles have an attribute, as far as is known before files are read."""
+        follows = self.density is not None and attribute in ("mass", "radius")
+        return follows or getattr(self, attribute) is not None
+
+    def may_have(self, attribute: str) -> bool:
+        """Whether its particles have an attribute, or a file may give it to them."""
+        return self.has(attribute)
 
 
 class Particles(Group):
@@ -161,6 +172,8 @@ class Particles(Group):
     """Radius of a particle, or a list of them; 0 (a point) unless given or following from mass and density."""
     temperature: Sampled[Annotated[Kelvin, Ge(0)]] | Each[Annotated[Kelvin, Ge(0)]] | None = None  # type: ignore[assignment]
     """Temperature at the start, or a list of them, one for each."""
+    charge: Sampled[Coulombs] | Each[Coulombs] | None = None  # type: ignore[assignment]
+    """Electric charge of a particle, or a list of them, for forces that read it (q in a field); 0 unless given."""
     layout: AnyLayout
     """Where they are and how fast."""
     pinned: bool | Selection = False
@@ -171,7 +184,7 @@ class Particles(Group):
 
     @model_validator(mode="after")
     def _as_many(self) -> Particles:
-        for name in ("mass", "radius", "temperature"):
+        for name in ATTRIBUTES:
             values = getattr(self, name)
             if not isinstance(values, tuple):
                 continue
@@ -232,6 +245,12 @@ class Particles(Group):
                 also=here,
             )
         return self
+
+    def has(self, attribute: str) -> bool:
+        return super().has(attribute) or attribute in self.layout.attributes()
+
+    def may_have(self, attribute: str) -> bool:
+        return self.has(attribute) or self.layout.type == "file"
 
     def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
         value = super().sample(name, streams, first, count)

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from particlesim.expressions.operations import VARIABLES, Node, Ray, Time, X, Y, Z, slope, value
@@ -21,11 +20,10 @@ from particlesim.expressions.parser import ExpressionError, parse, reads
 from particlesim.forces.field import Expression, check_constant
 from particlesim.groups.selection import Selection
 from particlesim.laws.registry import Particle, law, path
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number, Seconds, Vector
-
-Floats = NDArray[np.float64]
 
 
 class Waypoint(Model):

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from pydantic import Field, StringConstraints
 
 from particlesim.layouts import Layout
+from particlesim.model.arrays import Ints
 from particlesim.model.mistakes import Invalid
 from particlesim.model.spelling import did_you_mean
+from particlesim.model.variants import Tagged
 from particlesim.sampling.shapes import Ball, Box, Shape, Shell
 
-Ints = NDArray[np.int64]
 Path = tuple[str | int, ...]
 
 Index = Annotated[int, Field(ge=0, strict=True)]
-Region = Annotated[Box | Ball | Shell, Field(discriminator="type")]
+Region = Annotated[Box | Ball | Shell, Tagged("type")]
 Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 Selection = Part | tuple[Index | Part, ...] | Region
 """A name such as "left" or "row 3", a list of names and indices, or a box, ball or shell: those in it at the start."""

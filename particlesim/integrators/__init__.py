@@ -5,8 +5,6 @@ To add a method, write its file, add one line to `METHODS` and its name to the o
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from particlesim.integrators.adaptive import Adaptive, AdaptiveName, EmbeddedRungeKutta
 from particlesim.integrators.adaptive_euler import ADAPTIVE_EULER
 from particlesim.integrators.backward_euler import BACKWARD_EULER
@@ -27,6 +25,7 @@ from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
 from particlesim.integrators.trapezoidal import TRAPEZOIDAL
 from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
 from particlesim.integrators.yoshida4 import YOSHIDA4
+from particlesim.model.variants import Tagged
 
 METHODS: dict[str, Method] = {
     method.name: method
@@ -53,7 +52,7 @@ METHODS: dict[str, Method] = {
 MethodName = Literal[FixedStepName, AdaptiveName, "backward_euler", ImplicitName]
 """The names of all methods."""
 
-AnyOptions = Annotated[FixedStep | Adaptive | BackwardEuler | Implicit, Field(discriminator="method")]
+AnyOptions = Annotated[FixedStep | Adaptive | BackwardEuler | Implicit, Tagged("method")]
 """A method by its name, with its options."""
 
 AnyIntegrator = MethodName | AnyOptions

@@ -14,6 +14,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from particlesim.model.attributes import FURTHER
+
 Record = tuple[Any, ...]
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]  # row by row
@@ -21,17 +23,20 @@ Matrix = tuple[float, float, float, float, float, float, float, float, float]  #
 ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies; it has left the world.
+# What a contact does to a particle: nothing beyond the bounce; it stays there; it dies at a plane; it has left the world; it
+# dies at another collider.
 PASS = 0
 STICK = 1
 KILL = 2
 LEAVE = 3
+ABSORB = 4
 
 
 class Particle(NamedTuple):
     """One particle: position [m], velocity [m/s], mass [kg], radius [m], temperature [K], and the time [s].
 
-    `w` is the inverse mass [1/kg], for integrators: a division less in every step. Laws use the mass.
+    `w` is the inverse mass [1/kg], for integrators: a division less in every step. Laws use the mass. Then
+    come the further attributes of `particlesim.model.attributes`, by their symbols: the charge q [C].
     """
 
     x: float
@@ -45,6 +50,18 @@ class Particle(NamedTuple):
     T: float
     t: float
     w: float = math.nan
+    q: float = 0.0
+
+
+FIRST_FURTHER = Particle._fields.index("w") + 1
+assert Particle._fields[FIRST_FURTHER:] == tuple(each.symbol for each in FURTHER), (
+    "Particle lacks an attribute"
+)
+
+
+def further(p: Any) -> Any:
+    """The further attributes of a particle, in the order of their table."""
+    return p[FIRST_FURTHER:]
 
 
 class Generic(NamedTuple):
@@ -65,7 +82,7 @@ def moved_to(
     p: Particle, x: float, y: float, z: float, vx: float, vy: float, vz: float, t: float
 ) -> Particle:
     """The particle at another place, velocity and time."""
-    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w)
+    return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w, *further(p))
 
 
 def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -238,6 +255,25 @@ def gap(c: Any, p: Particle) -> float:
 
 
 @generic(0)
+def normal(c: Any, p: Particle) -> Vector:
+    """Gradient of a gap, the unit vector away from a collider; a component that is always zero may be None."""
+    return evaluate(normal, c, p)
+
+
+@generic(0)
+def surface(c: Any, p: Particle) -> Vector:
+    """Centre of a particle [m] that is put back on the surface of a collider: for shapes that know it to the last bit."""
+    return evaluate(surface, c, p)
+
+
+@generic(0)
+def passing(c: Any, p: Particle, q: Particle) -> float:
+    """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two
+    legal places may cross."""
+    return GENERICS[passing].laws[type(c)](c, p, q)
+
+
+@generic(0)
 def contact(c: Any, p: Particle) -> tuple[Particle, int]:
-    """The particle after meeting a collider that it overlaps, and what becomes of it (PASS, STICK, KILL or LEAVE)."""
+    """The particle after meeting a collider that it overlaps, and what becomes of it: PASS, STICK, KILL, LEAVE or ABSORB."""
     return evaluate(contact, c, p)

@@ -2,8 +2,6 @@
 
 from typing import Annotated
 
-from pydantic import Field
-
 from particlesim.layouts.base import CHUNK, Layout, Placed
 from particlesim.layouts.bridge import Bridge
 from particlesim.layouts.cloth import Cloth
@@ -16,10 +14,11 @@ from particlesim.layouts.points import Points
 from particlesim.layouts.random import Random
 from particlesim.layouts.rope import Rope
 from particlesim.layouts.surface import SurfaceFile
+from particlesim.model.variants import Tagged
 
 AnyLayout = Annotated[
     Points | Random | Lattice | Cloth | Rope | Jelly | Net | Hair | Bridge | SurfaceFile | File,
-    Field(discriminator="type"),
+    Tagged("type"),
 ]
 LAYOUTS: tuple[type[Layout], ...] = (
     Points,

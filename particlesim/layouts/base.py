@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -10,10 +12,9 @@ from numpy.typing import NDArray
 from pydantic import StringConstraints
 
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.sampling.random_streams import Streams
-
-Floats = NDArray[np.float64]
 
 Line = Annotated[str, StringConstraints(pattern=r"^(row|column) -?[0-9]{1,9}$")]
 """A row or a column of a layout that is a grid; negative numbers count from the end."""
@@ -25,14 +26,12 @@ CHUNK = 1 << 16
 class Placed(NamedTuple):
     """What a layout gives for some particles: position [m] and velocity [m/s], shape [3, n].
 
-    Mass [kg], radius [m] and temperature [K] are None unless the layout knows them (a file may).
+    `attributes` are those that the layout knows (a file may), by name, in SI units, shape [n].
     """
 
     position: Floats
     velocity: Floats
-    mass: Floats | None = None
-    radius: Floats | None = None
-    temperature: Floats | None = None
+    attributes: Mapping[str, Floats] = MappingProxyType({})
 
 
 class LayoutError(UsageError):
@@ -63,6 +62,10 @@ class Layout(Model):
     def number(self) -> int | None:
         """How many particles, None if only the file knows."""
         raise NotImplementedError
+
+    def attributes(self) -> frozenset[str]:
+        """Attributes of particles that it gives (a file may, once it is open), such as "mass"."""
+        return frozenset()
 
     def edges(self, kind: str) -> NDArray[np.int64]:
         """Pairs of particles joined by the springs of a kind, shape [springs, 2]."""

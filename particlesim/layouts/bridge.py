@@ -9,8 +9,9 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.layouts.base import Floats, Placed
-from particlesim.layouts.mesh import SHEAR, STRUCTURAL, Ints, Mesh
+from particlesim.layouts.base import Placed
+from particlesim.layouts.mesh import SHEAR, STRUCTURAL, Mesh
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, MetresPerSecond, Vector
 from particlesim.sampling.random_streams import Streams

@@ -9,8 +9,9 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.layouts.base import Floats, Line, Placed
-from particlesim.layouts.mesh import BEND, DIHEDRAL, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
+from particlesim.layouts.base import Line, Placed
+from particlesim.layouts.mesh import BEND, DIHEDRAL, SHEAR, STRUCTURAL, Mesh, Resolution, grid_triangles
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
 from particlesim.model.vectors import dot, unit

@@ -10,8 +10,8 @@ from typing import TextIO
 import numpy as np
 
 from particlesim.errors import UsageError
-from particlesim.layouts.base import Floats
 from particlesim.layouts.input_file import bounded_lines, require_memory
+from particlesim.model.arrays import Floats
 
 LONGEST_SHOWN = 60
 ROWS = 1 << 16

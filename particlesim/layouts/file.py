@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, StringConstraints
 
 from particlesim.errors import UsageError
-from particlesim.layouts.base import CHUNK, Floats, Layout, LayoutError, Placed
+from particlesim.layouts.base import CHUNK, Layout, LayoutError, Placed
 from particlesim.layouts.csv_file import line_of, read_csv
 from particlesim.layouts.input_file import check_regular, require_memory
 from particlesim.layouts.npy_file import open_npy
 from particlesim.layouts.table import Columns, Table
+from particlesim.model.arrays import Floats
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Name
 from particlesim.model.spelling import did_you_mean
 from particlesim.sampling.random_streams import Streams
@@ -23,7 +25,7 @@ from particlesim.sampling.random_streams import Streams
 if TYPE_CHECKING:
     from particlesim.trajectory.frame import Frame
 
-COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "mass", "radius", "temperature")
+COLUMNS = ("x", "y", "z", "vx", "vy", "vz", *ATTRIBUTES)
 """Columns that a CSV file or a structured NPY file may have, in SI units; x, y and z are needed."""
 
 PARTICLE = 36
@@ -33,9 +35,9 @@ PARTICLE = 36
 class File(Layout):
     """Particles read from a file, relative to the scenario's folder.
 
-    `.csv`: a header line naming the columns x, y, z and any of vx, vy, vz, mass, radius, temperature (SI units), then a
-    line per particle. `.npy`: an array of real numbers of shape [n, 3] (positions), [n, 6] (positions and velocities), or a
-    structured array of shape [n] with these names. `.vtkhdf`: a frame of another trajectory.
+    `.csv`: a header line naming the columns x, y, z and any of vx, vy, vz, mass, radius, temperature, charge (SI units),
+    then a line per particle. `.npy`: an array of real numbers of shape [n, 3] (positions), [n, 6] (positions and
+    velocities), or a structured array of shape [n] with these names. `.vtkhdf`: a frame of another trajectory.
     """
 
     type: Literal["file"] = "file"
@@ -98,7 +100,7 @@ class File(Layout):
             if "velocity" in trajectory.fields:
                 velocity = np.asarray(frame["velocity"], dtype=float)[chosen]
                 columns |= dict(zip(("vx", "vy", "vz"), velocity.T, strict=True))
-            for name in ("mass", "radius", "temperature"):
+            for name in ATTRIBUTES:
                 if name in trajectory.fields:
                     columns[name] = np.asarray(frame[name], dtype=float)[chosen]
         return columns
@@ -112,6 +114,9 @@ class File(Layout):
     def number(self) -> int | None:
         return None if self._table is None else self._table.number
 
+    def attributes(self) -> frozenset[str]:
+        return frozenset() if self._table is None else frozenset(self._table.columns) & ATTRIBUTES.keys()
+
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         assert self._table is not None, "open() comes first"
         part = self._table.read(first, count)
@@ -119,9 +124,7 @@ class File(Layout):
         return Placed(
             np.stack([part["x"], part["y"], part["z"]]),
             np.stack([part.get(name, zeros) for name in ("vx", "vy", "vz")]),
-            part.get("mass"),
-            part.get("radius"),
-            part.get("temperature"),
+            {name: part[name] for name in ATTRIBUTES if name in part},
         )
 
 
@@ -137,12 +140,11 @@ def _check(path: Path, table: Table) -> None:
         raise UsageError(f"{path} holds no particles")
     for first in range(0, table.number, CHUNK):
         for name, column in table.read(first, min(CHUNK, table.number - first)).items():
-            least = {"mass": np.nextafter(0, 1), "radius": 0, "temperature": 0}.get(name, -np.inf)
-            bad = np.flatnonzero(~np.isfinite(column) | (column < least))
+            attribute = ATTRIBUTES.get(name)
+            bad = np.flatnonzero(~np.isfinite(column) | (attribute is not None and ~attribute.allows(column)))
             if bad.size:
                 k, value = first + int(bad[0]), column[bad[0]]
-                allowed = {"mass": "greater than 0", "radius": "0 or more", "temperature": "0 or more"}
-                rule = allowed[name] if name in allowed and np.isfinite(value) else "finite"
+                rule = attribute.rule if attribute is not None and np.isfinite(value) else "finite"
                 raise UsageError(
                     f"{_place(path, k)}: {name} of particle {k} is {value:g}", f"it must be {rule}"
                 )

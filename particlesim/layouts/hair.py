@@ -9,8 +9,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
-from particlesim.layouts.base import Floats, Placed
-from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.base import Placed
+from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Mesh, Resolution
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
 from particlesim.model.vectors import unit

@@ -9,7 +9,8 @@ from annotated_types import Gt
 from pydantic import Field
 
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Ints, Mesh, Resolution, grid_triangles
+from particlesim.layouts.mesh import BEND, SHEAR, STRUCTURAL, Mesh, Resolution, grid_triangles
+from particlesim.model.arrays import Ints
 from particlesim.model.units import Metres, MetresPerSecond, Vector
 from particlesim.sampling.random_streams import Streams
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from particlesim.errors import UsageError
 from particlesim.layouts.base import Layout
+from particlesim.model.arrays import Ints
 
-Ints = NDArray[np.int64]
 Resolution = Annotated[int, Field(ge=2, le=10_000, strict=True)]
 
 STRUCTURAL = "structural"

@@ -21,9 +21,8 @@ from particlesim.layouts.malformed import Malformed
 from particlesim.layouts.obj_text import surface_of_obj
 from particlesim.layouts.ply_body import surface_of_ply
 from particlesim.layouts.stl_text import is_binary, triangles_of_text
+from particlesim.model.arrays import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Surface = tuple[Floats, Ints]
 
 MEMORY = {".obj": 15.0, ".ply": 45.0, ".stl": 20.0}

@@ -10,7 +10,8 @@ from pydantic import Field
 
 from particlesim.layouts.base import Placed
 from particlesim.layouts.cloth import Pinned, Sheet
-from particlesim.layouts.mesh import BEND, STRUCTURAL, Ints
+from particlesim.layouts.mesh import BEND, STRUCTURAL
+from particlesim.model.arrays import Ints
 from particlesim.model.units import Metres
 from particlesim.sampling.random_streams import Streams
 

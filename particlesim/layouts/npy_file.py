@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from particlesim.errors import UsageError
-from particlesim.layouts.base import Floats
+from particlesim.model.arrays import Floats
 
 LONGEST_HEADER = 10_000
 """Bytes. NumPy reads no longer ones."""

@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import model_validator
 
 from particlesim.layouts.base import Placed
-from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Ints, Mesh, Resolution
+from particlesim.layouts.mesh import ANGLE, BEND, STRUCTURAL, Mesh, Resolution
+from particlesim.model.arrays import Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, MetresPerSecond, Vector
 from particlesim.sampling.random_streams import Streams

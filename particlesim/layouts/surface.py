@@ -9,9 +9,10 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import PrivateAttr, StringConstraints
 
-from particlesim.layouts.base import Floats, Placed
-from particlesim.layouts.mesh import BEND, DIHEDRAL, STRUCTURAL, Ints, Mesh, folds, require_manifold
+from particlesim.layouts.base import Placed
+from particlesim.layouts.mesh import BEND, DIHEDRAL, STRUCTURAL, Mesh, folds, require_manifold
 from particlesim.layouts.mesh_formats import read_surface
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.units import Metres, MetresPerSecond, Number, Vector
 from particlesim.sampling.random_streams import Streams
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from particlesim.layouts.base import Floats
+from particlesim.model.arrays import Floats
 
 
 class Table(Protocol):

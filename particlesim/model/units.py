@@ -18,7 +18,6 @@ pint, which knows all units, is imported when the first text arrives that `unit_
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -221,6 +220,8 @@ def _nearest(name: str) -> str | None:
     for candidate in (name.lower(), name.lower().rstrip("s")):
         if candidate in folded:
             return folded[candidate]
+    import difflib
+
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
     return folded[close[0]] if close else None
 
@@ -261,6 +262,7 @@ _VISCOSITY = Unit("Pa s", "a dynamic viscosity", "1.8e-2 mPa s")
 _KINEMATIC = Unit("m^2/s", "a circulation or diffusivity", "3 cm^2/s")
 _GRAVITATIONAL = Unit("m^3/s^2", "a gravitational parameter", "398600 km^3/s^2")
 _TEMPERATURE = Unit("K", "a temperature", "20 degC")
+_CHARGE = Unit("C", "an electric charge", "2 uC")
 _ENERGY = Unit("J", "an energy", "3 kJ")
 _ANGULAR_MOMENTUM = Unit("J s", "an angular momentum", "3 kg m^2/s")
 
@@ -284,13 +286,13 @@ Newtons = Annotated[float, _FORCE]
 NewtonSeconds = Annotated[float, _IMPULSE]
 NewtonsPerMetre = Annotated[float, _STIFFNESS]
 KilogramsPerSecond = Annotated[float, _MASS_RATE]
-NewtonSecondsPerMetre = KilogramsPerSecond
 Pascals = Annotated[float, _PRESSURE]
 PascalSeconds = Annotated[float, _VISCOSITY]
 SquareMetresPerSecond = Annotated[float, _KINEMATIC]
 CubicMetresPerSecondSquared = Annotated[float, _GRAVITATIONAL]
 Kelvin = Annotated[float, _TEMPERATURE]
 KelvinDifference = Annotated[float, _TEMPERATURE.difference()]
+Coulombs = Annotated[float, _CHARGE]
 Joules = Annotated[float, _ENERGY]
 JouleSeconds = Annotated[float, _ANGULAR_MOMENTUM]
 

@@ -6,7 +6,7 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group
 from particlesim.integrators import Composition
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, held_back
 from particlesim.scenario.scenario import Scenario
 
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
@@ -59,27 +59,27 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
 
 
 def _projection(scenario: Scenario) -> list[str]:
-    """Discrete detection lifts a particle out of the plane, which adds m g times the depth."""
+    """Discrete detection lifts a particle out of the collider, which adds m g times the depth."""
     return [
-        f"plane {plane.name or k} with discrete detection and restitution {plane.restitution:g} can add energy: particles "
-        'are lifted out of it; detection = "continuous" does not'
-        for k, plane in enumerate(scenario.planes)
-        if plane.lifts()
+        f"{each.kind} {each.name or k} with discrete detection and restitution {each.restitution:g} can add energy: "
+        'particles are lifted out of it; detection = "continuous" does not'
+        for k, each in enumerate(scenario.all_colliders)
+        if each.lifts()
     ]
 
 
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
-    """Planes on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches in
-    every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
+    """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
+    in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
-        f"plane {plane.name or k}: tangential_loss is taken at every contact, and a particle that lies on the plane touches "
-        "it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model of impacts, not of "
-        "friction, which psim does not have"
-        for k, plane in enumerate(scenario.planes)
-        if plane.contact == "bounce"
-        and plane.tangential_loss > 0
-        and plane.restitution < 1
-        and (group is None or plane.on is None or group in plane.on)
+        f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the "
+        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
+        "of impacts, not of friction, which psim does not have"
+        for k, each in enumerate(scenario.all_colliders)
+        if each.contact == "bounce"
+        and each.tangential_loss > 0
+        and each.restitution < 1
+        and (group is None or held_back(each, (group,)))
     )
 
 

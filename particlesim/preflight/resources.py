@@ -7,21 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import RungeKutta, method_for
 from particlesim.memory import available_memory
+from particlesim.model.arrays import Floats
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.sampling.distributions import largest
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
 from particlesim.trajectory.fields import FIELDS, select_fields
 from particlesim.trajectory.layout import EVENT, TABLE_ROWS, TOPOLOGY_ROWS
-
-Floats = NDArray[np.float64]
 
 ANYWAY = "if you know better, --yes (must_fit=False) runs it anyway"
 BASE_MEMORY = 192 << 20
@@ -118,8 +117,8 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     """Memory of a particle of a group while it is stepped."""
     number = _width(scenario)
     method = method_for(group.integrator or scenario.simulation.integrator)
-    size = 7 * number + 8  # position, velocity, mass; id
-    size += number * group.has_radius() + 8 * (group.temperature is not None)
+    size: float = 7 * number + 8  # position, velocity, mass; id
+    size += _attribute_bytes(group, number)
     size += method.memory * number
     if isinstance(group, Emitter):
         return 1.5 * (size + CLOCK_BYTES)  # room to grow
@@ -138,8 +137,15 @@ def _saved_bytes(scenario: Scenario, group: Group) -> float:
     number = _width(scenario)
     method = method_for(group.integrator or scenario.simulation.integrator)
     clocked = isinstance(group, Emitter) or (isinstance(group, Particles) and bool(group.pinned))
-    size = (8 + method.memory) * number + 8  # position, velocity, mass, radius; id
-    return size + CLOCK_BYTES * bool(clocked) + 8 * (group.temperature is not None)
+    size = (7 + method.memory) * number + 8  # position, velocity, mass; id
+    size += number * (not group.has("radius"))  # stored in any case
+    return size + CLOCK_BYTES * bool(clocked) + _attribute_bytes(group, number)
+
+
+def _attribute_bytes(group: Group, number: int) -> float:
+    """Bytes of the attributes of a particle beside its mass; temperatures are in double precision in any case."""
+    mine = (name for name in ATTRIBUTES if name != "mass" and group.has(name))
+    return sum(8 if name == "temperature" else number for name in mine)
 
 
 def _spring_bytes(scenario: Scenario) -> float:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from particlesim.process.signals import held_signals
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 PIECES_PER_THREAD = 4
 """Ranges per thread: when another program takes a core, the other threads take over its share."""
@@ -30,24 +32,31 @@ def available_cores() -> int:
 
 
 class Team:
-    """`threads` workers, all cores unless given; with one, and after `close`, the work is done by the caller."""
+    """`threads` workers, all cores unless given; with one, and after `close`, its caller does it.
+
+    They begin with their first work.
+    """
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = available_cores() if threads is None else max(1, threads)
         self._pool: ThreadPoolExecutor | None = None
-        if self.threads > 1:
-            # A thread that a signal cuts off from its pool in the moment of its birth would never hear of its end.
-            with held_signals():
-                self._pool = _started_pool(self.threads)
 
     def each(self, work: Callable[[int], Any], count: int) -> None:
         """Call work(0) … work(count − 1), in any order, and return when all are done."""
-        if self._pool is None or count < 2:
+        if self.threads == 1 or count < 2:
             for piece in range(count):
                 work(piece)
             return
-        for _ in self._pool.map(work, range(count)):
+        for _ in self.started().map(work, range(count)):
             pass
+
+    def started(self) -> ThreadPoolExecutor:
+        """The threads, which begin now if they have not."""
+        if self._pool is None:
+            # A thread that a signal cuts off from its pool in the moment of its birth would never hear of its end.
+            with held_signals():
+                self._pool = _started_pool(self.threads)
+        return self._pool
 
     def over_range(
         self, count: int, grain: int, work: Callable[[int, int], Any], *, worth: bool = True
@@ -57,7 +66,7 @@ class Team:
         With `worth` False everything is done in one call by the caller's thread.
         """
         grains = -(-count // grain)
-        if self._pool is None or not worth or grains < 2:
+        if self.threads == 1 or not worth or grains < 2:
             work(0, count)
             return
         pieces = min(self.threads * PIECES_PER_THREAD, grains)
@@ -82,6 +91,8 @@ class Team:
 
 def _started_pool(threads: int) -> ThreadPoolExecutor:
     """A pool whose threads have all begun: one that is born with work stays for milliseconds on the core of its parent."""
+    from concurrent.futures import ThreadPoolExecutor
+
     pool = ThreadPoolExecutor(threads, "psim")
     begun = threading.Event()
     try:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from particlesim.render.scene.source import FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, FrameSource, PlaneShape
 from particlesim.scenario.rendering import Camera, RenderSettings
 
 if TYPE_CHECKING:
     from particlesim.render.video import RenderReport, render_frame, render_video
 
 __all__ = [
+    "BallShape",
     "Camera",
     "FrameSource",
     "PlaneShape",

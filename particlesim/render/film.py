@@ -6,9 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from particlesim.colliders import Plane, SphereCollider
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
-from particlesim.render.scene.source import PlaneShape
+from particlesim.render.scene.source import BallShape, PlaneShape
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
@@ -51,6 +52,7 @@ def film(
             out,
             look_of(scenario),
             planes=plane_shapes(scenario),
+            balls=ball_shapes(scenario),
             title=scenario.title,
             frames=frames,
             overwrite=overwrite,
@@ -75,4 +77,11 @@ def look_of(scenario: Scenario) -> RenderSettings:
 
 def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
     """The planes of a scenario as the renderer takes them."""
-    return tuple(PlaneShape(plane.point, unit(plane.normal)) for plane in scenario.planes)
+    planes = (each for each in scenario.all_colliders if isinstance(each, Plane))
+    return tuple(PlaneShape(plane.point, unit(plane.normal)) for plane in planes)
+
+
+def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
+    """The solid spheres among the colliders of a scenario; hollow ones would hide what is in them, and are not drawn."""
+    spheres = (each for each in scenario.colliders if isinstance(each, SphereCollider) and not each.inside)
+    return tuple(BallShape(sphere.center, sphere.radius) for sphere in spheres)

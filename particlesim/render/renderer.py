@@ -41,7 +41,7 @@ from particlesim.render.scene import colormaps
 from particlesim.render.scene.bodies import Bodies
 from particlesim.render.scene.camera import Viewpoint, choose_viewpoint
 from particlesim.render.scene.coloring import NOTHING, choose_coloring, color_indices, quantized, values_of
-from particlesim.render.scene.draw_list import NO_BOX, Act, Buffers, Cast
+from particlesim.render.scene.draw_list import NO_BOX, Act, Balls, Buffers, Cast
 from particlesim.render.scene.extents import survey
 from particlesim.render.scene.lighting import (
     choose_light,
@@ -52,7 +52,7 @@ from particlesim.render.scene.lighting import (
     tone_curve,
 )
 from particlesim.render.scene.shadow_maps import depth_map
-from particlesim.render.scene.source import Frame, FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, Frame, FrameSource, PlaneShape
 from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
 
@@ -82,6 +82,7 @@ class Renderer:
         settings: RenderSettings,
         *,
         planes: tuple[PlaneShape, ...] = (),
+        balls: tuple[BallShape, ...] = (),
         title: str = "",
         team: Team,
     ) -> None:
@@ -105,15 +106,17 @@ class Renderer:
         self.line_radii = self._drawn_line_radii()
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
+        solid = balls if settings.ground else ()
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
-        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect)
+        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
+        self.balls = Balls.of(solid, self.center, self.scale)
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
-        self.palette = colormaps.to_linear(np.concatenate([srgb, own])).astype(np.float32)
+        self.palette = colormaps.to_linear(np.concatenate([srgb, own, [colormaps.STONE]])).astype(np.float32)
         self.paint = {name: self.shades + k for k, name in enumerate(self.own_colors)}
         self._has_groups = "group" in source.fields
         self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
@@ -130,6 +133,11 @@ class Renderer:
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()
+
+    @property
+    def _multisampled(self) -> bool:
+        """Whether there is more than particles, whose outlines meet."""
+        return bool(self.bodies) or len(self.balls.radius) > 0
 
     def _cloth(self) -> dict[str, tuple[float, float, float]]:
         """Plain colours of surfaces, where nothing else is asked for."""
@@ -225,7 +233,7 @@ class Renderer:
             row0 = b * BAND
             image = self._buffers(view.width).image
             mine = [items[first[b] : first[b + 1]] for first, items in (spheres, triangles, tubes)]
-            if self.bodies:
+            if self._multisampled:
                 self._paint_solids(act, row0, mine)
             else:
                 self._paint_particles(act, row0, mine[0])
@@ -265,8 +273,12 @@ class Renderer:
         seen, solids, n = buffers.samples, cast.solids, len(cast.sphere)
         clear_samples(seen)
         dots = self.settings.look == "dots"
+        if len(self.balls.radius):
+            particle = spheres < n - len(self.balls.radius)
+            raster_balls(cast.sphere, cast.box, spheres[~particle], row0, view, act.planes, seen)
+            spheres = spheres[particle]
         if not dots:
-            raster_balls(cast.sphere, cast.box, spheres, row0, view, seen)
+            raster_balls(cast.sphere, cast.box, spheres, row0, view, None, seen)
         raster_triangles(cast.sphere, solids, n, cast.triangle_box, triangles, row0, view, seen)
         base, least = n + len(solids.corner), self._least_tube
         raster_tubes(cast.sphere, solids, least, base, cast.tube_box, tubes, row0, view, seen)
@@ -302,9 +314,13 @@ class Renderer:
     def _place(self, frame: Frame, view: View, planes: Planes) -> Cast:
         position = np.ascontiguousarray(frame.position)
         n = len(position)
+        balls = self.balls
+        every = n + len(balls.radius)
         radius, sized = self._radii(frame, n)
-        world, sphere = np.empty((n, 3), np.float32), np.empty((n, 4), np.float32)
-        box = np.empty((n, 4), np.int32)
+        radius = np.concatenate([radius, balls.radius])
+        world, sphere = np.empty((every, 3), np.float32), np.empty((every, 4), np.float32)
+        box = np.empty((every, 4), np.int32)
+        world[n:] = balls.center
         chunks = -(-n // CHUNK)
         bad = [0] * chunks
 
@@ -314,13 +330,15 @@ class Renderer:
             project.to_view(world, radius, start, stop, view, planes, self.least, sphere, box)
 
         self.team.each(piece, chunks)
+        project.to_view(world, radius, n, every, view, planes, 0.0, sphere, box)
         with self._lock:
             self.bad_positions += sum(bad)
-        hidden = self.bodies.concealed(frame, sized)
+        hidden = np.concatenate([self.bodies.concealed(frame, sized), np.zeros(every - n, np.bool_)])
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
-        color = self._painted(frame, color)
+        stone = np.full(every - n, len(self.palette) - 1, color.dtype)
+        color = np.concatenate([self._painted(frame, color), stone])
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX
@@ -380,7 +398,7 @@ class Renderer:
         flat = np.full((1, 1), np.inf, np.float32)
         light = self.light
         # Nothing shows the shadows of dots alone.
-        dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self.bodies
+        dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self._multisampled
         if not self.settings.shadows or not len(cast.world) or dots_alone:
             axes = _map_axes(light.direction)
             return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
@@ -422,7 +440,7 @@ class Renderer:
         """This thread's samples of one band."""
         scratch: Any = self._scratch
         if not hasattr(scratch, "buffers"):
-            scratch.buffers = Buffers.of(width, bool(self.bodies))
+            scratch.buffers = Buffers.of(width, self._multisampled)
         buffers: Buffers = scratch.buffers
         return buffers
 

@@ -11,17 +11,12 @@ from particlesim.scenario.rendering import RenderSettings
 MOST_FRAMES = 1_000_000
 
 
-def video_speed(times: npt.NDArray[np.floating], settings: RenderSettings) -> float:
-    """Simulated seconds per second of video.
+def video_speed(span: float, recorded: int, settings: RenderSettings) -> float:
+    """Simulated seconds per second of video, for `recorded` frames that cover `span` [s].
 
     As the settings say; else 1 when the recording is about as dense as the video (between half and four video frames
     per recorded frame), else such that each recorded frame is shown once.
     """
-    return _speed(float(times[-1] - times[0]) if len(times) else 0.0, len(times), settings)
-
-
-def _speed(span: float, recorded: int, settings: RenderSettings) -> float:
-    """`video_speed` for frames that cover `span` [s]."""
     if settings.speed is not None:
         return settings.speed
     if recorded < 2 or span <= 0:
@@ -35,7 +30,7 @@ def video_step(span: float, recorded: int, settings: RenderSettings) -> float:
 
     Raises UsageError when the video would have an absurd number of frames.
     """
-    step = _speed(span, recorded, settings) / settings.fps
+    step = video_speed(span, recorded, settings) / settings.fps
     if span / step > MOST_FRAMES:
         raise UsageError(
             f"the video would have {span / step:.3g} frames",

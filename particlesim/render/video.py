@@ -16,7 +16,7 @@ from particlesim.errors import UsageError
 from particlesim.process.signals import Held, held_signals
 from particlesim.process.threads import Team
 from particlesim.render.renderer import Picture, Renderer
-from particlesim.render.scene.source import Frame, FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, Frame, FrameSource, PlaneShape
 from particlesim.render.timeline import timeline
 from particlesim.render.writers import Writer, open_writer
 from particlesim.scenario.rendering import RenderSettings
@@ -48,6 +48,7 @@ def render_frame(
     settings: RenderSettings,
     *,
     planes: Sequence[PlaneShape] = (),
+    balls: Sequence[BallShape] = (),
     title: str = "",
     threads: int | None = None,
 ) -> Picture:
@@ -62,7 +63,9 @@ def render_frame(
         )
     index %= len(source)
     with Team(threads) as team:
-        renderer = Renderer(source, settings, planes=tuple(planes), title=title, team=team)
+        renderer = Renderer(
+            source, settings, planes=tuple(planes), balls=tuple(balls), title=title, team=team
+        )
         return renderer.draw(source[index])
 
 
@@ -72,6 +75,7 @@ def render_video(
     settings: RenderSettings,
     *,
     planes: Sequence[PlaneShape] = (),
+    balls: Sequence[BallShape] = (),
     title: str = "",
     frames: slice | None = None,
     overwrite: bool = False,
@@ -98,7 +102,9 @@ def render_video(
     shown = range(len(chosen)) if pictures_of_frames else timeline(source.times[list(chosen)], settings)
     with held_signals() as signals, Team(threads) as team:
         # Camera, colours and trails are those of the whole trajectory: a picture is that of its video.
-        renderer = Renderer(source, settings, planes=tuple(planes), title=title, team=team)
+        renderer = Renderer(
+            source, settings, planes=tuple(planes), balls=tuple(balls), title=title, team=team
+        )
         writer = open_writer(Path(out), settings, len(shown), overwrite)
         try:
             pictures = _pictures(renderer, source, [chosen[k] for k in shown], settings, team)

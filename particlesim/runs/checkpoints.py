@@ -8,13 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import Snapshot, snapshot, weight
 from particlesim.preflight.resources import size
 from particlesim.trajectory.checkpoint_file import discard_checkpoints, write_checkpoint
-from particlesim.trajectory.writer import TrajectoryWriter
+
+if TYPE_CHECKING:
+    from particlesim.trajectory.writer import TrajectoryWriter
 
 FIRST, LONGEST = 1.0, 60.0
 """Wall-clock time before the first checkpoint, and between two of a long run [s]; in between it doubles."""

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.simulation import Simulation, rows
+from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.world import rows
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
 
@@ -62,7 +63,7 @@ def _fill(
     elif field == "group":
         out[:] = number
     else:
-        out[:] = {"id": state.id, "mass": state.mass, "radius": state.radius}[field][:n]
+        out[:] = state.id[:n] if field == "id" else state.attribute(field)
 
 
 def _interleave(simulation: Simulation, arrays: Array, out: Array, note: Callable[..., None]) -> None:

@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,18 +16,20 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import Interrupted
 from particlesim.process.signals import Held
-from particlesim.runs.checkpoints import Keeper
 from particlesim.runs.checks import Checks
 from particlesim.runs.frames import columns_of, frame_of
 from particlesim.runs.result import Progress
-from particlesim.runs.resume import Resumption
 from particlesim.runs.validity import Watch, infinite
 from particlesim.scenario.digest import columns_digest
-from particlesim.trajectory.writer import TrajectoryWriter
+
+if TYPE_CHECKING:
+    from particlesim.runs.checkpoints import Keeper
+    from particlesim.runs.resume import Resumption
+    from particlesim.trajectory.writer import TrajectoryWriter
 
 
 @dataclass
-class Log:
+class RunLog:
     """Times and ledger rows of the frames so far, counts of births and deaths."""
 
     times: list[float] = field(default_factory=list)
@@ -56,7 +58,7 @@ class Course:
         max_wall: float | None = None,
     ) -> None:
         self.simulation, self.checks, self.writer, self.keeper = simulation, checks, writer, keeper
-        self.watch, self.log = Watch(simulation.scenario), Log()
+        self.watch, self.log = Watch(simulation.scenario), RunLog()
         self._signals, self._progress, self._max_wall = signals, progress, max_wall
         self._began = time.perf_counter()
         self._compiled = compiling_seconds()
@@ -77,7 +79,7 @@ class Course:
     def resume(self, found: Resumption) -> None:
         """Take over what the run had before; its simulation has been restored, and its checks too."""
         facts = found.facts
-        self.log = Log(list(found.times), list(found.rows), int(facts["born"]), dict(facts["died"]))
+        self.log = RunLog(list(found.times), list(found.rows), int(facts["born"]), dict(facts["died"]))
         self.watch.restore(facts["watch"])
         self._before = float(facts["seconds"])
 

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 
 from particlesim.checks.check import Check, Initial
 from particlesim.checks.quantities import AXES, FIELD_QUANTITIES
-from particlesim.engine.simulation import Simulation, rows
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import rows
 from particlesim.errors import UsageError
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import on_arrays, reads
+from particlesim.model.arrays import Floats
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.runs.frames import column
 from particlesim.sampling.regions import inside
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
-from particlesim.trajectory import reader
 from particlesim.trajectory.fields import FIELDS
 from particlesim.trajectory.frame import Frame
-
-Floats = NDArray[np.float64]
 
 MOST_NAMED = 3
 """Lost particles that a message names."""
@@ -33,9 +33,7 @@ SAME_TIME = 1e-9
 _COLUMNS = {
     **{axis: f"position.{axis}" for axis in AXES},
     **{f"v{axis}": f"velocity.{axis}" for axis in AXES},
-    "m": "mass",
-    "r": "radius",
-    "T": "temperature",
+    **{each.symbol: each.name for each in ATTRIBUTES.values()},
 }
 _NAMES = {type(node): name for name, node in VARIABLES.items()}
 
@@ -169,6 +167,9 @@ class Reference:
                 f"there is no reference {path}",
                 "psim run --bless writes it, once its results are known to be right.",
             )
+        # Not before: it brings h5py, which a run without references and outputs does without.
+        from particlesim.trajectory import reader
+
         self._trajectory = reader.open(path)
         if self._field not in self._trajectory.fields:
             raise self._unfit(path, self._field)

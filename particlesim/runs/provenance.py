@@ -9,11 +9,12 @@ import shutil
 import subprocess
 import sys
 import uuid
-from importlib.metadata import PackageNotFoundError, version
+from importlib import import_module
 from pathlib import Path
 
 from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.dump import dump
+from particlesim.scenario.extensions import recorded
 from particlesim.scenario.scenario import Scenario
 from particlesim.version import __version__
 
@@ -23,7 +24,7 @@ GIT_TIMEOUT = 2.0
 
 def provenance(scenario: Scenario) -> dict[str, str | int | float]:
     """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
-    revision, command."""
+    revision, command, and the packages whose types it uses."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
@@ -41,12 +42,10 @@ def provenance(scenario: Scenario) -> dict[str, str | int | float]:
         "folder": str(scenario.folder or ""),
         "git": git_revision(scenario.folder),
     }
-    for package in PACKAGES:
-        try:
-            facts[package] = version(package)
-        except PackageNotFoundError:
-            facts[package] = "unknown"
-    return facts
+    if used := recorded(scenario):
+        facts["extensions"] = used
+    # What the packages say themselves: the metadata of their installation takes longer to read than all the rest.
+    return facts | {name: str(import_module(name).__version__) for name in PACKAGES}
 
 
 def git_revision(folder: Path | None) -> str:

@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from particlesim.runs.checks import CheckResult
 from particlesim.scenario.digest import state_digest
 from particlesim.scenario.scenario import Scenario
-from particlesim.trajectory.files import damaged
 from particlesim.trajectory.frame import Frame
-from particlesim.trajectory.reader import Trajectory
-from particlesim.trajectory.summary import recorded_checks
 
 
 @dataclass(frozen=True)
@@ -84,6 +81,10 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
 
     Raises UsageError when the file lacks what a complete one has.
     """
+    from particlesim.trajectory.files import damaged
+    from particlesim.trajectory.reader import Trajectory
+    from particlesim.trajectory.summary import recorded_checks
+
     with Trajectory(path) as trajectory:
         told = trajectory.summary
         numbers = [told.get(name) for name in ("steps", "particle_steps", "born")]

@@ -15,6 +15,7 @@ from particlesim.engine.snapshot import MisfitError, Snapshot, restore
 from particlesim.errors import DivergenceError, UsageError
 from particlesim.scenario.changes import changes
 from particlesim.scenario.digest import physics_digest
+from particlesim.scenario.extensions import recorded
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path, read_checkpoint
 from particlesim.trajectory.files import DamagedError, damaged
@@ -115,6 +116,13 @@ def _check_same(scenario: Scenario, trajectory: Trajectory) -> None:
         raise UsageError(
             f"{path} is of another scenario; changed since: {'; '.join(shown)}",
             f"Undo the changes, or choose another --output. {ANEW}",
+        )
+    before, now = str(trajectory.provenance.get("extensions", "")), recorded(scenario)
+    if before != now:
+        was, present = (text.replace("\n", ", ") or "no packages" for text in (before, now))
+        raise UsageError(
+            f"{path} was begun with other packages, {was}; now there are {present}: the two may not compute the same bits",
+            ANEW,
         )
     if trajectory.provenance.get("physics") != physics_digest(scenario):
         raise UsageError(

@@ -8,6 +8,7 @@ from dataclasses import replace
 from numbers import Integral
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,23 +20,24 @@ from particlesim.errors import DivergenceError, InputOutputError, Interrupted, U
 from particlesim.preflight.advice import advice
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
-from particlesim.runs.checkpoints import Keeper, Saving
 from particlesim.runs.checks import Checks
 from particlesim.runs.frames import frame_of
 from particlesim.runs.loop import Course
-from particlesim.runs.provenance import provenance
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.resume import ANEW, Resumption, find
 from particlesim.runs.validity import check_ledger, check_stored, misplaced
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
-from particlesim.trajectory.checkpoint_file import previous_path
-from particlesim.trajectory.files import DamagedError
 from particlesim.trajectory.places import check_name_length
 from particlesim.trajectory.target import check_target, check_trajectory_name
-from particlesim.trajectory.writer import TrajectoryWriter, refuse_file_in_use
+
+if TYPE_CHECKING:
+    from particlesim.runs.checkpoints import Keeper
+    from particlesim.runs.resume import Resumption
+    from particlesim.trajectory.writer import TrajectoryWriter
+
+# What has to do with files, h5py above all, is imported by what needs it: a run without an output starts without.
 
 __all__ = ["Progress", "Result", "run"]
 
@@ -86,6 +88,8 @@ def run(
     if path is not None:
         _check_output(path, overwrite=overwrite or resume)
         if resume:
+            from particlesim.runs.resume import find
+
             state = find(scenario, path)
             if state == "complete":
                 return recorded_result(scenario, path)
@@ -106,11 +110,7 @@ def run(
             found.apply(simulation, path)
         signals.check()  # before anything is written
         writer = _writer(simulation, path, overwrite or resume, required.particles, found)
-        saving = Saving(
-            scenario.output.checkpoint_every if checkpoint_every is None else checkpoint_every,
-            scenario.output.checkpoint_wall if checkpoint_wall is None else checkpoint_wall,
-        )
-        keeper = None if writer is None else Keeper(writer, saving)
+        keeper = None if writer is None else _keeper(writer, scenario, checkpoint_every, checkpoint_wall)
         course = Course(
             simulation, checks, signals, writer=writer, keeper=keeper, progress=progress, max_wall=max_wall
         )
@@ -154,6 +154,9 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
     Raises UsageError, or InputOutputError for a place where nothing may be written.
     """
+    from particlesim.trajectory.checkpoint_file import previous_path
+    from particlesim.trajectory.writer import refuse_file_in_use
+
     check_trajectory_name(path)
     check_target(path, overwrite=overwrite)
     check_name_length(previous_path(path), path.parent)
@@ -218,6 +221,10 @@ def _writer(
     """Records into a new file, or into the one of the run that goes on."""
     if path is None:
         return None
+    from particlesim.runs.provenance import provenance
+    from particlesim.trajectory.files import DamagedError
+    from particlesim.trajectory.writer import TrajectoryWriter
+
     scenario = simulation.scenario
     ledger = simulation.ledger_columns() if scenario.output.ledger else ()
     fields, precision, topology = (
@@ -231,6 +238,8 @@ def _writer(
                 path, found.frames, fields=fields, ledger=ledger, precision=precision, topology=topology
             )
         except DamagedError as error:  # where the look at it had no reason to look
+            from particlesim.runs.resume import ANEW
+
             raise UsageError(error.message, ANEW) from error
     return TrajectoryWriter(
         path,
@@ -245,6 +254,17 @@ def _writer(
         particles_hint=max(most, 1),
         topology=topology,
     )
+
+
+def _keeper(writer: TrajectoryWriter, scenario: Scenario, every: float | None, wall: float | None) -> Keeper:
+    """Makes checkpoints as asked for, else as the scenario's output says."""
+    from particlesim.runs.checkpoints import Keeper, Saving
+
+    output = scenario.output
+    saving = Saving(
+        output.checkpoint_every if every is None else every, output.checkpoint_wall if wall is None else wall
+    )
+    return Keeper(writer, saving)
 
 
 def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:

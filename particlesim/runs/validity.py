@@ -10,10 +10,11 @@ import numpy as np
 
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws.registry import velocity
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, collider_tables
 from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
@@ -40,17 +41,17 @@ def check_ledger(simulation: Simulation) -> None:
         )
 
 
-def check_stored(simulation: Simulation) -> None:
+def check_stored(world: World) -> None:
     """Refuse a start that double precision holds and the trajectory does not. Raises UsageError."""
-    scenario = simulation.scenario
+    scenario = world.scenario
     if (scenario.simulation.precision, scenario.output.precision) != ("double", "single"):
         return
-    for state in simulation.states:
+    for state in world.states:
         for field, values in (("position", state.x), ("velocity", state.v)):
             part = values[:, : state.count]
             if part.size and max(part.max(), -part.min()) > LARGEST:
                 raise UsageError(
-                    f"the trajectory cannot store a {field} that is beyond {LARGEST:.2g}: {_extremes(simulation)}",
+                    f"the trajectory cannot store a {field} that is beyond {LARGEST:.2g}: {_extremes(world)}",
                     STORED,
                 )
 
@@ -60,24 +61,27 @@ def infinite(row: dict[str, float]) -> str | None:
     return next((name for name, value in row.items() if not math.isfinite(value)), None)
 
 
-def _extremes(simulation: Simulation) -> str:
+def _extremes(world: World) -> str:
     """How far and how fast particles are, in words."""
-    far = [np.abs(state.x[:, : state.count]).max() for state in simulation.states if state.count]
-    fast = [np.abs(state.v[:, : state.count]).max() for state in simulation.states if state.count]
+    far = [np.abs(state.x[:, : state.count]).max() for state in world.states if state.count]
+    fast = [np.abs(state.v[:, : state.count]).max() for state in world.states if state.count]
     return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
 
 
-def misplaced(simulation: Simulation) -> tuple[str, ...]:
-    """A sentence for every group and plane with particles that are inside of it at the start."""
+def misplaced(world: World) -> tuple[str, ...]:
+    """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
-    for island, structure in zip(simulation.islands, simulation.graph.islands, strict=True):
+    for island, structure in zip(world.islands, world.graph.islands, strict=True):
         for overlap in overlaps(island, structure):
             state = overlap.state
-            name = overlap.plane.name or f"planes.{simulation.scenario.planes.index(overlap.plane)}"
+            where, collider = next(
+                table for table in collider_tables(world.scenario) if table[1] is overlap.collider
+            )
+            name = collider.name or ".".join(map(str, where))
             found.append(
-                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside plane {name}, the deepest "
-                f"(id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its surface, "
-                "which changes their energy"
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside {collider.kind} {name}, "
+                f"the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its "
+                "surface, which changes their energy"
             )
     return tuple(found)
 
@@ -94,21 +98,21 @@ class Watch:
             if isinstance(force, StokesDrag) and force.rho is not None
         ]
 
-    def look(self, simulation: Simulation) -> None:
+    def look(self, world: World) -> None:
         """Look at the present state: Reynolds numbers Re = 2 r ρ |v − w| / η of Stokes drag."""
         for label, force in self._laws:
-            for group, state in zip(simulation.scenario.groups, simulation.states, strict=True):
+            for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
                     continue
                 speed2 = (state.v[:, : state.count].astype(float) ** 2).sum(axis=0)
                 flows = tuple(flow.record() for flow in force.flow)
                 for i in np.argsort(speed2)[-FASTEST:]:
-                    p = state.particle(int(i), simulation.time)
+                    p = state.particle(int(i), world.time)
                     wx, wy, wz = velocity(flows, p)
                     relative = math.hypot(p.vx - wx, p.vy - wy, p.vz - wz)
                     reynolds = 2 * p.r * (force.rho or 0) * relative / force.eta
                     if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
-                        self._largest[label] = (reynolds, simulation.time)
+                        self._largest[label] = (reynolds, world.time)
 
     def overflowed(self, field: str, time: float) -> None:
         """Take note of a field that the trajectory stores as infinite at a time [s], though it is not."""

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Uni
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Number, Unit
+from particlesim.model.variants import Tagged
 from particlesim.sampling.random_streams import Stream
 
-Floats = NDArray[np.float64]
 Q = TypeVar("Q")
 D = TypeVar("D")
 
@@ -190,15 +190,17 @@ else:
 
         def __class_getitem__(cls, quantity: Any) -> Any:
             # typing cannot substitute a type variable inside generic models, hence by hand.
-            spread = _difference(quantity)
-            choices = (
-                Uniform[quantity]
-                | Normal[quantity, spread]
-                | LogNormal[quantity]
-                | Exponential[quantity]
-                | Choice[quantity]
-            )
-            return quantity | Annotated[choices, Field(discriminator="type")]
+            def choices() -> Any:
+                spread = _difference(quantity)
+                return (
+                    Uniform[quantity]
+                    | Normal[quantity, spread]
+                    | LogNormal[quantity]
+                    | Exponential[quantity]
+                    | Choice[quantity]
+                )
+
+            return quantity | Annotated[Distribution, Tagged("type", choices)]
 
 
 def draw(value: float | Distribution, stream: Stream, first: int, count: int) -> Floats:

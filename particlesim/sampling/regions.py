@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number, Vector
+from particlesim.model.variants import Tagged
 from particlesim.sampling.shapes import Ball, Box
 
 
@@ -30,7 +31,7 @@ class HalfSpace(Model):
         return self
 
 
-AnyRegion = Annotated[Box | Ball | HalfSpace, Field(discriminator="type")]
+AnyRegion = Annotated[Box | Ball | HalfSpace, Tagged("type")]
 
 
 def inside(region: Box | Ball | HalfSpace, position: NDArray[Any]) -> NDArray[np.bool_]:

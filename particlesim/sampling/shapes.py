@@ -7,15 +7,16 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Vector
+from particlesim.model.variants import Tagged
 from particlesim.model.vectors import perpendicular, unit
 from particlesim.sampling.random_streams import Streams
 
-Floats = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 
@@ -192,4 +193,4 @@ class Disc(Shape):
         return self.center
 
 
-AnyShape = Annotated[Point | Box | Ball | Sphere | Shell | Disc, Field(discriminator="type")]
+AnyShape = Annotated[Point | Box | Ball | Sphere | Shell | Disc, Tagged("type")]

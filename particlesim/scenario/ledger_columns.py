@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
-from particlesim.laws.registry import has_law, potential
-from particlesim.scenario.reach import acts_on
+from particlesim.laws.registry import KILL, has_law, potential
+from particlesim.model.attributes import ATTRIBUTES
+from particlesim.scenario.reach import acts_on, held_back
+from particlesim.scenario.tables import Tables
 
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
 
-
-def totals(scenario: Scenario) -> tuple[str, ...]:
+def totals(scenario: Tables) -> tuple[str, ...]:
     """Quantities of the whole simulation that a scenario has."""
     labels = scenario.force_labels()
     stored = [
@@ -28,23 +26,30 @@ def totals(scenario: Scenario) -> tuple[str, ...]:
         *(["broken"] if broken else []),
         *(f"broken.{name}" for name in broken),
         *(f"potential.{label}" for label in stored),
+        *attribute_totals(scenario),
         *(booked(scenario) if scenario.output.work else ()),
     )
 
 
-def booked(scenario: Scenario) -> tuple[str, ...]:
+def attribute_totals(scenario: Tables) -> tuple[str, ...]:
+    """Sums of attributes over all particles, such as "charge.total", where some particle may have them."""
+    summed = (each.name for each in ATTRIBUTES.values() if each.total)
+    return tuple(f"{name}.total" for name in summed if any(group.may_have(name) for group in scenario.groups))
+
+
+def booked(scenario: Tables) -> tuple[str, ...]:
     """Quantities that there are when work is booked: what every cause has given, their sum, what is left of the balance."""
     return (WORK, *work_columns(scenario))
 
 
-def work_columns(scenario: Scenario) -> tuple[str, ...]:
+def work_columns(scenario: Tables) -> tuple[str, ...]:
     """Columns of the ledger when work is booked: of every cause, impulses, and what is left of the balance."""
     found = causes(scenario, [group.name for group in scenario.groups])
     kicks = ("impulses",) if scenario.impulses else ()
     return (*(f"{WORK}.{name}" for name in (*found, *kicks)), BALANCE)
 
 
-def causes(scenario: Scenario, names: Collection[str]) -> tuple[str, ...]:
+def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     """What may give energy to groups or take it: labels of forces and springs, and names of other causes."""
     groups = [group for group in scenario.groups if group.name in names]
     bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
@@ -56,21 +61,19 @@ def causes(scenario: Scenario, names: Collection[str]) -> tuple[str, ...]:
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
     found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
-    planes = [
-        plane for plane in scenario.planes if plane.on is None or any(name in names for name in plane.on)
-    ]
+    colliders = [each for each in scenario.all_colliders if held_back(each, names)]
     emitted = any(isinstance(group, Emitter) for group in groups)
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
-        "contact": bool(planes),
+        "contact": bool(colliders),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
-        "deaths": emitted or any(plane.contact == "kill" for plane in planes),
+        "deaths": emitted or any(each.contact == "kill" for each in colliders),
     }
     return (*found, *(name for name, there in others.items() if there))
 
 
-def deaths(scenario: Scenario) -> tuple[str, ...]:
+def deaths(scenario: Tables) -> tuple[str, ...]:
     """Causes of death that there may be."""
     emitters = scenario.emitters
     dies = [emitter.die for emitter in emitters if emitter.die is not None]
@@ -78,8 +81,9 @@ def deaths(scenario: Scenario) -> tuple[str, ...]:
         "age": any(emitter.lifetime is not None for emitter in emitters),
         "cold": any(die.temperature_below is not None for die in dies),
         "recycled": any(e.limit is not None and e.when_full == "recycle" for e in emitters),
-        "plane": any(plane.contact == "kill" for plane in scenario.planes),
+        "plane": any(each.contact == "kill" and each.killed == KILL for each in scenario.all_colliders),
         "outside": any(die.outside is not None for die in dies),
+        "collider": any(each.contact == "kill" and each.killed != KILL for each in scenario.all_colliders),
     }
     return tuple(cause for cause, there in found.items() if there)
 

@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from particlesim.errors import UsageError
 from particlesim.model.mistakes import Invalid
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.text.diagnose import diagnose, scenario_error
 from particlesim.scenario.text.migration import format_of, migrated
 from particlesim.scenario.text.overrides import (
     Override,
@@ -88,8 +87,12 @@ def scenario_of(source: Source, settings: tuple[Override, ...], folder: Path | N
     try:
         scenario = Scenario.model_validate(source.raw, context={"mistakes": mistakes})
     except ValidationError as error:
+        from particlesim.scenario.text.diagnose import diagnose
+
         raise diagnose(error, source, Scenario) from None
     if mistakes:
+        from particlesim.scenario.text.diagnose import scenario_error
+
         raise scenario_error(source, mistakes)
     told = tuple(s.text.removeprefix("--set ").removeprefix("override ") for s in settings)
     return scenario.loaded_from(folder, told, source, version)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
 
+from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Path
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 
 def acts_on(force: Force, group: Group) -> bool:
@@ -34,7 +32,20 @@ def unfelt(force: Force, group: Group) -> str | None:
     return None
 
 
-def group_tables(scenario: Scenario) -> Iterator[tuple[Path, Group]]:
+def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
+    """Planes and other colliders, and where they are stated."""
+    for k, plane in enumerate(scenario.planes):
+        yield ("planes", k), plane
+    for k, collider in enumerate(scenario.colliders):
+        yield ("colliders", k), collider
+
+
+def held_back(collider: Collider, groups: Collection[str]) -> bool:
+    """Whether a collider holds back one of some groups."""
+    return collider.on is None or any(name in groups for name in collider.on)
+
+
+def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
     for k, emitter in enumerate(scenario.emitters):

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
 from particlesim.integrators import AnyIntegrator
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Hertz, Seconds
 
-FieldName = Literal["velocity", "speed", "acceleration", "force", "mass", "radius", "temperature", "age"]
+if TYPE_CHECKING:
+    FieldName = str
+else:
+    FieldName = Literal[("velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")]
 
 
-class Simulation(Model):
+class SimulationSettings(Model):
     """Time, method, seed and precision."""
 
     duration: Annotated[Seconds, Gt(0)]
@@ -32,7 +36,7 @@ class Simulation(Model):
     """Floating-point numbers of the state: 64 bits, or 32 bits for half the memory and more speed."""
 
     @model_validator(mode="after")
-    def _one_step(self) -> Simulation:
+    def _one_step(self) -> SimulationSettings:
         if self.dt is None and self.substeps is None:
             raise invalid("needs a step", allowed="dt = 0.001 (seconds), or substeps = 16 (steps per frame)")
         if self.dt is not None and self.substeps is not None:
@@ -54,7 +58,7 @@ class Output(Model):
     every: Annotated[int, Field(ge=1, le=10**15, strict=True)] | None = None
     """Steps between frames, instead of fps. Without any of the three, about 300 frames are kept."""
     fields: tuple[FieldName, ...] | None = None
-    """Quantities beside position and id; velocity, and radius and temperature where particles have them, unless given."""
+    """Quantities beside position and id; velocity, and radius, temperature, charge where there are any, unless given."""
     precision: Literal["single", "double"] = "single"
     """Floating-point numbers in the file."""
     compression: Literal["gzip", "none"] = "gzip"

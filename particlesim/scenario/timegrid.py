@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from particlesim.model.mistakes import Invalid
-from particlesim.scenario.time_and_output import Output, Simulation
+from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 FRAMES_BY_DEFAULT = 300
 MOST_STEPS = 10**15
@@ -40,7 +40,7 @@ class TimeGrid:
         return [*inner, self.steps] if after < self.steps else []
 
 
-def time_grid(simulation: Simulation, output: Output) -> TimeGrid | Invalid:
+def time_grid(simulation: SimulationSettings, output: Output) -> TimeGrid | Invalid:
     """The grid of a scenario, or why there is none."""
     period = output.period()
     asked = simulation.dt
@@ -74,12 +74,12 @@ def _whole_steps(period: float, dt: float) -> int:
     return nearest if math.isclose(ratio, nearest, rel_tol=TOLERANCE) else math.ceil(ratio)
 
 
-def _step(simulation: Simulation) -> tuple[str, str]:
+def _step(simulation: SimulationSettings) -> tuple[str, str]:
     return ("simulation", "dt" if simulation.dt is not None else "substeps")
 
 
 def _not_reached(
-    simulation: Simulation, output: Output, dt: float, every: int | None, ratio: float
+    simulation: SimulationSettings, output: Output, dt: float, every: int | None, ratio: float
 ) -> Invalid:
     """The duration is no whole number of steps: say which durations and steps would be."""
     below, above = max(math.floor(ratio), 1) * dt, math.ceil(ratio) * dt

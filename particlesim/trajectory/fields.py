@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from particlesim.errors import UsageError
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.spelling import near_miss
 
 Precision = Literal["single", "double"]
@@ -44,9 +45,7 @@ FIELDS: dict[str, FieldSpec] = {
         FieldSpec("velocity", 3, "m/s", "float", "How fast it moves."),
         FieldSpec("force", 3, "N", "float", "Sum of all forces on it."),
         FieldSpec("acceleration", 3, "m/s²", "float", "Rate of change of its velocity."),
-        FieldSpec("mass", 1, "kg", "float", "Its mass."),
-        FieldSpec("radius", 1, "m", "float", "Its radius."),
-        FieldSpec("temperature", 1, "K", "float", "Its temperature."),
+        *(FieldSpec(each.name, 1, each.unit, "float", each.doc) for each in ATTRIBUTES.values()),
         FieldSpec("age", 1, "s", "float", "Time since its birth."),
         FieldSpec("speed", 1, "m/s", "float", "Length of its velocity."),
         FieldSpec("group", 1, "", "integer", "Index of its group in the list of group names.", bits=32),
@@ -105,4 +104,4 @@ def ledger_unit(column: str) -> str:
         return "kg m²/s"
     if head in {"kinetic", "potential", "energy", "total", "work", "balance", "dissipated", "thermal"}:
         return "J"
-    return ""
+    return ATTRIBUTES[head].unit if head in ATTRIBUTES else ""

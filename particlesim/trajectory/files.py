@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from difflib import get_close_matches
 from pathlib import Path
 
 import h5py
@@ -155,6 +154,8 @@ def lies_inside(dataset: h5py.Dataset, start: int, stop: int, size: int) -> bool
 def _nearby(path: Path, inside: Path) -> str:
     """A hint with the trajectories of a folder, the most similar name first."""
     names = sorted(p.name for p in inside.glob(f"*{_ENDING}")) if inside.is_dir() else []
+    from difflib import get_close_matches
+
     if near := get_close_matches(path.name, names, n=1):
         return f"Did you mean {inside / near[0]}?"
     if names:

@@ -13,11 +13,10 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +26,9 @@ from particlesim.trajectory.chunks import Column, compress, cut, padded
 from particlesim.trajectory.hdf5 import entries, open_for_frames
 from particlesim.trajectory.layout import CELLS, EVENT, FRAME, STATUS, TOPOLOGY_ROWS, column_path
 from particlesim.trajectory.tables import GrowingTable
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 # What HDF5 may need beside the data of a frame: headers, the blocks in which it hands out space, status and end.
 _RESERVE = 16 << 10
@@ -98,9 +100,7 @@ class FrameFile:
             raise
         self.bytes_written = 0
         self._broken = False
-        self._pool = (
-            ThreadPoolExecutor(min(8, max(1, (os.cpu_count() or 2) // 2))) if self._compressed else None
-        )
+        self._pool = _compressors() if self._compressed else None
 
     def _bind(self, fields: Sequence[str]) -> None:
         vtk, psim = self._file["VTKHDF"], self._file["psim"]
@@ -294,6 +294,13 @@ class FrameFile:
             os.pwrite(descriptor, text, self._file["psim/status"].id.get_offset())
         with tempfile.TemporaryFile() if sys.platform != "linux" else _memory_file() as sink:
             os.dup2(sink.fileno(), descriptor)
+
+
+def _compressors() -> ThreadPoolExecutor:
+    """Threads that compress chunks: half the cores, as stepping goes on meanwhile."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(min(8, max(1, (os.cpu_count() or 2) // 2)))
 
 
 def _largest_file() -> float:

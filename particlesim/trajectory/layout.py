@@ -28,14 +28,16 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
 from particlesim.trajectory.chunks import chunk_rows
 from particlesim.trajectory.fields import FieldSpec, Precision, ledger_unit
 from particlesim.trajectory.topology import Topology, write_topology
+
+if TYPE_CHECKING:
+    import h5py
 
 FORMAT = 1
 # "latest" writes structures that no released VTK reads; before v110 there is no SWMR.
@@ -83,6 +85,8 @@ def create_file(
 
     Of the topology, VTK sees the sets that are `drawn`: their ids must be rows of every frame. Raises OSError.
     """
+    import h5py
+
     # Made in memory: HDF5 crashes the process later when the system refuses a write (h5py issue 914). And closed before its
     # bytes are taken: the image that HDF5 1.14 gives of an open file lacks its mark, but has the checksum of one with it.
     image = io.BytesIO()
@@ -163,6 +167,8 @@ def _create_cells(file: h5py.File, topology: Sequence[Topology]) -> None:
 def _create_psim(
     file: h5py.File, groups: Sequence[str], ledger: Sequence[str], causes: Sequence[str]
 ) -> None:
+    import h5py
+
     psim = file.create_group("psim")
     psim.attrs["format"] = np.int64(FORMAT)
     _table(psim, "frames", FRAME)

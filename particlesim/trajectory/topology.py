@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.trajectory.hdf5 import entries
+from particlesim.model.arrays import Floats, Ints
 
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    import h5py
 
 _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
@@ -79,6 +78,8 @@ def read_topology(file: h5py.File) -> Mapping[str, Topology]:
 
     Raises ValueError for numbers of springs that contradict each other, and what h5py raises on damaged metadata.
     """
+    from particlesim.trajectory.hdf5 import entries
+
     found = {}
     for name, entry in entries(file.get("psim/topology", {})):
         pairs = entry["pairs"][:].astype(np.int64) if "pairs" in entry else _no_pairs()

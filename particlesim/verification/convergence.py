@@ -28,7 +28,7 @@ from particlesim.preflight.advice import loss_of_order, sliding
 from particlesim.runs.runner import Progress, run
 from particlesim.scenario.dump import to_table
 from particlesim.scenario.load import from_table
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, held_back
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory import reader
 from particlesim.trajectory.frame import Frame
@@ -209,9 +209,10 @@ def _reasons(scenario: Scenario, name: str) -> Iterator[str]:
     """What is known to cost a group its order."""
     group = next(group for group in scenario.groups if group.name == name)
     yield from loss_of_order(scenario, group)
-    if planes := [p.name or k for k, p in enumerate(scenario.planes) if p.on is None or name in p.on]:
+    met = [f"{c.kind} {c.name or k}" for k, c in enumerate(scenario.all_colliders) if held_back(c, (name,))]
+    if met:
         yield (
-            f"particles of {name!r} can meet plane {' and '.join(map(str, planes))}: a path with a kink has no order "
+            f"particles of {name!r} can meet {' and '.join(met)}: a path with a kink has no order "
             "above the first, and bounces amplify differences"
         )
     for label, force in zip(scenario.force_labels(), scenario.forces, strict=False):

@@ -9,6 +9,7 @@ from pathlib import Path
 from particlesim.analysis.difference import Comparison, compare
 from particlesim.errors import DivergenceError, UsageError
 from particlesim.runs.runner import Progress, run
+from particlesim.scenario.extensions import unavailable
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.source import parse_source
@@ -22,10 +23,16 @@ PARTIAL = ("interrupted", "failed", "running")
 def recorded_scenario(trajectory: Trajectory) -> Scenario:
     """The scenario as it was run, overrides included, with relative paths starting where they did.
 
-    Raises UsageError when the file holds none, ScenarioError when this version of psim cannot read it.
+    Raises UsageError when the file holds none, or when a package is missing that a type of it comes from; ScenarioError when
+    this version of psim cannot read it.
     """
     if not trajectory.scenario:
         raise UsageError(f"{trajectory.path} does not hold its scenario")
+    if missing := unavailable(str(trajectory.provenance.get("extensions", ""))):
+        raise UsageError(
+            f"the run of {trajectory.path} needs {' and '.join(missing)}, which is not installed",
+            "Install it, in this version for the same bits.",
+        )
     folder = str(trajectory.provenance.get("folder", ""))
     return scenario_of(parse_source(trajectory.scenario), (), Path(folder) if folder else None)
 

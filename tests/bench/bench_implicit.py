@@ -74,7 +74,7 @@ def longest_step(width: int, stiffness: float) -> float:
 
 def timed(simulation: Simulation, steps: int) -> tuple[float, list[int]]:
     """Wall time of some steps, and linear iterations of each."""
-    island = simulation._islands[0]
+    island = simulation.islands[0]
     assert isinstance(island, CoupledIsland)
     spent, began = [], time.perf_counter()
     for _ in range(steps):

@@ -489,6 +489,16 @@ def test_a_folder_that_others_may_write_is_not_trusted(
         store.folder.cache_clear()
 
 
+def test_code_with_elementary_functions_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that compiles nothing has not imported them, and must not take them for changed."""
+    (tmp_path / "module.py").write_text(
+        "import math\nfrom particlesim.compiler import kernel\n\n@kernel\ndef times(x):\n    return math.exp(math.sin(x))\n"
+    )
+    first, second = (run_program(tmp_path, monkeypatch).split() for _ in range(2))
+    assert (first[1], second[1]) == ("1", "0")
+    assert first[0] == second[0]
+
+
 def test_a_disk_that_is_full_does_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from particlesim import testing
+from particlesim.colliders import Collider, PlaneCollider, SphereCollider
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.expressions.operations import FUNCTIONS
 from particlesim.expressions.parser import parse
 from particlesim.flows import Flow
@@ -81,11 +82,20 @@ FORCE_CASES: dict[str, Force] = {
     ),
 }
 
+# Every registered shape, with every record that it can give.
+COLLIDER_CASES: dict[str, Collider] = {
+    "plane": PlaneCollider(
+        normal=(0.48, 0.6, 0.64), point=(0.1, 0.1, 0.1), restitution=0.5, tangential_loss=0.1
+    ),
+    "plane_x": PlaneCollider(normal=(1, 0, 0), point=(0.1, 0, 0), restitution=0.5, tangential_loss=0.1),
+    "plane_y": PlaneCollider(normal=(0, -1, 0), point=(0, 0.1, 0), contact="stick"),
+    "plane_z": PlaneCollider(normal=(0, 0, 1), point=(0, 0, 0.1), contact="kill"),
+    "sphere": SphereCollider(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
+    "sphere_inside": SphereCollider(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
+}
+
 COLLIDER_RECORDS: dict[str, Any] = {
-    "plane": PlaneRecord(0.48, 0.6, 0.64, 0.2, 1.5, 0.1, 0),
-    "plane_x": PlaneXRecord(1.0, 0.1, 1.5, 0.9, 0),
-    "plane_y": PlaneYRecord(-1.0, 0.1, 1.5, 0.9, 1),
-    "plane_z": PlaneZRecord(1.0, 0.1, 1.5, 0.9, 2),
+    **{name: collider.record() for name, collider in COLLIDER_CASES.items()},
     "bounds": BoundsRecord(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0),
 }
 
@@ -104,6 +114,7 @@ EXPRESSIONS: tuple[str, ...] = (
     "-x * y / (z + 4)",
     "vx*vy + vz - m*r",
     "T/300 + t",
+    "q*vy - sin(q)*x",
     "x**2",
     "(x + 3)**1.7",
     "(x + 3)**y",
@@ -139,20 +150,7 @@ def exercised() -> set[type]:
 
 def particles(n: int = 40, seed: int = 1) -> list[Particle]:
     """Random particles of human size, away from the places where some law has a kink (checked by `away_from_kinks`)."""
-    rng = np.random.default_rng(seed)
-    found: list[Particle] = []
-    while len(found) < n:
-        p = Particle(
-            *rng.uniform(-2, 2, 3).tolist(),
-            *rng.uniform(-3, 3, 3).tolist(),
-            float(rng.uniform(0.5, 2)),
-            float(rng.uniform(0.1, 0.4)),
-            float(rng.uniform(250, 350)),
-            float(rng.uniform(0, 2)),
-        )
-        if away_from_kinks(p):
-            found.append(p)
-    return found
+    return testing.particles(n, seed, away_from_kinks)
 
 
 def away_from_kinks(p: Particle, margin: float = 0.02) -> bool:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from contract.test_forces import numbers_without_unit
 from numpy.typing import NDArray
 
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, SpringRecord, Springs, StringRecord, StrutRecord
@@ -26,6 +25,7 @@ from particlesim.bonds.hinge import (
     wrapped,
 )
 from particlesim.bonds.spring import Pair
+from particlesim.extensions.requirements import numbers_without_unit
 from particlesim.flows.uniform import Uniform
 from particlesim.forces.sheet_drag import SheetDrag, Triangle
 from particlesim.laws.registry import (

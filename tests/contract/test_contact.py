@@ -18,9 +18,11 @@ from support import careful, clock, position, program, run, state, velocity
 from support import columns as plain_columns
 
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.plane_laws import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.engine.independent.kernel import BLOCK, new_room, step_range
+from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.colliders.response import ColliderRecord, ResponseRecord
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS, Careful, Simple
+from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity
 from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, force
 
@@ -39,30 +41,34 @@ def columns(position: Any, velocity: Any, **options: Any) -> Any:
 
 def plane(
     normal: Any, offset: float = 0.0, restitution: float = 1.0, loss: float = 0.0, outcome: int = PASS
-) -> PlaneRecord:
+) -> ColliderRecord:
     n = np.asarray(normal, float) / np.linalg.norm(normal)
-    return PlaneRecord(*n.tolist(), offset, 1 + restitution, loss, outcome)
+    response = ResponseRecord(1 + restitution, loss, 1 - loss, outcome)
+    return ColliderRecord(PlaneRecord(*n.tolist(), offset), response)
+
+
+ELASTIC = ResponseRecord(2.0, 0.0, 1.0, PASS)
 
 
 FAR = plane((0, 1, 0), -1e9)
 
 
-def continuous(*planes: PlaneRecord) -> Careful:
+def continuous(*planes: ColliderRecord) -> Careful:
     return careful(continuous=[*planes, *[FAR] * (3 - len(planes))], discrete=[FAR, FAR])
 
 
-def discrete(*planes: PlaneRecord) -> Careful:
+def discrete(*planes: ColliderRecord) -> Careful:
     return careful(discrete=[*planes, *[FAR] * (3 - len(planes))])
 
 
-def mixed(*planes: PlaneRecord) -> Careful:
+def mixed(*planes: ColliderRecord) -> Careful:
     return careful(continuous=[planes[0], FAR, FAR], discrete=[*planes[1:], *[FAR] * (3 - len(planes))])
 
 
-def gaps(planes: list[PlaneRecord], c: Any, radius: float) -> NDArray[Any]:
+def gaps(planes: list[ColliderRecord], c: Any, radius: float) -> NDArray[Any]:
     """Smallest gap of every particle [m]."""
-    normals = np.array([p[:3] for p in planes])
-    offsets = np.array([p.offset for p in planes])
+    normals = np.array([p.shape[:3] for p in planes])
+    offsets = np.array([p.shape.offset for p in planes])
     return (position(c) @ normals.T - offsets - radius).min(axis=1)  # type: ignore[no-any-return]
 
 
@@ -71,7 +77,7 @@ def gaps(planes: list[PlaneRecord], c: Any, radius: float) -> NDArray[Any]:
 
 def wedge(
     rng: np.random.Generator, n: int, restitution: float, loss: float, outwards: bool
-) -> list[PlaneRecord]:
+) -> list[ColliderRecord]:
     """n random planes around the origin, which lies at least 1 on their legal side."""
     planes = []
     for _ in range(n):
@@ -133,7 +139,7 @@ def test_no_tunnelling_at_any_speed(kind: Any) -> None:
 def test_an_elastic_box_keeps_the_energy() -> None:
     # Six axis-aligned walls, at most two impacts of each pair a step; 10⁴ impacts and more.
     walls = [
-        kind(side, -1.0, 2.0, 1.0, PASS)
+        ColliderRecord(kind(side, -1.0), ELASTIC)
         for kind in (PlaneXRecord, PlaneYRecord, PlaneZRecord)
         for side in (1.0, -1.0)
     ]
@@ -158,9 +164,11 @@ def test_an_elastic_box_keeps_the_energy() -> None:
 
 def test_many_impacts_in_one_step() -> None:
     # 100 m/s between walls 2 m apart: 50 impacts in 1 s, back where it began
-    walls = [PlaneXRecord(side, -1.0, 2.0, 1.0, PASS) for side in (1.0, -1.0)]
+    walls = [ColliderRecord(PlaneXRecord(side, -1.0), ELASTIC) for side in (1.0, -1.0)]
     walls += [
-        kind(side, -1.0, 2.0, 1.0, PASS) for kind in (PlaneYRecord, PlaneZRecord) for side in (1.0, -1.0)
+        ColliderRecord(kind(side, -1.0), ELASTIC)
+        for kind in (PlaneYRecord, PlaneZRecord)
+        for side in (1.0, -1.0)
     ]
     c = columns([[0.0, 0, 0]], [[100.0, 0, 0]], radius=0.05)
     run(program("velocity_verlet", NO_GRAVITY, careful(continuous=walls)), c, 1, 1.9)

@@ -412,13 +412,12 @@ def test_a_field_needs_one_of_force_and_potential() -> None:
 
 
 def test_a_field_knows_what_it_reads() -> None:
-    field = Field(force=("r", "T", "vx"))
-    assert field.needs_radius()
-    assert field.needs_temperature()
+    field = Field(force=("r", "T*m", "vx"))
+    assert field.needs() == {"radius", "temperature"}
     assert field.needs_velocity()
     plain = Field(potential="x**2")
-    assert not plain.needs_radius()
-    assert not plain.needs_temperature()
+    assert plain.needs() == frozenset()
+    assert Field(potential="-q*x").needs() == {"charge"}
     assert not plain.needs_velocity()
 
 

@@ -1,29 +1,23 @@
-"""What every registered force and flow must hold: F = −∇U, Jacobians, and documentation.
-
-Derivatives are compared with the five-point central difference, whose error is h⁴ f⁽⁵⁾/30 + 1.5 ε |f|/h. With h = 10⁻³ m
-(or m/s), and fifth derivatives up to about 10⁴ of the scale of f for the softened attractors here, both are below 10⁻⁹
-of that scale; 10⁻⁸ leaves room.
-"""
+"""What every registered force and flow must hold: F = −∇U, Jacobians, and documentation. The checks are those of
+`particlesim.testing`, which packages with forces of their own use as well."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from contract.cases import FLOW_CASES, FORCE_CASES, exercised, particles
-from numpy.typing import NDArray
 
+from particlesim.extensions.requirements import undocumented
 from particlesim.flows import FLOWS, Flow
 from particlesim.flows.vortex import Vortex
-from particlesim.forces import FORCES, Attractor, Drag, Force, LinearDrag
+from particlesim.forces import FORCES, OPEN_FORCES, Attractor, Drag, Force, LinearDrag
 from particlesim.forces.drag import Atmosphere
 from particlesim.forces.drag_laws import StandardAtmosphere, density
 from particlesim.laws.registry import (
     GENERICS,
-    Particle,
     force,
     force_dv,
     force_dx,
@@ -32,36 +26,12 @@ from particlesim.laws.registry import (
     velocity,
     velocity_dx,
 )
-from particlesim.model.base import field_docs
+from particlesim.testing import check_jacobian, check_potential, check_reads, scale
 
-H = 1e-3
-TOLERANCE = 1e-8
 PARTICLES = particles()
 
 forces = pytest.mark.parametrize("model", FORCE_CASES.values(), ids=FORCE_CASES)
 flows = pytest.mark.parametrize("model", FLOW_CASES.values(), ids=FLOW_CASES)
-
-
-def differences(f: Callable[[Particle], Any], p: Particle, names: str, h: float = H) -> NDArray[np.float64]:
-    """∂f_i/∂name_j by the five-point central difference, shape [components of f, len(names)]."""
-
-    def at(name: str, step: float) -> NDArray[np.float64]:
-        return np.atleast_1d(np.asarray(f(p._replace(**{name: getattr(p, name) + step})), float))
-
-    columns = [
-        (8 * (at(n, h) - at(n, -h)) - (at(n, 2 * h) - at(n, -2 * h))) / (12 * h) for n in names.split()
-    ]
-    return np.stack(columns, axis=1)
-
-
-def scale(values: Any) -> float:
-    return float(np.abs(np.asarray(values, float)).max())
-
-
-def check_matrix(exact: Any, f: Callable[[Particle], Any], p: Particle, names: str) -> None:
-    expected = differences(f, p, names)
-    actual = np.reshape(np.asarray(exact, float), (3, 3))
-    np.testing.assert_allclose(actual, expected, rtol=0, atol=TOLERANCE * (scale(f(p)) + scale(expected)))
 
 
 def test_every_registered_class_and_record_is_reached() -> None:
@@ -82,48 +52,22 @@ def test_every_registered_class_and_record_is_reached() -> None:
 
 @forces
 def test_force_is_minus_the_gradient_of_its_potential(model: Force) -> None:
-    record = model.record()
-    if not has_law(potential, record):
-        return
-    for p in PARTICLES:
-        p = p._replace(vx=0.0, vy=0.0, vz=0.0)  # Coriolis does no work and has no potential
-        gradient = differences(lambda q: potential(record, q), p, "x y z")[0]
-        f = force(record, p)
-        noise = 1.5 * np.finfo(float).eps / H * abs(potential(record, p))
-        np.testing.assert_allclose(f, -gradient, rtol=0, atol=TOLERANCE * scale(f) + 4 * noise)
+    check_potential(model, PARTICLES)
 
 
 @forces
 def test_jacobian_by_position(model: Force) -> None:
-    record = model.record()
-    for p in PARTICLES:
-        check_matrix(force_dx(record, p), lambda q: force(record, q), p, "x y z")
+    check_jacobian(force_dx, force, model.record(), PARTICLES, "x y z")
 
 
 @forces
 def test_jacobian_by_velocity(model: Force) -> None:
-    record = model.record()
-    for p in PARTICLES:
-        check_matrix(force_dv(record, p), lambda q: force(record, q), p, "vx vy vz")
+    check_jacobian(force_dv, force, model.record(), PARTICLES, "vx vy vz")
 
 
 @forces
-def test_forces_that_do_not_need_the_velocity_do_not_read_it(model: Force) -> None:
-    if model.needs_velocity():
-        return
-    record = model.record()
-    for p in PARTICLES:
-        assert force(record, p) == force(record, p._replace(vx=9.0, vy=-9.0, vz=9.0))
-
-
-@forces
-def test_forces_that_do_not_need_radius_or_temperature_do_not_read_them(model: Force) -> None:
-    record = model.record()
-    for p in PARTICLES:
-        if not model.needs_radius():
-            assert force(record, p) == force(record, p._replace(r=p.r + 1))
-        if not model.needs_temperature():
-            assert force(record, p) == force(record, p._replace(T=p.T + 100))
+def test_forces_read_only_what_they_say(model: Force) -> None:
+    check_reads(model, PARTICLES)
 
 
 @pytest.mark.parametrize("cls", FORCES, ids=lambda c: c.__name__)
@@ -135,9 +79,7 @@ def test_potentials_are_as_documented(cls: type[Force]) -> None:
 
 @flows
 def test_gradient_of_flows(model: Flow) -> None:
-    record = model.record()
-    for p in PARTICLES:
-        check_matrix(velocity_dx(record, p), lambda q: velocity(record, q), p, "x y z")
+    check_jacobian(velocity_dx, velocity, model.record(), PARTICLES, "x y z")
 
 
 @flows
@@ -249,13 +191,8 @@ def test_humid_air_is_lighter() -> None:
 
 @pytest.mark.parametrize("cls", [*FORCES, *FLOWS, Atmosphere], ids=lambda c: c.__name__)
 def test_documented(cls: Any) -> None:
-    assert cls.__doc__
     assert sys.modules[cls.__module__].__doc__
-    for name in cls.model_fields:
-        assert name == "type" or field_docs(cls).get(name), f"{cls.__name__}.{name} has no description"
-    if issubclass(cls, Force):
-        assert cls.formula
-        assert cls.energy
+    assert undocumented(cls, OPEN_FORCES.texts if issubclass(cls, Force) else ()) == []
 
 
 @pytest.mark.parametrize(
@@ -266,24 +203,3 @@ def test_documented(cls: Any) -> None:
 def test_sources_are_named(cls: type[Force]) -> None:
     doc = sys.modules[cls.__module__].__doc__ or ""
     assert "Source:" in doc or ("(" in doc and any(char.isdigit() for char in doc))
-
-
-def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:
-    """Where a JSON Schema has a number that does not say its unit."""
-    if isinstance(schema, dict):
-        if "x-unit" in schema:
-            return
-        if schema.get("type") == "number":
-            yield path
-        for key, value in schema.items():
-            yield from numbers_without_unit(value, f"{path}/{key}")
-    elif isinstance(schema, list):
-        for value in schema:
-            yield from numbers_without_unit(value, path)
-
-
-@pytest.mark.parametrize("cls", [*FORCES, *FLOWS], ids=lambda c: c.__name__)
-def test_every_number_has_a_unit_in_the_schema(cls: Any) -> None:
-    # A direction is three plain numbers: only their ratio counts.
-    bare = [path for path in numbers_without_unit(cls.model_json_schema()) if "/axis/" not in path]
-    assert bare == []

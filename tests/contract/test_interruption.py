@@ -114,7 +114,8 @@ def test_a_team_that_is_interrupted_at_any_line_of_its_start_leaves_nothing_behi
     """A thread that waits for a sibling that never comes, or that its pool does not know, would keep the process alive."""
 
     def work() -> None:
-        Team(2).close()
+        with Team(2) as team:
+            team.started()
 
     gc.collect()
     gc.freeze()  # what is here already would be looked through every time

@@ -38,7 +38,7 @@ def run(name: str, **simulation: Any) -> ps.Result:
 def test_the_scenarios_of_the_gallery_are_here() -> None:
     assert set(NAMES) >= {
         *("projectile", "projectile_drag", "fountain", "terminal_velocity", "buoyant_ball"),
-        *("bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
+        *("rain_on_dome", "bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
         *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
     }
@@ -64,9 +64,7 @@ def test_a_scenario_survives_dump_and_load(name: str) -> None:
     assert ps.loads(dump(scenario, defaults=True)) == scenario
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "stiff_cloth" else name for name in NAMES]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_scenario_has_the_same_bits_for_any_number_of_threads(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

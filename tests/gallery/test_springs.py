@@ -82,7 +82,6 @@ def test_strands_of_hair_keep_their_length() -> None:
     assert tip[0] > root[0], "and with the wind"
 
 
-@pytest.mark.slow
 def test_stiff_cloth_steps_far_beyond_the_explicit_limit() -> None:
     # Symplectic Euler needs h < 2/ω, with ω² ≥ 4 k/m of a single row of springs.
     scenario = shipped("stiff_cloth")

@@ -60,13 +60,7 @@ def well(method: Any, h: float, steps: int) -> ps.Result:
 
 @pytest.mark.parametrize(
     ("name", "scene"),
-    [
-        pytest.param(
-            name, scene, marks=[pytest.mark.slow] if scene is pinned_spring and name == "bdf2" else []
-        )
-        for name in IMPLICIT
-        for scene in (pinned_spring, well)
-    ],
+    [(name, scene) for name in IMPLICIT for scene in (pinned_spring, well)],
 )
 def test_oscillators_decay_by_the_amplification_factor(name: str, scene: Any) -> None:
     # ζ = x + v/(iω) obeys ζ' = iω ζ, and for real x and v the one-step map of a method acts on it as R(iωh). A two-step
@@ -151,7 +145,6 @@ def block(method: Any, stiffness: float = 2e3, dt: float = 0.02, count: int = 5)
     return table(10 * dt, dt, method, **parts, output={"ledger": True})
 
 
-@pytest.mark.slow
 def test_momentum_is_kept_whatever_the_tolerance_of_the_solution() -> None:
     # Springs push both ends alike in the matrix, too: what a step adds to M g h is the sum of its residual: taken out.
     scenario = ps.from_table(block({"method": "backward_euler", "tolerance": 1e-2}))
@@ -184,7 +177,6 @@ def test_a_solution_that_is_not_found_ends_the_run() -> None:
         simulate(1.0, 1.0, lonely, particles=[points((1.1, 0, 0))], forces=[wavy])
 
 
-@pytest.mark.slow
 def test_rest_turns_in_a_rotating_frame() -> None:
     # Coriolis forces make the equations unsymmetric. What rests in an inertial frame turns by −Ω t; the midpoint rule turns
     # it by 2 atan(Ω h/2) in a step, which is (Ω h)³/12 less. In the middle of a step the rod is shorter by (Ω h)²/8, as
@@ -241,7 +233,6 @@ def sail(
     )
 
 
-@pytest.mark.slow
 def test_a_sheet_falls_with_its_terminal_velocity_in_long_steps() -> None:
     # M g = ½ ρ A c v², and h = 0.5 s is 17 times M/(ρ A c v), the time of the drag. A fold of 10⁴ J, 10⁵ times what explicit
     # methods would stand, keeps the sheet flat to M g · 1 m/10⁴ J ~ 10⁻⁵. Nothing keeps it from being sheared by the
@@ -281,7 +272,7 @@ def test_a_fold_decays_by_the_amplification_factor() -> None:
     "scenario",
     [
         block("backward_euler", count=14),
-        pytest.param(block("bdf2", count=14), marks=pytest.mark.slow),
+        block("bdf2", count=14),
         sail(0.02, 10, (60, 45), (3.0, 1.0, 5.0), mass=0.2, tolerance=1e-3),
     ],
     ids=["springs and angles", "with a memory", "folds and wind"],

@@ -266,7 +266,7 @@ LINKED: dict[str, Any] = {
 
 @pytest.mark.parametrize(
     ("method", "parts"),
-    [("rk45", FALL), ("rk45", LINKED), pytest.param("dop853", LINKED, marks=pytest.mark.slow)],
+    [("rk45", FALL), ("rk45", LINKED), ("dop853", LINKED)],
     ids=["independent", "coupled", "coupled-dop853"],
 )
 def test_adaptive_methods_leave_what_they_err(method: str, parts: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from particlesim.errors import UsageError
-from particlesim.render import Camera, PlaneShape, render_frame
+from particlesim.render import BallShape, Camera, PlaneShape, render_frame
 
 from .conftest import FLOOR, ArrayFrame, ArraySource, single
 
@@ -53,6 +53,39 @@ def test_sphere_occludes_by_its_surface_not_its_center(plain):
     picture = render_frame(source, 0, plain(color_by="group")).astype(int)
     column = int(80 + 200 * 1.05 / 9.1)
     assert picture[60, column, 0] > picture[60, column, 2] + 40
+
+
+@pytest.mark.parametrize("look", ["spheres", "dots"])
+def test_a_ball_that_particles_collide_with_covers_its_projection_and_what_is_behind_it(plain, look):
+    r, d, f = 1.0, 10.0, 200.0
+    settings = plain(color_by="none", look=look, particle_radius=0.3)
+    behind, before = (single([[0, 0, z]], radius=[0.3]) for z in (-3.0, 3.0))
+    ball = (BallShape((0.0, 0.0, 0.0), r),)
+    hidden = render_frame(behind, 0, settings, balls=ball)
+    assert difference(hidden, settings).sum() == pytest.approx(
+        np.pi * (f * r) ** 2 / (d * d - r * r), rel=0.12
+    )
+    stone, particle = (
+        render_frame(source, 0, settings, balls=ball)[60, 80].astype(int) for source in (behind, before)
+    )
+    assert abs(stone[0] - stone[2]) < 25, "grey"
+    assert particle[2] > particle[0] + 40, "blue"
+    without = render_frame(behind, 0, settings.model_copy(update={"ground": False}), balls=ball)
+    np.testing.assert_array_equal(without, render_frame(behind, 0, settings))
+
+
+def test_a_ball_is_cut_off_at_the_ground(plain):
+    # From above the floor y = 0: a ball that is all below it is not seen, of one that is half below it the upper half.
+    settings = plain(camera=Camera(eye=(0, 3, 10), target=(0, 0, 0), fov=40), shadows=False)
+    source = single([[50.0, 50.0, 50.0]], radius=[0.1])
+    floor = (PlaneShape((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),)
+    empty, sunk, half, whole = (
+        render_frame(source, 0, settings, planes=floor, balls=balls).astype(int)
+        for balls in ((), *((BallShape((0.0, y, 0.0), 1.0),) for y in (-1.5, 0.0, 1.5)))
+    )
+    seen = [int((np.abs(picture - empty).max(axis=2) > 8).sum()) for picture in (sunk, half, whole)]
+    assert seen[0] == 0
+    assert 0.4 * seen[2] < seen[1] < 0.75 * seen[2]
 
 
 def test_shadow_lies_where_the_light_is_blocked(plain):

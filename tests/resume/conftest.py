@@ -32,6 +32,7 @@ FOUNTAIN: Table = {
             "mass": 0.01,
             "radius": 0.01,
             "temperature": 400,
+            "charge": {"type": "normal", "mean": 0, "std": 1e-6},
             "cooling": {"rate": 0.5, "ambient": 300},
             "limit": 120,
         },

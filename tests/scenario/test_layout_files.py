@@ -220,4 +220,4 @@ def test_a_good_file_is_read(tmp_path: Path) -> None:
     layout = scenario.opened(scenario.particles[0])
     placed = layout.place(None, 0, 2)  # type: ignore[arg-type]  # no random numbers here
     assert placed.position.tolist() == [[1, 5], [2, 6], [3, 7]]
-    assert placed.mass.tolist() == [4, 8]
+    assert placed.attributes["mass"].tolist() == [4, 8]

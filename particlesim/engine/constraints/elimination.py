@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.constraints.shake_rattle import Bench, Rig, Rods
 from particlesim.errors import UsageError
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
+from particlesim.model.arrays import Floats, Ints
 
 MOST_UPDATES = 50_000_000
 """Operations of an elimination beyond which rods are too entangled."""

@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.bonds import RodSet
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.scenario import Scenario
-from particlesim.scenario.text.diagnose import scenario_error
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -129,6 +125,8 @@ def _refuse(
 ) -> NoReturn:
     """Raise what is wrong, with its place where the text of the scenario is known."""
     if scenario.source is not None:
+        from particlesim.scenario.text.diagnose import scenario_error
+
         raise scenario_error(scenario.source, [Invalid(message, at, also, hint=hint)])
     where = ".".join(map(str, at))
     raise UsageError(f"{where}: {message}", hint)

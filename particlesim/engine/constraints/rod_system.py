@@ -17,14 +17,13 @@ from particlesim.engine.constraints.initial_checks import (
     require_speed,
 )
 from particlesim.engine.constraints.shake_rattle import Rods, hold, places, take_aim
-from particlesim.engine.islands.independent import Unheld
+from particlesim.engine.faults import Unheld
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
+from particlesim.model.arrays import Ints
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
-
-Ints = NDArray[np.int64]
 
 
 class RodSystem:
@@ -131,8 +130,10 @@ def rod_system(
         np.concatenate([getattr(each, key) for each in members]) for key in ("first", "second", "length")
     )
     rig, order = new_rig(first, second, length, inverse)
-    found = RodSystem(members, offset, new_rods(rig, eager=_eager(island), touched=any(island.planes)), order)
-    found.fit(whole.columns(radius=False, thermal=False))
+    found = RodSystem(
+        members, offset, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order
+    )
+    found.fit(whole.columns(frozenset()))
     if (bad := found.unheld()) is not None:
         a, b = bad.particles
         raise UsageError(

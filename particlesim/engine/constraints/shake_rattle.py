@@ -10,8 +10,8 @@ kick adds along the rods, as it does with the μ of a drift before it, at the sa
 this way, reversible where the method is, and of second order in the drift.
 
 N couples rods that share a free particle. Its elimination follows an order and a pattern that are worked out at the start
-(`engine.rigging`): for chains and trees without fill. Rods that close loops may depend on each other: those whose pivot
-vanishes get no force of their own, and must fit because the others do.
+(`engine.constraints.elimination`): for chains and trees without fill. Rods that close loops may depend on each other:
+those whose pivot vanishes get no force of their own, and must fit because the others do.
 
 Sources: J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, J. Comput. Phys. 23, 327 (1977); H. C. Andersen, ibid. 52, 24
 (1983); B. J. Leimkuhler, R. D. Skeel, ibid. 112, 117 (1994); E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
@@ -90,7 +90,7 @@ class Bench(NamedTuple):
 
 class Rods(NamedTuple):
     """What a thread holds: components [first, last). `eager`: forces depend on velocities, which must be right at every
-    evaluation; `touched`: there are planes.
+    evaluation; `touched`: there are colliders.
 
     For every component the energy that rods gave to led ends [J], the rod that could not be held (−1: none), and its misfit
     as a part of its length.

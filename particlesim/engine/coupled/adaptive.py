@@ -76,7 +76,7 @@ def six(columns: Any, i: Any) -> Any:
     return Rate(columns[0, i], columns[1, i], columns[2, i], columns[3, i], columns[4, i], columns[5, i])
 
 
-def measure(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
+def largest_error(method: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> Any:
     """The largest error of a share's particles in the step from t to `end`, and the row of the particle."""
     largest, row = -1.0, share.first
     for lo in range(share.first, share.last, share.chunk):
@@ -209,7 +209,7 @@ def step_island_adaptive(
             h = type_of(c.x[0], taken)
             save(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             attempt(method, parts, bonds, c, work, share, now, then, h)
-            largest, row = measure(method, c, work, share, now, then, h)
+            largest, row = largest_error(method, c, work, share, now, then, h)
             error, row = worst(share, pace.slots, largest, row)
             wish = taken * factor(method, error, previous, again)
             tries += 1

@@ -47,21 +47,19 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
         begin, hi = span(c.clock, i, t, end, h)
         if hi > 0:
             q = fetch(c, i, end)
-            if overlapped(contacts, q):
+            p = moved_to(
+                q,
+                before[0, i],
+                before[1, i],
+                before[2, i],
+                before[3, i],
+                before[4, i],
+                before[5, i],
+                begin,
+            )
+            if overlapped(contacts, p, q):
                 k = q.m / hi
-                mean = FrozenRecord(
-                    k * (q.vx - before[3, i]), k * (q.vy - before[4, i]), k * (q.vz - before[5, i])
-                )
-                p = moved_to(
-                    q,
-                    before[0, i],
-                    before[1, i],
-                    before[2, i],
-                    before[3, i],
-                    before[4, i],
-                    before[5, i],
-                    begin,
-                )
+                mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))
                 r, _, outcome = trace(whole, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.independent.kernel import BLOCK
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
 from particlesim.engine.interactions.interaction import add_elements
 from particlesim.engine.state.columns import block_of, fetch, span
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK
 from particlesim.laws.registry import force, velocity
 
 

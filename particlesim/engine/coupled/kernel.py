@@ -15,11 +15,11 @@ from particlesim.engine.constraints.shake_rattle import after_contact, after_kic
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import Move, all_finite, evaluate, kick_and_drift, look, rates
 from particlesim.engine.coupled.workspace import StagedRungeKutta, StagedVerlet
-from particlesim.engine.independent.kernel import BLOCK
 from particlesim.engine.interactions.bonds import break_bonds
 from particlesim.engine.state.columns import block_of, fetch, held, span, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK
 from particlesim.laws.registry import velocity
 
 

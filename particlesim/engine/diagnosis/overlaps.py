@@ -1,4 +1,4 @@
-"""Particles that are inside of a plane: at the start that is a mistake, which contact mends at the cost of energy."""
+"""Particles that are inside of a collider: at the start that is a mistake, which contact mends at the cost of energy."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from particlesim.colliders import Plane
+from particlesim.colliders import Collider
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Particles
-from particlesim.model.vectors import unit
+from particlesim.laws.registry import Particle, gap
 
 TOUCHING = 1e-6
 """Overlap that still counts as touching, as a part of the largest coordinate."""
@@ -24,39 +24,38 @@ PIECE = 1 << 16
 
 
 class Overlap(NamedTuple):
-    """A group of which particles are inside of a plane: how many, and the row and depth [m] of the deepest."""
+    """A group of which particles are inside of a collider: how many, and the row and depth [m] of the deepest."""
 
     state: GroupState
-    plane: Plane
+    collider: Collider
     number: int
     deepest: int
     depth: float
 
 
 def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> Iterator[Overlap]:
-    """Groups of an island that are inside of planes they bounce from. Backdrops, which never move, are left out."""
-    for state, group, planes in zip(island.states, structure.groups, structure.planes, strict=True):
+    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out."""
+    for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
         if not state.count or (isinstance(group, Particles) and group.pinned is True):
             continue
         farthest = max(float(state.position.max()), -float(state.position.min()))
-        for plane in planes:
-            if plane.contact == "bounce":
-                found = _overlap(state, plane, TOUCHING * farthest)
+        for collider in colliders:
+            if collider.contact == "bounce":
+                found = _overlap(state, collider, TOUCHING * farthest)
                 if found.number:
                     yield found
 
 
-def _overlap(state: GroupState, plane: Plane, margin: float) -> Overlap:
-    """How a group lies to a plane; up to `margin` [m] particles only touch it."""
+def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:
+    """How a group lies to a collider; up to `margin` [m] particles only touch it."""
+    shape = collider.shape()
     number, deepest, most = 0, 0, -np.inf
     for first in range(0, state.count, PIECE):
         part = slice(first, min(first + PIECE, state.count))
-        # Not a matrix product: BLAS would leave threads behind that spin while the first steps want all cores.
-        depth = state.radius[part].astype(float)
-        for x, origin, normal in zip(state.x, plane.point, unit(plane.normal), strict=True):
-            depth -= normal * (x[part].astype(float) - origin)
+        x, y, z, radius = (column[part].astype(float) for column in (*state.x, state.radius))
+        depth = -np.asarray(gap(shape, Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, radius, 0.0, 0.0)))
         number += int((depth > margin).sum())
         row = int(depth.argmax())
         if depth[row] > most:
             deepest, most = first + row, float(depth[row])
-    return Overlap(state, plane, number, deepest, most)
+    return Overlap(state, collider, number, deepest, most)

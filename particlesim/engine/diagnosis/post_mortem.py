@@ -8,25 +8,24 @@ particle was much faster than its speed and the forces at that beginning could m
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.diagnosis.strongest_force import strongest
 from particlesim.engine.diagnosis.undefined_paths import astray
+from particlesim.engine.faults import Fault
 from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import Fault, IndependentIsland
-from particlesim.engine.stability.limits import advice
+from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.stability.limits import remedy
 from particlesim.engine.stability.linearised import IslandModel
-from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.columns import Columns, fetch
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
+from particlesim.engine.world import World
 from particlesim.errors import DivergenceError, PostMortem
 from particlesim.integrators.regions import largest_step
 from particlesim.laws.registry import Particle
-
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
 
 TOO_FAST = 100.0
 """Times the speed that an interval's beginning explains, beyond which a particle has run away."""
@@ -69,21 +68,21 @@ class Sign(NamedTuple):
     columns: Columns
 
 
-def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) -> DivergenceError:
+def not_finite(world: World, number: int, fault: Fault, first: int) -> DivergenceError:
     """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
-    island = simulation.islands[number]
-    if (lost := astray(simulation, fault.step + 1)) is not None:
+    island = world.islands[number]
+    if (lost := astray(world, fault.step + 1)) is not None:
         return lost
     if isinstance(island, CoupledIsland):
         first = island.kept_from  # further back than the piece that failed, where every step is booked
     row = fault.row + sum(state.count for state in island.states[: fault.member])
-    dt = simulation.scenario.grid.dt
+    dt = world.scenario.grid.dt
     time = fault.step * dt
     if fault.stop is not None:
         what, hint = WHY[fault.stop.why]
         sign = _stopped(island, row, fault, first)
         text = f"particle {{who}} {what.format(t=fault.stop.time, least=fault.stop.least)}; it was"
-        return _report(simulation, number, sign, "not finite", fault.stop.time, text, hint)
+        return _report(world, number, sign, "not finite", fault.stop.time, text, hint)
     columns, interactions, rows = island.replay(row, first, fault.step - first)
     if (missed := fault.unsolved) is not None:
         place = row - rows.start
@@ -96,7 +95,7 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
             f"imbalance of forces was {missed.residual:.3g} times the first one, most of it at particle {{who}}, which was"
         )
         hint = "try a smaller dt, a larger tolerance, or more iterations"
-        return _report(simulation, number, sign, "not solved", time, text, hint)
+        return _report(world, number, sign, "not solved", time, text, hint)
     if (rod := fault.unheld) is not None:
         place = row - rows.start
         sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
@@ -105,18 +104,18 @@ def not_finite(simulation: Simulation, number: int, fault: Fault, first: int) ->
             f"rods {rod.name!r} could not be held in the step from t = {time:.9g} s: the one between particles {ends} "
             f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
         )
-        return _report(simulation, number, sign, "not held", time, text, UNHELD)
+        return _report(world, number, sign, "not held", time, text, UNHELD)
     over = f"no longer finite after the step from t = {time:.9g} s"
-    early = _first_sign(simulation, number, row, first, fault.step)
+    early = _first_sign(world, number, row, first, fault.step)
     if early is None:
         place = row - rows.start
         sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
-        return _report(simulation, number, sign, "not finite", time, f"particle {{who}} is {over}; it was")
+        return _report(world, number, sign, "not finite", time, f"particle {{who}} is {over}; it was")
     text = (
         f"particle {{who}} ran away at t = {early.particle.t:.9g} s, faster than {TOO_FAST:g} times what forces could "
         f"give it, and numbers were {over}; it was"
     )
-    return _report(simulation, number, early, "not finite", time, text)
+    return _report(world, number, early, "not finite", time, text)
 
 
 def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, first: int) -> Sign:
@@ -129,80 +128,78 @@ def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, 
     return Sign(fault.step, row, p, row - rows.start, interactions, columns)
 
 
-def overflowed(simulation: Simulation, quantity: str) -> DivergenceError:
-    """The post-mortem of a simulation with finite numbers whose ledger has a quantity that is not."""
-    if (lost := astray(simulation, simulation.step)) is not None:
+def overflowed(world: World, quantity: str) -> DivergenceError:
+    """The post-mortem of a world with finite numbers whose ledger has a quantity that is not."""
+    if (lost := astray(world, world.step)) is not None:
         return lost
     fastest = [
         (_speeds(columns).max(initial=0.0), number)
-        for number, island in enumerate(simulation.islands)
+        for number, island in enumerate(world.islands)
         for columns in island.columns()
     ]
     number = max(fastest)[1]
-    over = f"the ledger's {quantity} is no longer finite at t = {simulation.time:.9g} s"
-    sign = _looked_back(simulation, number)
+    over = f"the ledger's {quantity} is no longer finite at t = {world.time:.9g} s"
+    sign = _looked_back(world, number)
     if sign is None:
-        sign, text = _fastest_now(simulation, number), f"{over}; particle {{who}} was"
+        sign, text = _fastest_now(world, number), f"{over}; particle {{who}} was"
     else:
         text = f"{over}: particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; it was"
-    hint = f"try a smaller step than dt = {simulation.scenario.grid.dt:.6g} s, or smaller forces"
-    return _report(simulation, number, sign, "not finite", simulation.time, text, hint)
+    hint = f"try a smaller step than dt = {world.scenario.grid.dt:.6g} s, or smaller forces"
+    return _report(world, number, sign, "not finite", world.time, text, hint)
 
 
-def _looked_back(simulation: Simulation, number: int) -> Sign | None:
+def _looked_back(world: World, number: int) -> Sign | None:
     """The first sign in the interval up to the present step; None where there is none, or no way to look."""
-    island = simulation.islands[number]
-    adaptive = simulation.graph.islands[number].method.adaptive
-    if not isinstance(island, CoupledIsland) or adaptive or island.kept_from >= simulation.step:
+    island = world.islands[number]
+    adaptive = world.graph.islands[number].method.adaptive
+    if not isinstance(island, CoupledIsland) or adaptive or island.kept_from >= world.step:
         return None
-    return _first_sign(simulation, number, 0, island.kept_from, simulation.step)
+    return _first_sign(world, number, 0, island.kept_from, world.step)
 
 
-def ran_away(simulation: Simulation, number: int, cause: str, size: float) -> DivergenceError:
+def ran_away(world: World, number: int, cause: str, size: float) -> DivergenceError:
     """The post-mortem of an island that has gained energy from nothing [J], or speed beyond reason [m/s], by the present
     step."""
-    island = simulation.islands[number]
+    island = world.islands[number]
     names = " and ".join(repr(state.name) for state in island.states)
     hint = None
     if cause == "energy":
         fed = "with nothing to feed it" if island.books is None else "beyond all work that was done"
         why = f"{names} had gained {size:.3g} J of energy {fed}, more than a tenth of what there was"
-        hint = _better(simulation, number)
+        hint = _better(world, number)
     else:
         why = f"speeds in {names} had grown a thousandfold since the last frame, to {size:.3g} m/s"
-    sign = _looked_back(simulation, number)
+    sign = _looked_back(world, number)
     if sign is None:
-        sign = _fastest_now(simulation, number)
-        text = f"by t = {simulation.time:.9g} s {why}; particle {{who}} was"
+        sign = _fastest_now(world, number)
+        text = f"by t = {world.time:.9g} s {why}; particle {{who}} was"
     else:
         first = f"particle {{who}} ran away first, at t = {sign.particle.t:.9g} s"
-        text = f"{first}; by t = {simulation.time:.9g} s {why}; it was"
-    return _report(simulation, number, sign, cause, simulation.time, text, hint)
+        text = f"{first}; by t = {world.time:.9g} s {why}; it was"
+    return _report(world, number, sign, cause, world.time, text, hint)
 
 
-def _better(simulation: Simulation, number: int) -> str | None:
+def _better(world: World, number: int) -> str | None:
     """What keeps the energy of an island better; None where only a smaller step does."""
-    structure = simulation.graph.islands[number]
-    if any(plane.lifts() for planes in structure.planes for plane in planes):
+    structure = world.graph.islands[number]
+    if any(each.lifts() for colliders in structure.colliders for each in colliders):
         return 'detection = "continuous" adds no energy when particles bounce; or try a smaller dt'
     if structure.method.adaptive:
         return "allow less error: a smaller tolerance"
     return None
 
 
-def _fastest_now(simulation: Simulation, number: int) -> Sign:
+def _fastest_now(world: World, number: int) -> Sign:
     """The particle of an island that is fastest at present."""
-    island = simulation.islands[number]
+    island = world.islands[number]
     columns = island.island_columns()
     row = int(np.argmax(_speeds(columns)))
-    return Sign(
-        simulation.step, row, _particle(columns, row, simulation.time), row, island.interactions, columns
-    )
+    return Sign(world.step, row, _particle(columns, row, world.time), row, island.interactions, columns)
 
 
-def _first_sign(simulation: Simulation, number: int, row: int, first: int, last: int) -> Sign | None:
+def _first_sign(world: World, number: int, row: int, first: int, last: int) -> Sign | None:
     """The step in (first, last] at which a particle was first too fast; None if there was none."""
-    island, dt = simulation.islands[number], simulation.scenario.grid.dt
+    island, dt = world.islands[number], world.scenario.grid.dt
     if last <= first:
         return None
     start = island.replay(row, first, 0)[0]
@@ -235,18 +232,11 @@ def _speeds(c: Columns) -> NDArray[np.float64]:
 
 def _particle(c: Columns, i: int, time: float) -> Particle:
     """Particle i of columns, in plain Python."""
-    heat = 0.0
-    if c.thermal is not None:
-        excess = (c.thermal.start[i] - c.thermal.ambient) * math.exp(
-            -c.thermal.rate * (time - c.thermal.birth[i])
-        )
-        heat = float(c.thermal.ambient + excess)
-    x, y, z, vx, vy, vz, m = (float(column[i]) for column in (c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m))
-    return Particle(x, y, z, vx, vy, vz, m, 0.0 if c.r is None else float(c.r[i]), heat, time, 1 / m)
+    return Particle(*map(float, fetch(c, i, time)))
 
 
 def _report(
-    simulation: Simulation,
+    world: World,
     number: int,
     sign: Sign,
     cause: str,
@@ -255,13 +245,13 @@ def _report(
     hint: str | None = None,
 ) -> DivergenceError:
     """Message, hint and data of a post-mortem. `text` says what happened to {who}, up to where it was."""
-    island = simulation.islands[number]
+    island = world.islands[number]
     member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
     state, p = island.states[member], sign.particle
     row = sign.row - sum(other.count for other in island.states[:member])
-    dt = simulation.scenario.grid.dt
-    name, size = strongest(simulation, number, member, p, sign.place, sign.interactions, sign.columns)
-    stable = _stable_step(simulation, number, member, p)
+    dt = world.scenario.grid.dt
+    name, size = strongest(world, number, member, p, sign.place, sign.interactions, sign.columns)
+    stable = _stable_step(world, number, member, p)
     found = PostMortem(
         cause,
         noticed,
@@ -284,19 +274,19 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
-        hint += f": {advice(stable, rods=bool(simulation.graph.islands[number].rods))}"
+        hint += f": {remedy(stable, rods=bool(world.graph.islands[number].rods))}"
     return DivergenceError(message, hint, found)
 
 
-def _stable_step(simulation: Simulation, number: int, member: int, p: Particle) -> float | None:
+def _stable_step(world: World, number: int, member: int, p: Particle) -> float | None:
     """The largest stable step of an island of springs when the interval began, or of a single particle at its place [s]."""
-    island, structure = simulation.islands[number], simulation.graph.islands[number]
+    island, structure = world.islands[number], world.graph.islands[number]
     if structure.method.adaptive:
         return math.inf
     if isinstance(island, CoupledIsland):
         island.go_back()
     try:
-        model = IslandModel(simulation.scenario, structure, island, p.t)
+        model = IslandModel(world.scenario, structure, island, p.t)
         with np.errstate(all="ignore"):
             system = model.linearise().together if structure.coupled else model.single(member, p)
             return largest_step(structure.method, system)

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.columns import Columns
+from particlesim.engine.world import World
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import Particle, evaluate, force
+from particlesim.model.arrays import Floats
 from particlesim.scenario.reach import acts_on
-
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
-
-Floats = NDArray[np.float64]
 
 
 def strongest(
-    simulation: Simulation,
+    world: World,
     number: int,
     member: int,
     particle: Particle,
@@ -34,11 +30,11 @@ def strongest(
     `place` is its row in `columns`, and `interactions` are as they are then. Those of one name
     are added up. A force that is not finite is the strongest.
     """
-    structure = simulation.graph.islands[number]
+    structure = world.graph.islands[number]
     with np.errstate(all="ignore"):
-        sizes = _alone(simulation, structure, member, particle)
+        sizes = _alone(world, structure, member, particle)
         shared: dict[str, Floats] = {}
-        for name, each in zip(simulation.islands[number].names, interactions, strict=True):
+        for name, each in zip(world.islands[number].names, interactions, strict=True):
             shared[name] = shared.get(name, np.zeros(3)) + each.force_on(columns, place, particle.t)
         sizes |= {name: _length(each) for name, each in shared.items()}
     wild = next((label for label, size in sizes.items() if not math.isfinite(size)), None)
@@ -48,11 +44,11 @@ def strongest(
     return best, math.nan if best is None else sizes[best]
 
 
-def _alone(simulation: Simulation, structure: Island, member: int, particle: Particle) -> dict[str, float]:
+def _alone(world: World, structure: Island, member: int, particle: Particle) -> dict[str, float]:
     """Sizes of the one-particle forces [N], by label."""
     sizes: dict[str, float] = {}
     group = structure.groups[member]
-    for label, law in zip(simulation.scenario.force_labels(), simulation.scenario.forces, strict=False):
+    for label, law in zip(world.scenario.force_labels(), world.scenario.forces, strict=False):
         if acts_on(law, group) and not law.on_surfaces:
             try:
                 sizes[label] = _length(evaluate(force, law.record(), particle))

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import drive_to
+from particlesim.engine.world import World
 from particlesim.errors import DivergenceError, PostMortem
-
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
 
 HINT = "roots, logarithms and quotients do not have a value everywhere: give a path that lasts until the end of the run"
 
 
-def astray(simulation: Simulation, last: int) -> DivergenceError | None:
+def astray(world: World, last: int) -> DivergenceError | None:
     """The error to raise when a path is not finite at the beginning of step `last`, None if all are."""
-    dt = simulation.scenario.grid.dt
-    for state in simulation.states:
+    dt = world.scenario.grid.dt
+    for state in world.states:
         if not state.driven or not _lost(state, last * dt)[0].size:
             continue
         low, high = 0, last  # all paths are finite at the start
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if _lost(state, middle * dt)[0].size else (middle, high)
-        return _told(simulation, state, high * dt, last * dt)
+        return _told(world, state, high * dt, last * dt)
     return None
 
 
@@ -52,10 +49,10 @@ def _lost(
     return rows[wild], x, v
 
 
-def _told(simulation: Simulation, state: GroupState, time: float, noticed: float) -> DivergenceError:
+def _told(world: World, state: GroupState, time: float, noticed: float) -> DivergenceError:
     rows, x, v = _lost(state, time)
     row = int(rows[0])
-    motions = [motion for motion in simulation.scenario.motions if motion.on == state.name]
+    motions = [motion for motion in world.scenario.motions if motion.on == state.name]
     label = next(motion.label for motion, each in zip(motions, state.driven, strict=True) if row in each.rows)
     place, speed = ((float(a), float(b), float(c)) for a, b, c in (x[:, row], v[:, row]))
     who = int(state.id[row])
@@ -69,7 +66,7 @@ def _told(simulation: Simulation, state: GroupState, time: float, noticed: float
         speed,
         None,
         math.nan,
-        simulation.scenario.grid.dt,
+        world.scenario.grid.dt,
         None,
     )
     many = f", nor are those of {rows.size - 1:,} others" if rows.size > 1 else ""

@@ -17,14 +17,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.state.columns import type_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from particlesim.model.arrays import Floats, Ints
 
 PITCH = 3.0
 """Pitch of the finest lattice in lengths of springs."""

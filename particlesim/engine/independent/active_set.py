@@ -7,17 +7,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import on_stack
-from particlesim.engine.state.columns import KEPT, Thermal, store, temperature
+from particlesim.engine.state.columns import Thermal, changing, store, temperature
 from particlesim.engine.step.particle_step import RATES, Rate, derivative
-from particlesim.laws.registry import Particle
+from particlesim.laws.registry import Particle, further
+from particlesim.model.attributes import FURTHER
 
 DESK = 264
 """Particles on a desk: a block and a cache line more, so that the same column of all rows does not fall into two sets of the
 first-level cache."""
 
 # Rows of a desk in the precision of the run: state and slope at the present, both at the end of the step that is tried
-# (x, y, z, vx, vy, vz each), mass, its inverse, radius.
-STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, BODY = 0, 6, 12, 18, 24, 25, 26, 27
+# (x, y, z, vx, vy, vz each), mass, its inverse, radius, further attributes.
+STATE, SLOPE, AHEAD, BEYOND, MASS, INVERSE, RADIUS, MORE = 0, 6, 12, 18, 24, 25, 26, 27
+BODY = MORE + len(FURTHER)
 # Rows in double precision: where the particle is in time and has to be [s]; the step that is proposed and the one that is
 # tried [s]; the error of this try and of the last accepted one (0: unknown); tries so far, and whether the last was
 # rejected; temperature at birth, and birth.
@@ -26,7 +28,7 @@ NOW, STOP, STEP, TAKEN, ERROR, PREVIOUS, TRIES, AGAIN, HEAT, BIRTH, CLOCK = 0, 1
 
 class Desk(NamedTuple):
     """Particles under way, packed: `row` in the block [DESK], `body` [BODY, DESK], `clock` [CLOCK, DESK], and rows of it as
-    `thermal`, None when no law reads the temperature. `kept` [KEPT, DESK]: the block as it was at the beginning."""
+    `thermal`, None when no law reads the temperature. `kept`: the block as `keep` saw it at the beginning."""
 
     row: Any
     body: Any
@@ -46,7 +48,7 @@ class Heated(NamedTuple):
 def heated(dynamics: Any, forces: Any, p: Any) -> Rate:
     """The rate of change of a particle at the temperature that it has at the time of p."""
     warmth = temperature(dynamics.thermal, dynamics.k, p.t, p.x)
-    q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w)
+    q = Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, warmth, p.t, p.w, *further(p))
     return derivative(dynamics.dynamics, forces, q)
 
 
@@ -66,7 +68,7 @@ def new_desk(c: Any) -> Any:
         on_stack(BODY, DESK, c.x.dtype),
         clock,
         warmth_of(c.thermal, clock),
-        on_stack(KEPT, DESK, np.float64),
+        on_stack(len(changing(c)), DESK, np.float64),
     )
 
 
@@ -100,7 +102,15 @@ def at(d: Any, k: Any, s: Any, t: Any) -> Any:
         temperature(d.thermal, k, t, x),
         t,
         b[INVERSE, k],
+        *[b[MORE + n, k] for n in range(len(FURTHER))],
     )
+
+
+def bring_attributes(d: Any, k: Any, p: Any) -> None:
+    """Mass, radius and further attributes of a particle to column k of a desk."""
+    d.body[MASS, k], d.body[INVERSE, k], d.body[RADIUS, k] = p.m, p.w, p.r
+    for n, number in enumerate(further(p)):
+        d.body[MORE + n, k] = number
 
 
 def rate_at(d: Any, k: Any, s: Any) -> Any:

@@ -20,11 +20,8 @@ from particlesim.engine.independent.active_set import (
     BEYOND,
     DESK,
     ERROR,
-    INVERSE,
-    MASS,
     NOW,
     PREVIOUS,
-    RADIUS,
     SLOPE,
     STATE,
     STEP,
@@ -32,6 +29,7 @@ from particlesim.engine.independent.active_set import (
     TAKEN,
     TRIES,
     at,
+    bring_attributes,
     bring_heat,
     leave,
     move,
@@ -69,7 +67,7 @@ from particlesim.laws.registry import PASS
 # The log of steps
 
 
-class Log(NamedTuple):
+class StepLog(NamedTuple):
     """Own steps that particles have taken, for who needs them.
 
     `number` [2]: how many, and the row at which the present block begins. Of the first of them, `spans` [3, room] has row,
@@ -82,9 +80,9 @@ class Log(NamedTuple):
     states: NDArray[np.float64]
 
 
-def new_log(room: int = 0) -> Log:
+def new_log(room: int = 0) -> StepLog:
     """A log with room for so many steps; those beyond are only counted."""
-    return Log(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
+    return StepLog(np.zeros(2, np.int64), np.empty((3, room)), np.empty((18, room)))
 
 
 def enter(log: Any, d: Any, k: Any, q: Any, r: Any) -> None:
@@ -170,7 +168,7 @@ def sit_down(program: Any, c: Any, d: Any, t: Any, end: Any) -> Any:
             bring_heat(c.thermal, i, d.clock, n)
             p = fetch(c, i, begin)
             put(d, n, STATE, p)
-            d.body[MASS, n], d.body[INVERSE, n], d.body[RADIUS, n] = p.m, p.w, p.r
+            bring_attributes(d, n, p)
             n += 1
     for k in range(n):
         slope_here(program, d, k)
@@ -218,9 +216,9 @@ def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
         still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
         return not still, r, outcome
     outcome = PASS
-    inside = overlapped(program.contacts, q)
+    p = at(d, k, STATE, d.clock[NOW, k])
+    inside = overlapped(program.contacts, p, q)
     if inside:
-        p = at(d, k, STATE, d.clock[NOW, k])
         h = type_of(p.x, d.clock[TAKEN, k])
         q, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
     return inside, q, outcome

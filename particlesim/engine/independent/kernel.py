@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 import particlesim.engine.step.newton  # noqa: F401
 from particlesim.compiler import kernel
 from particlesim.engine.state.columns import (
-    KEPT,
     Columns,
     block_of,
+    changing,
     chosen,
     fetch,
     fetch_known,
@@ -33,18 +33,6 @@ from particlesim.engine.state.columns import (
 )
 from particlesim.engine.step.impacts import Simple, meet, overlapped, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
-
-BLOCK = 256
-"""Particles in a block: 7 columns of 2 KiB and what a step remembers stay in a 32 KiB cache; more share evenly."""
-
-
-class Program(NamedTuple):
-    """What is compiled: method, dynamics, forces and contacts, as records."""
-
-    method: tuple[Any, ...]
-    dynamics: tuple[Any, ...]
-    forces: tuple[Any, ...]
-    contacts: tuple[Any, ...]
 
 
 def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
@@ -68,7 +56,7 @@ def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, mar
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        inside = overlapped(program.contacts, q)
+        inside = overlapped(program.contacts, p, q)
         marks[i] = inside
         store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
         remember(c.memory, i, not inside, memory)
@@ -104,7 +92,7 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 
 
 class Room(NamedTuple):
-    """What a thread remembers of a block: its state at the beginning [KEPT, block], marks and inverse masses [block]."""
+    """What a thread remembers of a block: its state at the beginning as `keep` has it, marks and inverse masses [block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.bool_]
@@ -113,7 +101,9 @@ class Room(NamedTuple):
 
 def new_room(columns: Columns, block: int) -> Room:
     """Room for a block of some columns."""
-    return Room(np.empty((KEPT, block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype))
+    return Room(
+        np.empty((len(changing(columns)), block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype)
+    )
 
 
 @kernel

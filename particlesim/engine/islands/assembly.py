@@ -50,7 +50,7 @@ def parts_of(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, .
             Part(
                 dynamics_record(group),
                 tuple(force.record() for force in island.forces[k]),
-                contacts_record(island.planes[k], group, dtype),
+                contacts_record(island.colliders[k], group, dtype),
                 bounds[k],
                 bounds[k + 1],
             ),

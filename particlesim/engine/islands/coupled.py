@@ -13,6 +13,7 @@ from particlesim.engine.constraints.rod_system import rod_system
 from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace, new_pace, step_island_adaptive
 from particlesim.engine.coupled.forces import island_forces
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch
+from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.kernel import StagedImplicit
 from particlesim.engine.implicit.krylov import INDEFINITE, UNSOLVED, General
 from particlesim.engine.implicit.linear_system import new_system
@@ -22,16 +23,12 @@ from particlesim.engine.islands import assembly
 from particlesim.engine.islands.assembly import Interactions, apart
 from particlesim.engine.islands.independent import (
     OWN_STEPS,
-    Fault,
-    Stop,
-    Unsolved,
-    copied,
-    group_uses_radius,
+    attributes_read,
     shortest_step,
 )
 from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
 from particlesim.engine.ledger.work import Books, moved
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Columns, block_of, changing, copied, replaced
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
@@ -63,10 +60,11 @@ class CoupledIsland:
         dtype = self._all.dtype
         self._staged, self._step = assembly.stepper(island, self.states, dtype)
         self._bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
-        self._radius = any(
-            group_uses_radius(island.forces[k], island.planes[k], g) for k, g in enumerate(island.groups)
+        read = (
+            attributes_read(*each)
+            for each in zip(island.forces, island.colliders, island.groups, strict=True)
         )
-        self._thermal = any(force.needs_temperature() for forces in island.forces for force in forces)
+        self._read = frozenset[str]().union(*read)
         self.parts = assembly.parts_of(island, self._bounds, dtype)
         self._driven = assembly.driven_in(self.states, self._bounds)
         site = Site(scenario, self._all, self.states)
@@ -79,7 +77,7 @@ class CoupledIsland:
         if self.rods is not None and self.rods.components > 1:
             self.springs += ROD_IN_SPRINGS * self.rods.number
         breakable = any(each.changing() for each in self.interactions)
-        self._disturbed = any(island.planes) or breakable
+        self._disturbed = any(island.colliders) or breakable
         looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
         self._work = scratch(self._method, self._all.count, dtype, looks_back=looks_back)
         if isinstance(self._method, ImplicitMethod):
@@ -106,8 +104,7 @@ class CoupledIsland:
             total,
             dtype=first.dtype,
             memory=len(first.memory),
-            clocked=any(state.clocked for state in states),
-            warm=any(state.warm for state in states),
+            parts=frozenset[str]().union(*(state.parts for state in states)),
         )
         whole.count = total
         if whole.clocked:
@@ -147,7 +144,7 @@ class CoupledIsland:
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
-        return self._all.columns(radius=self._radius, thermal=self._thermal)
+        return self._all.columns(self._read)
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
@@ -301,7 +298,7 @@ class CoupledIsland:
 
     def _cut(self, whole: Columns) -> list[Columns]:
         """Columns of the island cut into those of its groups."""
-        return [_stretch(whole, a, b) for a, b in pairwise(self._bounds)]
+        return [block_of(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def _forces_in(self, columns: Columns, interactions: Interactions, time: float) -> NDArray[np.float64]:
         """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
@@ -367,8 +364,7 @@ class CoupledIsland:
 
 def _changing(c: Columns, interactions: Interactions) -> list[NDArray[Any]]:
     """All that steps change: motion, what methods remember, clocks, and what changes in interactions."""
-    arrays = [c.x, c.y, c.z, c.vx, c.vy, c.vz, *c.memory, *(c.clock or ())]
-    return [*arrays, *(array for each in interactions for array in each.changing())]
+    return [*changing(c), *(array for each in interactions for array in each.changing())]
 
 
 def _with(
@@ -376,23 +372,6 @@ def _with(
 ) -> tuple[Columns, Interactions]:
     """Columns and interactions made of other arrays, in the order of `_changing`."""
     rest = iter(arrays)
-    motion = {name: next(rest) for name in ("x", "y", "z", "vx", "vy", "vz")}
-    memory = tuple(next(rest) for _ in c.memory)
-    clock = None if c.clock is None else Clock(*(next(rest) for _ in c.clock))
+    columns = replaced(c, rest)
     made = tuple(each.with_changed([next(rest) for _ in each.changing()]) for each in interactions)
-    return c._replace(**motion, memory=memory, clock=clock), made
-
-
-def _stretch(c: Columns, a: int, b: int) -> Columns:
-    """Rows [a, b) of columns."""
-    clock = None if c.clock is None else Clock(*(column[a:b] for column in c.clock))
-    heat = c.thermal
-    if heat is not None:
-        heat = Thermal(heat.start[a:b], heat.birth[a:b], heat.rate, heat.ambient)
-    return c._replace(
-        **{name: getattr(c, name)[a:b] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
-        r=None if c.r is None else c.r[a:b],
-        thermal=heat,
-        clock=clock,
-        memory=tuple(column[a:b] for column in c.memory),
-    )
+    return columns, made

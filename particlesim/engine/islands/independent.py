@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.colliders import Plane
+from particlesim.colliders import Collider
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
-from particlesim.engine.independent.kernel import BLOCK, Program, new_room, step_range
+from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.ledger.work import Books
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.newton import unsolved
+from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import group_program
 from particlesim.engine.step.step_size import RESOLVED
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
-from particlesim.laws.registry import Particle
-from particlesim.layouts.file import File
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -44,57 +44,6 @@ with its roots and powers, a decision."""
 
 BOOKED_TOGETHER = 4096
 """Particles whose own steps are in memory at the same time, to book them."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Where a number stopped being finite: the group's position in the island, the row, and the step that did it.
-
-    The state is that of the step's beginning. Adaptive methods also tell where inside the step they could not go on,
-    implicit ones that they found no solution.
-    """
-
-    member: int
-    row: int
-    step: int
-    stop: Stop | None = None
-    unsolved: Unsolved | None = None
-    unheld: Unheld | None = None
-
-
-@dataclass(frozen=True)
-class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
-
-    method: str
-    residual: float
-    iterations: int
-    linear: int = 0
-
-
-@dataclass(frozen=True)
-class Unheld:
-    """A rod that could not be held: its set, indices and groups of both ends, its length [m], and by which part of that it
-    is too long or too short."""
-
-    name: str
-    particles: tuple[int, int]
-    groups: tuple[str, str]
-    length: float
-    misfit: float
-
-
-@dataclass(frozen=True)
-class Stop:
-    """Where a particle was when its own steps could not go on.
-
-    Why (a code of `engine.pace`), when [s], the particle, and the shortest step that was allowed [s].
-    """
-
-    why: int
-    time: float
-    particle: Particle
-    least: float
 
 
 @dataclass
@@ -120,15 +69,12 @@ class IndependentIsland:
         births: tuple[int, int],
         block: int = BLOCK,
     ) -> None:
-        (group,), (forces,), (planes,) = island.groups, island.forces, island.planes
+        (group,), (forces,), (colliders,) = island.groups, island.forces, island.colliders
         self.states = [state]
         self.group = group
         self.dt = scenario.grid.dt
-        self.program: Program = group_program(island, forces, planes, group, state.dtype)
-        self._columns_of = {
-            "radius": group_uses_radius(forces, planes, group),
-            "thermal": any(force.needs_temperature() for force in forces),
-        }
+        self.program: Program = group_program(island, forces, colliders, group, state.dtype)
+        self._read = attributes_read(forces, colliders, group)
         self._block = block
         self._method = island.method
         self._adaptive = island.method.adaptive
@@ -145,7 +91,7 @@ class IndependentIsland:
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
-        return [self.state.columns(**self._columns_of)]
+        return [self.state.columns(self._read)]
 
     def island_columns(self) -> Columns:
         """Columns of the only group."""
@@ -212,11 +158,8 @@ class IndependentIsland:
             if taken <= self._room:
                 break
             self._room = taken + taken // 4
-            for name in ("x", "y", "z", "vx", "vy", "vz", "memory", "clock"):
-                for mine, kept in zip(
-                    _arrays(getattr(columns, name)), _arrays(getattr(opened.columns, name)), strict=True
-                ):
-                    mine[part] = kept[part]
+            for mine, kept in zip(changing(columns), changing(opened.columns), strict=True):
+                mine[part] = kept[part]
         if self._booking is None or faults.any() or not taken:
             return
         assert isinstance(self._method, EmbeddedRungeKutta)
@@ -331,25 +274,7 @@ class IndependentIsland:
 
 def snapshot(c: Columns, part: slice) -> Columns:
     """Some rows of columns; what steps change is copied."""
-    clock = None if c.clock is None else Clock(*(column[part].copy() for column in c.clock))
-    heat = c.thermal
-    if heat is not None:
-        heat = Thermal(heat.start[part], heat.birth[part], heat.rate, heat.ambient)
-    return c._replace(
-        **{name: getattr(c, name)[part].copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        m=c.m[part],
-        r=None if c.r is None else c.r[part],
-        thermal=heat,
-        clock=clock,
-        memory=tuple(column[part].copy() for column in c.memory),
-    )
-
-
-def _arrays(columns: Any) -> tuple[NDArray[Any], ...]:
-    """A column, or those of a tuple; none of None."""
-    if columns is None:
-        return ()
-    return columns if isinstance(columns, tuple) else (columns,)
+    return copied(block_of(c, part.start, part.stop))
 
 
 class Source:
@@ -388,18 +313,15 @@ class Source:
         born = self.emitter.births(self.streams, first, times)
         state.x[:, new] = born.position
         state.v[:, new] = born.velocity
-        state.mass[new] = born.mass
-        if self.emitter.has_radius():
-            state.radius[new] = born.radius
+        for name, values in born.attributes.items():
+            state.assign(name, new, values)
         state.id[new] = ids
         state.birth[new] = state.start[new] = times
         state.outcome[new] = 0
-        for column in state.memory:
-            column[new] = 0
+        state.memory[:, new] = 0
         stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
-        if born.temperature is not None:
-            state.heat[new] = born.temperature
-            cold = times + self._cooling_time(born.temperature)
+        if "temperature" in born.attributes:
+            cold = times + self._cooling_time(born.attributes["temperature"])
             cause[cold < stop] = COLD
             stop = np.minimum(stop, cold)
         state.stop[new], state.cause[new] = stop, cause
@@ -433,18 +355,8 @@ def shortest_step(method: Method, time: float) -> float:
     return max(method.minimum_step or 0.0, RESOLVED * time)
 
 
-def copied(c: Columns) -> Columns:
-    """Columns with all that a step changes copied."""
-    return c._replace(
-        **{name: getattr(c, name).copy() for name in ("x", "y", "z", "vx", "vy", "vz")},
-        memory=tuple(column.copy() for column in c.memory),
-        clock=None if c.clock is None else Clock(*(column.copy() for column in c.clock)),
-    )
-
-
-def group_uses_radius(forces: Sequence[Force], planes: Sequence[Plane], group: Group) -> bool:
-    """Whether a kernel must read the radii of a group: a law does, or planes hold back particles that have a size."""
-    from_file = isinstance(group, Particles) and isinstance(group.layout, File)
-    return any(force.needs_radius() for force in forces) or (
-        bool(planes) and (group.has_radius() or from_file)
-    )
+def attributes_read(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> frozenset[str]:
+    """Attributes of a group that a kernel must read: those of its laws, and radii where colliders hold back particles that
+    have a size."""
+    read = frozenset[str]().union(*(force.needs() for force in forces))
+    return read | {"radius"} if colliders and group.may_have("radius") else read

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
+from particlesim.engine.state.table import CLOCK
 from particlesim.engine.step.records import needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -17,6 +18,7 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.motion import Motion
 from particlesim.groups.selection import selected
 from particlesim.layouts import CHUNK
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.sampling.shapes import Shape
 from particlesim.scenario.scenario import Scenario
 
@@ -27,19 +29,19 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
     Raises UsageError for a file that cannot be read, or that has no particle of a pinned index.
     """
     member = island.groups.index(group)
-    planes, motions = island.planes[member], island.motions[member]
+    colliders, motions = island.colliders[member], island.motions[member]
     dtype = np.float64 if scenario.simulation.precision == "double" else np.float32
     if isinstance(group, Particles):
         group = group.model_copy(update={"layout": scenario.opened(group)})
     layout = group.layout if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
+    clocked = needs_clock(group, colliders, bool(motions))
     state = GroupState(
         group.name,
         count,
         dtype=dtype,
         memory=island.method.memory,
-        clocked=needs_clock(group, planes, bool(motions)),
-        warm=group.temperature is not None,
+        parts=[*(name for name in ATTRIBUTES if group.has(name)), *([CLOCK] if clocked else [])],
         cooling=group.cooling,
     )
     if layout is None:
@@ -49,14 +51,13 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         number = min(CHUNK, count - first)
         part = slice(first, first + number)
         placed = layout.place(streams, first, number)
-        mass, radius = group.size(streams, first, number)
+        given = {**group.attributes(streams, first, number), **placed.attributes}
         try:
             with np.errstate(over="raise"):
                 state.x[:, part] = placed.position
                 state.v[:, part] = placed.velocity
-                state.mass[part] = mass if placed.mass is None else placed.mass
-                if placed.radius is not None or group.has_radius():  # an untouched column takes no memory
-                    state.radius[part] = radius if placed.radius is None else placed.radius
+                for name, values in given.items():  # an untouched column takes no memory
+                    state.assign(name, part, values)
         except FloatingPointError:
             raise UsageError(
                 f"numbers of {group.name!r} are beyond {np.finfo(dtype).max:.2g}, which single precision does not hold",
@@ -68,8 +69,6 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
                 'precision = "double" under [simulation] reaches further than "single"',
             )
         state.id[part] = np.arange(first, first + number)
-        if group.temperature is not None:
-            state.heat[part] = group.sample("temperature", streams, first, number)
     state.count = count
     if state.clocked:
         state.stop[:] = np.inf

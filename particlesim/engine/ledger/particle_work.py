@@ -18,7 +18,7 @@ from particlesim.engine.ledger.work import (
     moved,
     weighted,
 )
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Clock, Columns, mapped
 from particlesim.engine.state.prescribed import Driven, drive_to
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta
@@ -162,16 +162,7 @@ def led(driven: tuple[Driven, ...], columns: Columns, time: float) -> Columns:
 
 def picked(c: Columns, rows: NDArray[np.intp]) -> Columns:
     """Copies of some rows of columns."""
-    heat = c.thermal
-    if heat is not None:
-        heat = Thermal(heat.start[rows], heat.birth[rows], heat.rate, heat.ambient)
-    return c._replace(
-        **{name: getattr(c, name)[rows] for name in ("x", "y", "z", "vx", "vy", "vz", "m")},
-        r=None if c.r is None else c.r[rows],
-        thermal=heat,
-        clock=None if c.clock is None else Clock(*(column[rows] for column in c.clock)),
-        memory=tuple(column[rows] for column in c.memory),
-    )
+    return mapped(lambda array: array[rows], c)
 
 
 def stages(

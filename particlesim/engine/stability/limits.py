@@ -1,6 +1,6 @@
-"""The largest stable step of a simulation at its present state: of every island, by force and with all forces together.
+"""The largest stable step of a world at its present state: of every island, by force and with all forces together.
 
-What decides are the modes of the linearised island (`linearised`) and the stability region of its method
+What decides are the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
 (`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
 """
 
@@ -10,12 +10,13 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.stability.linearised import IslandModel, pairs
+from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.integrators import METHODS, Method
 from particlesim.integrators.regions import (
@@ -26,9 +27,6 @@ from particlesim.integrators.regions import (
     has_function,
     largest_step,
 )
-
-if TYPE_CHECKING:
-    from particlesim.engine.simulation import Simulation
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
@@ -72,7 +70,7 @@ class IslandStability:
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {advice(self.step, rods=self.rods)}"
+            f"{self._strictest()}: {remedy(self.step, rods=self.rods)}"
         )
 
     def _strictest(self) -> str:
@@ -119,32 +117,32 @@ class Stability:
         }
 
 
-def stability(simulation: Simulation) -> Stability:
-    """The largest stable steps of a simulation at its present state.
+def stability(world: World) -> Stability:
+    """The largest stable steps of a world at its present state.
 
     Raises UsageError where forces change so fast that no number can hold it.
     """
     return Stability(
-        simulation.scenario.grid.dt,
-        tuple(island_stability(simulation, k) for k in range(len(simulation.islands))),
+        world.scenario.grid.dt,
+        tuple(island_stability(world, k) for k in range(len(world.islands))),
     )
 
 
-def suspects(simulation: Simulation) -> Stability:
+def suspects(world: World) -> Stability:
     """The islands that cannot be stable with the step in use; fast where there are none.
 
     Large islands of springs are looked at closely only when bounds on their modes leave a doubt.
     """
-    dt = simulation.scenario.grid.dt
+    dt = world.scenario.grid.dt
     doubtful = []
-    for k in range(len(simulation.islands)):
-        with _within_numbers(simulation, k):
-            doubtful += [] if _surely_stable(simulation, k) else [k]
-    found = (island_stability(simulation, k) for k in doubtful)
+    for k in range(len(world.islands)):
+        with _within_numbers(world, k):
+            doubtful += [] if _surely_stable(world, k) else [k]
+    found = (island_stability(world, k) for k in doubtful)
     return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
 
 
-def advice(step: float, *, rods: bool) -> str:
+def remedy(step: float, *, rods: bool) -> str:
     """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
     names = () if rods else unlimited()
@@ -172,15 +170,15 @@ def unlimited() -> tuple[str, ...]:
 
 
 @contextmanager
-def _within_numbers(simulation: Simulation, number: int) -> Iterator[None]:
+def _within_numbers(world: World, number: int) -> Iterator[None]:
     """Turns what no number can hold into a UsageError."""
     try:
         with np.errstate(over="raise"):
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
-        structure = simulation.graph.islands[number]
+        structure = world.graph.islands[number]
         names = " and ".join(repr(group.name) for group in structure.groups)
-        masses = [state.mass[: state.count] for state in simulation.islands[number].states if state.count]
+        masses = [state.mass[: state.count] for state in world.islands[number].states if state.count]
         least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
         raise UsageError(
             f"the rates at which forces move {names}{least} are not finite, or beyond what numbers hold",
@@ -188,15 +186,15 @@ def _within_numbers(simulation: Simulation, number: int) -> Iterator[None]:
         ) from None
 
 
-def island_stability(simulation: Simulation, number: int) -> IslandStability:
+def island_stability(world: World, number: int) -> IslandStability:
     """The largest stable steps of one island at its present state. Raises UsageError as `stability` does."""
-    with _within_numbers(simulation, number):
-        return _judged(simulation, number)
+    with _within_numbers(world, number):
+        return _judged(world, number)
 
 
-def _judged(simulation: Simulation, number: int) -> IslandStability:
-    model = _model(simulation, number)
-    structure, grid = model.structure, simulation.scenario.grid
+def _judged(world: World, number: int) -> IslandStability:
+    model = _model(world, number)
+    structure, grid = model.structure, world.scenario.grid
     method = structure.method
     found = model.linearise()
     names = tuple(group.name for group in structure.groups)
@@ -222,10 +220,10 @@ def _judged(simulation: Simulation, number: int) -> IslandStability:
     )
 
 
-def _surely_stable(simulation: Simulation, number: int) -> bool:
+def _surely_stable(world: World, number: int) -> bool:
     """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
-    model = _model(simulation, number)
-    method, grid = model.structure.method, simulation.scenario.grid
+    model = _model(world, number)
+    method, grid = model.structure.method, world.scenario.grid
     if method.adaptive:
         return True
     limits = model.box()
@@ -241,10 +239,8 @@ def _surely_stable(simulation: Simulation, number: int) -> bool:
     return factor <= allowed
 
 
-def _model(simulation: Simulation, number: int) -> IslandModel:
-    return IslandModel(
-        simulation.scenario, simulation.graph.islands[number], simulation.islands[number], simulation.time
-    )
+def _model(world: World, number: int) -> IslandModel:
+    return IslandModel(world.scenario, world.graph.islands[number], world.islands[number], world.time)
 
 
 def _others(method: str, *, rods: bool) -> str:

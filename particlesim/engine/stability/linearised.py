@@ -26,6 +26,7 @@ from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group
 from particlesim.integrators.regions import Linear, has_function
 from particlesim.laws.registry import Particle, evaluate, force, force_dv, force_dx, velocity_dx
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -265,8 +266,9 @@ def particles_of(
     count = min(schedule.total(scenario.grid.duration), most)
     times = schedule.times(0, count)
     born = group.births(streams, 0, times)
-    heat = np.zeros(count) if born.temperature is None else born.temperature
-    columns = (*born.position, *born.velocity, born.mass, born.radius, heat, times, 1 / born.mass)
+    given = {name: born.attributes.get(name, np.zeros(count)) for name in ATTRIBUTES}
+    mass, radius, heat, *more = given.values()
+    columns = (*born.position, *born.velocity, mass, radius, heat, times, 1 / mass, *more)
     return np.arange(count), [Particle(*(float(column[i]) for column in columns)) for i in range(count)]
 
 

@@ -14,12 +14,9 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from particlesim.engine.constraints.rod_system import RodSystem
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from particlesim.model.arrays import Floats, Ints
 
 DEPENDENT = 1e-12
 """Part of the diagonal that is added, so that rods that depend on each other share what they bear."""

@@ -5,11 +5,13 @@ A column that a program does not use is None, and the compiler drops everything 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.laws.registry import KILL, PASS, STICK, Particle, moved_to
+from particlesim.engine.state.table import CHANGING
+from particlesim.laws.registry import KILL, PASS, STICK, Particle, further, moved_to
 
 
 class Thermal(NamedTuple):
@@ -30,7 +32,8 @@ class Clock(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """The arrays of a group, or their slices for a block."""
+    """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
+    each None where no law reads it."""
 
     x: Any
     y: Any
@@ -43,6 +46,7 @@ class Columns(NamedTuple):
     thermal: Any
     clock: Any
     memory: tuple[Any, ...]
+    further: tuple[Any, ...] = ()
 
 
 def cut(column: Any, first: Any, last: Any) -> Any:
@@ -52,57 +56,59 @@ def cut(column: Any, first: Any, last: Any) -> Any:
 
 def block_of(c: Any, lo: Any, hi: Any) -> Any:
     """The columns of particles [lo, hi)."""
-    if c is None:
-        return None
-    if isinstance(c, Clock):
-        return Clock(c.start[lo:hi], c.stop[lo:hi], c.outcome[lo:hi])
-    if isinstance(c, Thermal):
-        return Thermal(c.start[lo:hi], c.birth[lo:hi], c.rate, c.ambient)
-    if isinstance(c, Columns):
-        return Columns(
-            c.x[lo:hi],
-            c.y[lo:hi],
-            c.z[lo:hi],
-            c.vx[lo:hi],
-            c.vy[lo:hi],
-            c.vz[lo:hi],
-            c.m[lo:hi],
-            cut(c.r, lo, hi),
-            block_of(c.thermal, lo, hi),
-            block_of(c.clock, lo, hi),
-            block_of(c.memory, lo, hi),
-        )
-    return tuple(column[lo:hi] for column in c)
+    if not isinstance(c, tuple):
+        return cut(c, lo, hi)
+    parts = tuple(block_of(each, lo, hi) for each in c)
+    return parts if type(c) is tuple else type(c)(*parts)
 
 
-KEPT = 16
-"""Numbers per particle that `keep` and `put_back` may use: position, velocity, memory, clock."""
+def arrays_in(c: Any) -> Any:
+    """All arrays of some columns, one after the other."""
+    if isinstance(c, np.ndarray):
+        return (c,)
+    if not isinstance(c, tuple) or len(c) == 0:
+        return ()
+    return arrays_in(c[0]) + arrays_in(c[1:])
+
+
+CHANGED = tuple(Columns._fields.index(name) for name in CHANGING)
+
+
+def changing(c: Any) -> Any:
+    """The arrays that a step may change."""
+    return arrays_in(tuple(c[k] for k in CHANGED))
 
 
 def keep(c: Any, kept: Any, i: Any) -> None:
-    """Copy what a step changes in particle i to column i of `kept`, shape [KEPT, block], float64."""
-    _save((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
-    _save(c.memory, kept, 6, i)
-    _save(c.clock, kept, 13, i)
+    """Copy what a step changes in particle i to column i of `kept`, a float64 row for every array of `changing`."""
+    for row, array in enumerate(changing(c)):
+        kept[row, i] = array[i]
 
 
 def put_back(c: Any, kept: Any, i: Any) -> None:
     """Give particle i back what `keep` copied."""
-    _restore((c.x, c.y, c.z, c.vx, c.vy, c.vz), kept, 0, i)
-    _restore(c.memory, kept, 6, i)
-    _restore(c.clock, kept, 13, i)
+    for row, array in enumerate(changing(c)):
+        array[i] = kept[row, i]
 
 
-def _save(arrays: Any, kept: Any, row: Any, i: Any) -> None:
-    if arrays is not None:
-        for k, array in enumerate(arrays):
-            kept[row + k, i] = array[i]
+def mapped(function: Callable[[Any], Any], c: Any) -> Any:
+    """Columns with every array made another by a function; not for kernels."""
+    if isinstance(c, np.ndarray):
+        return function(c)
+    if not isinstance(c, tuple):
+        return c
+    parts = [mapped(function, each) for each in c]
+    return tuple(parts) if type(c) is tuple else type(c)(*parts)
 
 
-def _restore(arrays: Any, kept: Any, row: Any, i: Any) -> None:
-    if arrays is not None:
-        for k, array in enumerate(arrays):
-            array[i] = kept[row + k, i]
+def copied(c: Columns) -> Columns:
+    """Columns with all that a step changes copied."""
+    return c._replace(**{name: mapped(np.copy, getattr(c, name)) for name in CHANGING})
+
+
+def replaced(c: Columns, arrays: Iterator[Any]) -> Columns:
+    """Columns with the next of other arrays in place of each that a step changes, in the order of `changing`."""
+    return c._replace(**{name: mapped(lambda _: next(arrays), getattr(c, name)) for name in CHANGING})
 
 
 def load(column: Any, i: Any, like: Any) -> Any:
@@ -133,13 +139,14 @@ def fetch(c: Any, i: Any, t: Any) -> Any:
         temperature(c.thermal, i, t, x),
         t,
         type_of(m, 1) / m,
+        *[load(column, i, x) for column in c.further],
     )
 
 
 def fetch_known(c: Any, inverse: Any, i: Any, t: Any) -> Any:
     """Particle i with its inverse mass from an array: division and square root share a slow unit."""
     p = fetch(c, i, t)
-    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t, inverse[i])
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t, inverse[i], *further(p))
 
 
 def store(c: Any, i: Any, p: Any) -> None:

@@ -1,11 +1,12 @@
 """The particles of one group as arrays, and their births and deaths.
 
 Structure of arrays: position and velocity [3, capacity], everything else [capacity]; the first `count` are there.
-Columns that nothing uses are never touched, so they take no memory.
+Which there are says `engine.state.table`. Columns that nothing uses are never touched, so they take no memory.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 
 from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
+from particlesim.engine.state.table import CLOCK, TABLE, column_of
 from particlesim.groups.group import Cooling
-from particlesim.laws.registry import KILL, LEAVE, STICK, Particle
+from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
+from particlesim.model.attributes import FURTHER
 
-CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside"}
+CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside", 6: "collider"}
 """Why a particle died, by code."""
-AGE, COLD, RECYCLED, BY_PLANE, OUTSIDE = 1, 2, 3, 4, 5
+AGE, COLD, RECYCLED, BY_PLANE, OUTSIDE, BY_COLLIDER = 1, 2, 3, 4, 5, 6
 
 
 @dataclass(frozen=True)
@@ -32,11 +35,25 @@ class Deaths:
 
 
 class GroupState:
-    """Arrays of one group.
+    """Arrays of one group, by the names of the table of columns.
 
-    `memory` is how many numbers the method remembers per particle; `clocked` whether particles may be born, die, stick
-    or be pinned; `cooling` is None for constant temperatures.
+    `memory` is how many numbers the method remembers per particle; `parts` what the group has beside the columns of all
+    groups: CLOCK where particles may be born, die, stick or be pinned, and attributes such as "temperature". `cooling` is
+    None for constant temperatures.
     """
+
+    x: NDArray[Any]
+    v: NDArray[Any]
+    mass: NDArray[Any]
+    radius: NDArray[Any]
+    id: NDArray[np.int64]
+    memory: NDArray[Any]
+    birth: NDArray[np.float64]
+    start: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    outcome: NDArray[np.int8]
+    cause: NDArray[np.uint8]
+    heat: NDArray[np.float64]
 
     def __init__(
         self,
@@ -45,33 +62,43 @@ class GroupState:
         *,
         dtype: Any = np.float64,
         memory: int = 0,
-        clocked: bool = False,
-        warm: bool = False,
+        parts: Collection[str] = (),
         cooling: Cooling | None = None,
     ) -> None:
         self.name = name
         self.dtype = np.dtype(dtype)
+        self.parts = frozenset(parts)
         self.cooling = cooling
-        self.clocked = clocked
-        self.warm = warm
         self.count = 0
         self.driven: tuple[Driven, ...] = ()
         self._allocate(capacity, memory)
 
     def _allocate(self, capacity: int, memory: int) -> None:
-        self.x = np.zeros((3, capacity), self.dtype)
-        self.v = np.zeros((3, capacity), self.dtype)
-        self.mass = np.zeros(capacity, self.dtype)
-        self.radius = np.zeros(capacity, self.dtype)
-        self.id = np.zeros(capacity, np.int64)
-        self.memory = tuple(np.zeros(capacity, self.dtype) for _ in range(memory))
-        size = capacity if self.clocked else 0
-        self.birth = np.zeros(size)
-        self.start = np.zeros(size)
-        self.stop = np.zeros(size)
-        self.outcome = np.zeros(size, np.int8)
-        self.cause = np.zeros(size, np.uint8)
-        self.heat = np.zeros(capacity if self.warm else 0)
+        for column in TABLE:
+            setattr(self, column.name, column.empty(capacity, self.dtype, self.parts, memory))
+
+    @property
+    def clocked(self) -> bool:
+        """Whether particles may be born, die, stick or be pinned."""
+        return CLOCK in self.parts
+
+    @property
+    def warm(self) -> bool:
+        """Whether particles have a temperature."""
+        return "temperature" in self.parts
+
+    def columns_by_name(self) -> dict[str, NDArray[Any]]:
+        """The columns of the particles that are there, [n] or [rows, n]; those that the group does not have are empty."""
+        return {column.name: getattr(self, column.name)[..., : self.count] for column in TABLE}
+
+    def attribute(self, name: str, rows: Any = slice(None)) -> Any:
+        """An attribute of some particles at the start of each; zeros where the group does not have it."""
+        column = getattr(self, column_of(name))[: self.count]
+        return (column if column.size else np.broadcast_to(column.dtype.type(0), self.count))[rows]
+
+    def assign(self, name: str, part: slice, values: Any) -> None:
+        """Set an attribute of some particles, there already or about to be."""
+        getattr(self, column_of(name))[part] = values
 
     @property
     def capacity(self) -> int:
@@ -108,60 +135,44 @@ class GroupState:
         vx, vy, vz = (float(c) for c in self.v[:, row])
         heat = float(self.temperature(time)[row]) if self.warm else 0.0
         mass = float(self.mass[row])
-        return Particle(x, y, z, vx, vy, vz, mass, float(self.radius[row]), heat, time, 1 / mass)
+        more = [float(self.attribute(each.name, row)) for each in FURTHER]
+        return Particle(x, y, z, vx, vy, vz, mass, float(self.radius[row]), heat, time, 1 / mass, *more)
 
-    def columns(self, *, radius: bool, thermal: bool) -> Columns:
-        """The arrays as kernels take them, with what its laws use."""
+    def columns(self, read: frozenset[str]) -> Columns:
+        """The arrays as kernels take them, with those attributes that are read by laws."""
         n = self.count
-        clock = Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None
+        (x, y, z), (vx, vy, vz) = self.x[:, :n], self.v[:, :n]
         heat = None
-        if thermal:
+        if "temperature" in read and self.warm:
             rate, ambient = (self.cooling.rate, self.cooling.ambient) if self.cooling else (0.0, 0.0)
             born = self.birth[:n] if self.clocked else np.zeros(n)
             heat = Thermal(self.heat[:n], born, rate, ambient)
         return Columns(
-            self.x[0, :n],
-            self.x[1, :n],
-            self.x[2, :n],
-            self.v[0, :n],
-            self.v[1, :n],
-            self.v[2, :n],
+            x,
+            y,
+            z,
+            vx,
+            vy,
+            vz,
             self.mass[:n],
-            self.radius[:n] if radius else None,
+            self.radius[:n] if "radius" in read else None,
             heat,
-            clock,
-            tuple(column[:n] for column in self.memory),
+            Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None,
+            tuple(self.memory[:, :n]),
+            tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
         )
 
     def arrays(self) -> list[NDArray[Any]]:
-        """All columns, in a fixed order; those that are not used are empty."""
-        return [
-            *self.x,
-            *self.v,
-            self.mass,
-            self.radius,
-            self.id,
-            *self.memory,
-            self.birth,
-            self.start,
-            self.stop,
-            self.outcome,
-            self.cause,
-            self.heat,
-        ]
+        """All columns row by row, in the order of the table; those that the group does not have are empty."""
+        columns = (getattr(self, column.name) for column in TABLE)
+        return [row for column in columns for row in (column if column.ndim > 1 else (column,))]
 
     def stretch(self, member: GroupState, part: slice) -> GroupState:
         """A group as a stretch of this one's arrays, with the member's name and cooling."""
-        view = GroupState(
-            member.name, 0, dtype=self.dtype, clocked=self.clocked, warm=self.warm, cooling=member.cooling
-        )
-        view.x, view.v = self.x[:, part], self.v[:, part]
-        for name in ("mass", "radius", "id"):
-            setattr(view, name, getattr(self, name)[part])
-        for name in ("birth", "start", "stop", "outcome", "cause", "heat"):
-            column = getattr(self, name)
-            setattr(view, name, column[part] if column.size else column)
-        view.memory = tuple(column[part] for column in self.memory)
+        view = GroupState(member.name, 0, dtype=self.dtype, parts=self.parts, cooling=member.cooling)
+        for column in TABLE:
+            array = getattr(self, column.name)
+            setattr(view, column.name, array[..., part] if array.size else array)
         view.count = part.stop - part.start
         view.driven = member.driven
         return view
@@ -191,8 +202,8 @@ class GroupState:
         free = np.isfinite(self.start[:n]) if self.clocked else np.ones(n, bool)
         for k, j in enumerate(impulse):
             self.v[k, :n][free] += (j / self.mass[:n].astype(float)[free]).astype(self.dtype)
-        if self.memory:
-            self.memory[-1][:n] = 0
+        if len(self.memory):
+            self.memory[-1, :n] = 0
 
     def kinetic(self) -> float:
         """Kinetic energy of the group [J]."""
@@ -210,6 +221,7 @@ class GroupState:
         cause = self.cause[:n]
         cause[outcome == KILL] = BY_PLANE
         cause[outcome == LEAVE] = OUTSIDE
+        cause[outcome == ABSORB] = BY_COLLIDER
         deaths = Deaths(self.id[:n][dead], self.stop[:n][dead], cause[dead])
         keep = ~dead
         place = np.cumsum(keep) - 1

@@ -2,17 +2,22 @@
 
 `meet` applies every collider once, in order; particles that overlap nothing pass unchanged. One collider, or several at
 right angles to each other, need nothing more (`Simple`), and the loop over a block stays vectorised. Otherwise
-(`Careful`) the few particles that end a step inside a collider are stepped again one by one by `trace`.
+(`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
+`trace`.
+
+Whether a way crosses a collider, such as a ball, and comes out of it again is seen on the straight line from its beginning
+to its end.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.laws.registry import PASS, contact, gap, moved_to
+from particlesim.laws.registry import PASS, contact, gap, moved_to, passing
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
@@ -21,6 +26,8 @@ MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
+MAX_CROSSINGS = 8
+"""Colliders in each other's shadow among which the first one that a way crosses is looked for."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
@@ -34,13 +41,15 @@ class Simple(NamedTuple):
 class Careful(NamedTuple):
     """Colliders that need more: a time of impact (continuous), or several passes in a corner.
 
-    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position.
+    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach`
+    the size of the numbers beside it that gaps are made of [m].
     """
 
     continuous: tuple[Any, ...]
     resting: tuple[Any, ...]
     discrete: tuple[Any, ...]
     tolerance: float
+    reach: float
 
 
 def meet(colliders: Any, p: Any) -> Any:
@@ -70,15 +79,32 @@ def rests(colliders: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
         return False
     c = colliders[0]
     coasting = moved_to(p, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, p.t)
-    here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.bounce < 2)
+    here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (gap(c, coasting) >= -slack) & (c.response.bounce < 2)
     return here | rests(colliders[1:], p, q, h, slack)
 
 
-def overlapped(contacts: Any, p: Any) -> Any:
-    """Whether `trace` must step this particle again; never for simple contacts."""
+def crossing(colliders: Any, p: Any, q: Any) -> Any:
+    """Where the straight way from p to q first is deepest inside a collider that it comes out of again: a part of the way,
+    1 where there is none."""
+    if len(colliders) == 0:
+        return 1.0
+    rest = crossing(colliders[1:], p, q)
+    if not crossable(colliders[0]):
+        return rest
+    s = passing(colliders[0], p, q)
+    x, y, z = p.x + s * (q.x - p.x), p.y + s * (q.y - p.y), p.z + s * (q.z - p.z)
+    there = moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t)
+    return min(s if (s > 0) & (gap(colliders[0], there) < 0) else type_of(s, 1), type_of(s, rest))
+
+
+def overlapped(contacts: Any, p: Any, q: Any) -> Any:
+    """Whether `trace` must take the step from p to q again; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    return (nearest(contacts.continuous, p) < 0) | (nearest(contacts.discrete, p) < 0)
+    inside = (nearest(contacts.continuous, q) < 0) | (nearest(contacts.discrete, q) < 0)
+    if not any(crossable(c) for c in contacts.continuous):
+        return inside
+    return inside | (crossing(contacts.continuous, p, q) < 1)
 
 
 def respond(contacts: Any, p: Any) -> Any:
@@ -88,10 +114,15 @@ def respond(contacts: Any, p: Any) -> Any:
     return p, PASS
 
 
+def rounding(contacts: Any, p: Any) -> Any:
+    """Gaps that are nothing but rounding errors [m]."""
+    return contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r + contacts.reach)
+
+
 @outlined
-def _separate(colliders: Any, p: Any, legal: Any, tolerance: Any) -> Any:
+def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
     """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place."""
-    slack = -tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+    slack = -rounding(contacts, p)
     q, outcome = meet(colliders, p)
     sweeps = 1
     while nearest(colliders, q) < slack and sweeps < MAX_SWEEPS:
@@ -138,6 +169,21 @@ def _time_of_impact(
     return late
 
 
+def _end(method: Any, dynamics: Any, forces: Any, colliders: Any, p: Any, h: Any, memory: Any) -> Any:
+    """When the first impact in (0, h] is sure to have been: h, or where the particle is deepest inside the first collider
+    that it crosses."""
+    if not any(crossable(c) for c in colliders):
+        return h
+    end = h
+    for _ in range(MAX_CROSSINGS):
+        s = crossing(colliders, p, advance(method, dynamics, forces, p, end, memory)[0])
+        middle = end * type_of(h, s)
+        if not (s < 1 and nearest(colliders, advance(method, dynamics, forces, p, middle, memory)[0]) < 0):
+            break
+        end = middle
+    return end
+
+
 @outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome.
@@ -152,20 +198,23 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     if len(contacts.continuous) > 0:
         impacts = 0
         stalls = 0
-        p, outcome = _separate(contacts.continuous, p, p, contacts.tolerance)
+        p, outcome = _separate(contacts.continuous, p, p, contacts)
         legal = p
         while outcome == PASS:
             q, after = advance(method, dynamics, forces, p, left, memory)
-            if not nearest(contacts.continuous, q) < 0:
+            late = _end(method, dynamics, forces, contacts.continuous, p, left, memory)
+            if not (late < left or nearest(contacts.continuous, q) < 0):
                 p, memory = q, after
                 break
-            slack = contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+            if late < left:
+                q, after = advance(method, dynamics, forces, p, late, memory)
+            slack = rounding(contacts, p)
             resting = impacts == 0 and rests(contacts.continuous, p, q, left, slack)
             if resting or impacts == MAX_IMPACTS or stalls == MAX_STALLS:
-                p, outcome = _separate(contacts.resting, q, p, contacts.tolerance)
+                p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
                 break
-            tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, left, memory)
+            tau = _time_of_impact(method, dynamics, forces, contacts.continuous, p, late, memory)
             # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
             half = type_of(h, 0.5)
             top = advance(method, dynamics, forces, p, half * tau, memory)[0]
@@ -173,7 +222,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             stalls = stalls + 1 if flat or tau < h / 1048576 else 0
             impacts += 1
             q, after = advance(method, dynamics, forces, p, tau, memory)
-            p, outcome = _separate(contacts.continuous, q, p, contacts.tolerance)
+            p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
             left = left - tau
     else:
@@ -181,6 +230,6 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
         p, memory = q, after
     if outcome == PASS and nearest(contacts.discrete, p) < 0:
         # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
-        p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts.tolerance)
+        p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts)
         memory = restart(memory)
     return p, memory, outcome

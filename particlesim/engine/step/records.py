@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders import BoundsRecord, Plane
+from particlesim.colliders import BoundsRecord, Collider, Plane
+from particlesim.colliders.response import ColliderRecord
 from particlesim.emitters import Emitter
-from particlesim.engine.independent.kernel import Program
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
+from particlesim.engine.step.program import Program
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group, Particles, TracerMotion
@@ -40,7 +41,7 @@ def dynamics_record(group: Group) -> tuple[Any, ...]:
     return Newtonian()
 
 
-def contacts_record(planes: Sequence[Plane], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
+def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
@@ -48,17 +49,26 @@ def contacts_record(planes: Sequence[Plane], group: Group, dtype: np.dtype[Any])
         bounds = (BoundsRecord(*low, *high),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
-    continuous = [plane.record() for plane in planes if plane.detection == "continuous" and not inert]
-    discrete = [plane.record() for plane in planes if plane.detection == "discrete" or inert]
-    if not continuous and _at_right_angles(planes):
+    continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
+    discrete = [each.record() for each in colliders if each.detection == "discrete" or inert]
+    if not continuous and (len(colliders) == 1 or _at_right_angles(colliders)):
         return Simple((*discrete, *bounds))
-    resting = [plane._replace(bounce=min(plane.bounce, 1.0)) for plane in continuous]
+    resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
-    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance)
+    reach = max((each.reach() for each in colliders), default=0.0)
+    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach)
 
 
-def _at_right_angles(planes: Sequence[Plane]) -> bool:
-    """Whether meeting the planes one after the other never brings a particle back into an earlier one."""
+def without_rebound(c: ColliderRecord) -> ColliderRecord:
+    """The same collider for what lies on it."""
+    return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0)))
+
+
+def _at_right_angles(colliders: Sequence[Collider]) -> bool:
+    """Whether they are planes, and meeting one after the other never brings a particle back into an earlier one."""
+    planes = [each for each in colliders if isinstance(each, Plane)]
+    if len(planes) < len(colliders):
+        return False
     normals = [unit(plane.normal) for plane in planes]
     pairs = [(a, b) for k, a in enumerate(normals) for b in normals[:k]]
     # Parallel planes are met one at a time, unless they leave no room between them.
@@ -66,19 +76,19 @@ def _at_right_angles(planes: Sequence[Plane]) -> bool:
 
 
 def group_program(
-    island: Island, forces: Sequence[Force], planes: Sequence[Plane], group: Group, dtype: np.dtype[Any]
+    island: Island, forces: Sequence[Force], colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any]
 ) -> Program:
     """What is compiled for a group of independent particles."""
     program = Program(
         island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
-        contacts_record(planes, group, dtype),
+        contacts_record(colliders, group, dtype),
     )
     return as_precision(program, dtype)
 
 
-def needs_clock(group: Group, planes: Sequence[Plane], led: bool) -> bool:
+def needs_clock(group: Group, colliders: Sequence[Collider], led: bool) -> bool:
     """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
     pinned = isinstance(group, Particles) and (led or group.has_pins())
-    return isinstance(group, Emitter) or pinned or any(plane.contact != "bounce" for plane in planes)
+    return isinstance(group, Emitter) or pinned or any(each.contact != "bounce" for each in colliders)

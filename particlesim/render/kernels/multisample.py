@@ -12,8 +12,8 @@ from math import sqrt
 import numpy as np
 
 from particlesim.compiler import kernel
-from particlesim.render.kernels.project import BAND
-from particlesim.render.kernels.records import Array, Float32s, Ints, Samples, Solids, Triple, View
+from particlesim.render.kernels.project import BAND, sunk
+from particlesim.render.kernels.records import Array, Float32s, Ints, Planes, Samples, Solids, Triple, View
 from particlesim.render.kernels.solids import on_screen
 
 SUBSAMPLES = 8
@@ -137,8 +137,17 @@ def raster_tubes(
 
 
 @kernel
-def raster_balls(sphere: Float32s, box: Ints, items: Array, row0: int, view: View, samples: Samples) -> None:
-    """The same for spheres, numbered by themselves (see `raster.raster_spheres` for the geometry)."""
+def raster_balls(
+    sphere: Float32s,
+    box: Ints,
+    items: Array,
+    row0: int,
+    view: View,
+    planes: Planes | None,
+    samples: Samples,
+) -> None:
+    """The same for spheres, numbered by themselves (see `raster.raster_spheres` for the geometry), but for what is below
+    `planes`, if given."""
     inverse, ids = samples.inverse, samples.id
     rows = min(BAND, view.height - row0)
     inv = 1.0 / view.focal
@@ -157,7 +166,10 @@ def raster_balls(sphere: Float32s, box: Ints, items: Array, row0: int, view: Vie
                     room = r2 - (qx * qx + qy * qy + qz * qz)
                     if room <= 0.0:
                         continue
-                    w = 1.0 / (t0 - sqrt(room * inv_d2))
+                    t = t0 - sqrt(room * inv_d2)
+                    if planes is not None and sunk(view, planes, vx * t, vy * t, t):
+                        continue
+                    w = 1.0 / t
                     if w > inverse[y, x, s]:
                         inverse[y, x, s] = w
                         ids[y, x, s] = i

@@ -43,6 +43,18 @@ def _behind_a_plane(x: float, y: float, z: float, radius: float, planes: Planes)
     return False
 
 
+def sunk(view: View, planes: Planes, right: float, up: float, ahead: float) -> bool:
+    """Whether a point in camera axes is below a plane that faces the camera."""
+    a, eye = view.axes, view.eye
+    return _behind_a_plane(
+        eye[0] + a[0][0] * right + a[1][0] * up + a[2][0] * ahead,
+        eye[1] + a[0][1] * right + a[1][1] * up + a[2][1] * ahead,
+        eye[2] + a[0][2] * right + a[1][2] * up + a[2][2] * ahead,
+        0.0,
+        planes,
+    )
+
+
 @kernel
 def to_view(
     world: Float32s,

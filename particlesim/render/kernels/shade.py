@@ -34,18 +34,40 @@ def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
     return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
 
 
+def to_world(view: View, x: float, y: float, z: float) -> Triple:
+    """A vector in camera axes as one of the scene."""
+    a = view.axes
+    return (
+        a[0][0] * x + a[1][0] * y + a[2][0] * z,
+        a[0][1] * x + a[1][1] * y + a[2][1] * z,
+        a[0][2] * x + a[1][2] * y + a[2][2] * z,
+    )
+
+
+def dot(a: Triple, b: Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _on_map(map_: ShadowMap | SkyMap, size: int, x: float, y: float, z: float) -> Triple:
+    """Column and row of a point on a map of `size` texels, and its depth."""
+    a, p = map_.axes, (x, y, z)
+    return (
+        0.5 * size + map_.scale * dot(a[0], p) - 0.5,
+        0.5 * size - map_.scale * dot(a[1], p) - 0.5,
+        dot(a[2], p),
+    )
+
+
 def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
     """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
     3."""
-    depth, a = shadow.depth, shadow.axes
-    size = len(depth)
-    u = 0.5 * size + shadow.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
-    v = 0.5 * size - shadow.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
+    depth, size = shadow.depth, len(shadow.depth)
+    u, v, deep = _on_map(shadow, size, x, y, z)
     if not (1.0 <= u < size - 3 and 1.0 <= v < size - 3):
         return 1.0
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
-    d = np.float32(a[2][0] * x + a[2][1] * y + a[2][2] * z)
+    d = np.float32(deep)
     total = 0.0
     for q in range(4):
         row = j - 1 + q
@@ -66,9 +88,7 @@ def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     size = len(sky.mean)
     if size < 2:
         return 1.0
-    a = sky.axes
-    u = 0.5 * size + sky.scale * (a[0][0] * x + a[0][1] * y + a[0][2] * z) - 0.5
-    v = 0.5 * size - sky.scale * (a[1][0] * x + a[1][1] * y + a[1][2] * z) - 0.5
+    u, v, deep = _on_map(sky, size, x, y, z)
     if not (0.0 <= u < size - 1 and 0.0 <= v < size - 1):
         return 1.0
     i, j = int(u), int(v)
@@ -77,7 +97,7 @@ def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
     m, s = sky.mean, sky.square
     mu = w00 * m[j, i] + w01 * m[j, i + 1] + w10 * m[j + 1, i] + w11 * m[j + 1, i + 1]
     sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
-    h = -(a[2][0] * x + a[2][1] * y + a[2][2] * z) - sky.base
+    h = -deep - sky.base
     rise = mu - h
     if rise <= 5e-4:
         return 1.0
@@ -98,21 +118,13 @@ def _lines(x: float, footprint: float, width: float) -> float:
     return (ia - ib) / w
 
 
-def _grid(planes: Planes, k: int, px: float, py: float, pz: float, along: Triple, down: Triple) -> float:
+def _grid(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> float:
     """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
     and down."""
     u, v = row_of(planes.u, k), row_of(planes.v, k)
     inv = 1.0 / planes.spacing
-    gu = (px * u[0] + py * u[1] + pz * u[2]) * inv
-    gv = (px * v[0] + py * v[1] + pz * v[2]) * inv
-    fu = (
-        abs(along[0] * u[0] + along[1] * u[1] + along[2] * u[2])
-        + abs(down[0] * u[0] + down[1] * u[1] + down[2] * u[2])
-    ) * inv
-    fv = (
-        abs(along[0] * v[0] + along[1] * v[1] + along[2] * v[2])
-        + abs(down[0] * v[0] + down[1] * v[1] + down[2] * v[2])
-    ) * inv
+    gu, gv = dot(p, u) * inv, dot(p, v) * inv
+    fu, fv = (abs(dot(along, u)) + abs(dot(down, u))) * inv, (abs(dot(along, v)) + abs(dot(down, v))) * inv
     fine = max(_lines(gu, fu, 0.016), _lines(gv, fv, 0.016))
     bold = max(_lines(0.2 * gu, 0.2 * fu, 0.0042), _lines(0.2 * gv, 0.2 * fv, 0.0042))
     return min(0.42 * fine + 0.5 * bold, 1.0)
@@ -131,12 +143,12 @@ def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
     )
 
 
-def _hit(planes: Planes, eye: Triple, dx: float, dy: float, dz: float) -> tuple[int, float]:
+def _hit(planes: Planes, eye: Triple, ray: Triple) -> tuple[int, float]:
     """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
     best, t_best = -1, np.inf
     for k in range(len(planes.point)):
         n, p = row_of(planes.normal, k), row_of(planes.point, k)
-        slope = n[0] * dx + n[1] * dy + n[2] * dz
+        slope = dot(n, ray)
         if not planes.facing[k] or slope > -1e-7:
             continue
         t = (n[0] * (p[0] - eye[0]) + n[1] * (p[1] - eye[1]) + n[2] * (p[2] - eye[2])) / slope
@@ -154,14 +166,23 @@ def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple)
             continue
         n, q = row_of(planes.normal, j), row_of(planes.point, j)
         away = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
-        step = abs(n[0] * along[0] + n[1] * along[1] + n[2] * along[2]) + abs(
-            n[0] * down[0] + n[1] * down[1] + n[2] * down[2]
-        )
+        step = abs(dot(n, along)) + abs(dot(n, down))
         if not planes.facing[j]:
             cover = min(cover, away / max(step, 1e-7) + 0.5)
         else:
             crease *= 1.0 - 0.4 * exp(-9.0 * max(away, 0.0))
     return min(max(cover, 0.0), 1.0), crease
+
+
+def shaded(light: Light, albedo: Triple, key: float, ambient: float, up: float, shine: float) -> RGB:
+    """Colour of a surface under shares of the key light, of the light from around (`up`: 1 from the sky, 0 from the ground)
+    and of its own shine."""
+    k, s, b = light.key, light.sky, light.bounce
+    return (
+        albedo[0] * (k[0] * key + ambient * (b[0] + up * (s[0] - b[0]))) + shine * k[0],
+        albedo[1] * (k[1] * key + ambient * (b[1] + up * (s[1] - b[1]))) + shine * k[1],
+        albedo[2] * (k[2] * key + ambient * (b[2] + up * (s[2] - b[2]))) + shine * k[2],
+    )
 
 
 def behind(
@@ -173,13 +194,12 @@ def behind(
     sky: SkyMap,
     x: int,
     y: int,
-    dx: float,
-    dy: float,
-    dz: float,
+    ray: Triple,
 ) -> RGB:
-    """Colour of planes and background in a sample whose ray is (dx, dy, dz)."""
+    """Colour of planes and background in a sample with a ray of the scene."""
+    dx, dy, dz = ray
     r, g, b = _backdrop(backdrop, view, x, y)
-    k, t = _hit(planes, view.eye, dx, dy, dz)
+    k, t = _hit(planes, view.eye, ray)
     if k < 0:
         return r, g, b
     n, e = row_of(planes.normal, k), view.eye
@@ -189,10 +209,9 @@ def behind(
     if fade < 0.004:
         return r, g, b
     # The point p = e + t d stays on the plane when the ray turns: dp = t (dd − d (n·dd) / (n·d)).
-    inv = 1.0 / (n[0] * dx + n[1] * dy + n[2] * dz)
+    inv = 1.0 / dot(n, ray)
     a, s = view.axes, t / view.focal
-    na = (n[0] * a[0][0] + n[1] * a[0][1] + n[2] * a[0][2]) * inv
-    nd = (n[0] * a[1][0] + n[1] * a[1][1] + n[2] * a[1][2]) * inv
+    na, nd = dot(n, a[0]) * inv, dot(n, a[1]) * inv
     along = (s * (a[0][0] - dx * na), s * (a[0][1] - dy * na), s * (a[0][2] - dz * na))
     down = (s * (a[1][0] - dx * nd), s * (a[1][1] - dy * nd), s * (a[1][2] - dz * nd))
     cover, crease = _plane_share(planes, k, p, along, down)
@@ -200,24 +219,16 @@ def behind(
     if cover <= 0.0:
         return r, g, b
     direction = light.direction
-    lambert = max(n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2], 0.0)
+    lambert = max(dot(n, direction), 0.0)
     if lambert > 0.0:
         lambert *= light_share(shadow, p[0] + 2e-3 * n[0], p[1] + 2e-3 * n[1], p[2] + 2e-3 * n[2])
     ambient = crease * open_sky(sky, p[0], p[1], p[2])
-    up = 0.5 + 0.5 * (n[0] * light.up[0] + n[1] * light.up[1] + n[2] * light.up[2])
-    line = _grid(planes, k, p[0], p[1], p[2], along, down)
+    up = 0.5 + 0.5 * dot(n, light.up)
+    line = _grid(planes, k, p, along, down)
     ground, grid = backdrop.ground, backdrop.line
     rgb = (r, g, b)
-    r = (ground[0] + line * (grid[0] - ground[0])) * (
-        light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0]))
-    )
-    g = (ground[1] + line * (grid[1] - ground[1])) * (
-        light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1]))
-    )
-    b = (ground[2] + line * (grid[2] - ground[2])) * (
-        light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2]))
-    )
-    return rgb[0] + cover * (r - rgb[0]), rgb[1] + cover * (g - rgb[1]), rgb[2] + cover * (b - rgb[2])
+    r, g, b = mix(ground[0], ground[1], ground[2], grid, line)
+    return mix(rgb[0], rgb[1], rgb[2], shaded(light, (r, g, b), lambert, ambient, up, 0.0), cover)
 
 
 def shade_sphere(
@@ -246,9 +257,7 @@ def shade_sphere(
     nx, ny, nz = nx * s, ny * s, nz * s
     facing = -(nx * vx + ny * vy + nz) * inv_d
     a, e, direction = view.axes, view.eye, light.direction
-    wx = a[0][0] * nx + a[1][0] * ny + a[2][0] * nz
-    wy = a[0][1] * nx + a[1][1] * ny + a[2][1] * nz
-    wz = a[0][2] * nx + a[1][2] * ny + a[2][2] * nz
+    wx, wy, wz = to_world(view, nx, ny, nz)
     px = e[0] + a[0][0] * c[0] + a[1][0] * c[1] + a[2][0] * c[2] + r * wx
     py = e[1] + a[0][1] * c[0] + a[1][1] * c[1] + a[2][1] * c[2] + r * wy
     pz = e[2] + a[0][2] * c[0] + a[1][2] * c[1] + a[2][2] * c[2] + r * wz
@@ -263,9 +272,7 @@ def shade_sphere(
             py + off * wy + to * direction[1],
             pz + off * wz + to * direction[2],
         )
-        dx = a[0][0] * vx + a[1][0] * vy + a[2][0]
-        dy = a[0][1] * vx + a[1][1] * vy + a[2][1]
-        dz = a[0][2] * vx + a[1][2] * vy + a[2][2]
+        dx, dy, dz = to_world(view, vx, vy, 1.0)
         hx, hy, hz = direction[0] - dx * inv_d, direction[1] - dy * inv_d, direction[2] - dz * inv_d
         gloss = (wx * hx + wy * hy + wz * hz) / sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
         gloss = max(gloss, 0.0) ** 2
@@ -280,18 +287,8 @@ def shade_sphere(
     up = 0.5 + 0.5 * (wx * light.up[0] + wy * light.up[1] + wz * light.up[2])
     ambient = open_sky(sky, px, py, pz)
     shine += 0.16 * rim * up * ambient
-    return (
-        albedo[0]
-        * (light.key[0] * lambert + ambient * (light.bounce[0] + up * (light.sky[0] - light.bounce[0])))
-        + shine * light.key[0],
-        albedo[1]
-        * (light.key[1] * lambert + ambient * (light.bounce[1] + up * (light.sky[1] - light.bounce[1])))
-        + shine * light.key[1],
-        albedo[2]
-        * (light.key[2] * lambert + ambient * (light.bounce[2] + up * (light.sky[2] - light.bounce[2])))
-        + shine * light.key[2],
-        cover,
-    )
+    red, green, blue = shaded(light, albedo, lambert, ambient, up, shine)
+    return red, green, blue, cover
 
 
 @kernel
@@ -313,7 +310,6 @@ def shade_band(
     """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first
     sphere."""
     inv = 1.0 / view.focal
-    a = view.axes
     near_depth, near_id, far_id = layers.near, layers.near_id, layers.far_id
     trail_alpha, trail_depth, trail_color = paths.alpha, paths.depth, paths.color
     trails = len(trail_alpha) > 0
@@ -340,9 +336,7 @@ def shade_band(
                     sky,
                     x,
                     row0 + y,
-                    a[0][0] * vx + a[1][0] * vy + a[2][0],
-                    a[0][1] * vx + a[1][1] * vy + a[2][1],
-                    a[0][2] * vx + a[1][2] * vy + a[2][2],
+                    to_world(view, vx, vy, 1.0),
                 )
                 if trail > 0.0 and not over:
                     r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)

@@ -25,28 +25,18 @@ from particlesim.render.kernels.shade import (
     RGB,
     ball_of,
     behind,
+    dot,
     light_share,
     mix,
     open_sky,
     row_of,
     shade_sphere,
+    shaded,
+    to_world,
 )
 
 CLOTH_GLOW = 0.30
 """Share of the light on its other side that shines through a cloth."""
-
-
-def _to_world(view: View, x: float, y: float, z: float) -> Triple:
-    a = view.axes
-    return (
-        a[0][0] * x + a[1][0] * y + a[2][0] * z,
-        a[0][1] * x + a[1][1] * y + a[2][1] * z,
-        a[0][2] * x + a[1][2] * y + a[2][2] * z,
-    )
-
-
-def _dot(a: Triple, b: Triple) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _cross(a: Triple, b: Triple) -> Triple:
@@ -76,7 +66,7 @@ def _lit_point(
     24). `lift`: distance [scene units] at which shadows are looked up, so that a surface does not shade itself.
     """
     d = light.direction
-    facing = _dot(n, d)
+    facing = dot(n, d)
     side = 1.0 if facing > 0.0 else -1.0
     key = facing if facing > 0.0 else -glow * facing
     shine = 0.0
@@ -91,20 +81,15 @@ def _lit_point(
         key *= share
         if facing > 0.0:
             half = _unit((d[0] + to_eye[0], d[1] + to_eye[1], d[2] + to_eye[2]))
-            h = max(_dot(n, half), 0.0)
+            h = max(dot(n, half), 0.0)
             h = h * h
             h = h * h * h * h
             shine = gloss * h * h * h * share
-    rim = 1.0 - min(max(_dot(n, to_eye), 0.0), 1.0)
-    up = 0.5 + 0.5 * _dot(n, light.up)
+    rim = 1.0 - min(max(dot(n, to_eye), 0.0), 1.0)
+    up = 0.5 + 0.5 * dot(n, light.up)
     ambient = open_sky(sky, p[0] + lift * n[0], p[1] + lift * n[1], p[2] + lift * n[2])
     shine += 0.10 * rim * rim * rim * up * ambient
-    k, s, b = light.key, light.sky, light.bounce
-    return (
-        albedo[0] * (k[0] * key + ambient * (b[0] + up * (s[0] - b[0]))) + shine * k[0],
-        albedo[1] * (k[1] * key + ambient * (b[1] + up * (s[1] - b[1]))) + shine * k[1],
-        albedo[2] * (k[2] * key + ambient * (b[2] + up * (s[2] - b[2]))) + shine * k[2],
-    )
+    return shaded(light, albedo, key, ambient, up, shine)
 
 
 def _shade_triangle(
@@ -125,7 +110,7 @@ def _shade_triangle(
     p, q, r = row_of(sphere, a), row_of(sphere, b), row_of(sphere, c)
     # Barycentric coordinates of the ray's hit: the volumes that the ray spans with the edges.
     d = (vx, vy, 1.0)
-    e0, e1, e2 = _dot(d, _cross(q, r)), _dot(d, _cross(r, p)), _dot(d, _cross(p, q))
+    e0, e1, e2 = dot(d, _cross(q, r)), dot(d, _cross(r, p)), dot(d, _cross(p, q))
     total = e0 + e1 + e2
     inv = 1.0 / total if total != 0.0 else 0.0
     e0, e1, e2 = max(e0 * inv, 0.0), max(e1 * inv, 0.0), max(e2 * inv, 0.0)
@@ -146,7 +131,7 @@ def _shade_triangle(
             front * (e0 * n0[2] + e1 * n1[2] + e2 * n2[2]),
         )
     )
-    w, eye = _to_world(view, x, y, z), view.eye
+    w, eye = to_world(view, x, y, z), view.eye
     albedo = row_of(palette, int(e0 * color[a] + e1 * color[b] + e2 * color[c] + 0.5))
     closed = solids.closed[t]
     return _lit_point(
@@ -183,18 +168,18 @@ def _shade_tube(
     """
     p, end = row_of(sphere, solids.end[t, 0]), row_of(sphere, solids.end[t, 1])
     arm = (end[0] - p[0], end[1] - p[1], end[2] - p[2])
-    length = sqrt(max(_dot(arm, arm), 1e-30))
+    length = sqrt(max(dot(arm, arm), 1e-30))
     a, d = (arm[0] / length, arm[1] / length, arm[2] / length), _unit((vx, vy, 1.0))
-    da = _dot(d, a)
+    da = dot(d, a)
     g = (d[0] - da * a[0], d[1] - da * a[1], d[2] - da * a[2])
-    g2 = max(_dot(g, g), 1e-9)
+    g2 = max(dot(g, g), 1e-9)
     # The point of the ray nearest to the axis is at u d with u g² = p·g; there the axis is at `along`.
-    u = _dot(p, g) / g2
-    along = min(max((u * da - _dot(p, a)) / length, 0.0), 1.0)
+    u = dot(p, g) / g2
+    along = min(max((u * da - dot(p, a)) / length, 0.0), 1.0)
     x, y, z = p[0] + along * arm[0], p[1] + along * arm[1], p[2] + along * arm[2]
     side = _unit(_cross(a, d))
     radius = max(solids.radius[t], least * z / view.focal)
-    across = -_dot((p[0], p[1], p[2]), side) / radius
+    across = -dot((p[0], p[1], p[2]), side) / radius
     # A line about as thin as a sample is lit like its middle: single samples of its round side would flicker.
     across *= min(radius * view.focal / (1.5 * z), 1.0)
     across = min(max(across, -1.0), 1.0)
@@ -202,7 +187,7 @@ def _shade_tube(
     n = _unit(
         (across * side[0] - h * s * g[0], across * side[1] - h * s * g[1], across * side[2] - h * s * g[2])
     )
-    n, w, eye = _to_world(view, n[0], n[1], n[2]), _to_world(view, x, y, z), view.eye
+    n, w, eye = to_world(view, n[0], n[1], n[2]), to_world(view, x, y, z), view.eye
     share = float(solids.end_color[t, 0])
     albedo = row_of(palette, int(share + along * (solids.end_color[t, 1] - share) + 0.5))
     return _lit_point(
@@ -289,8 +274,8 @@ def shade_samples(
                 empty = 0.0
                 for s in range(SUBSAMPLES):
                     empty += 0.0 if done >> s & 1 else 1.0 / SUBSAMPLES
-                dx, dy, dz = _to_world(view, vx, vy, 1.0)
-                cr, cg, cb = behind(view, planes, light, backdrop, shadow, sky, x, row0 + y, dx, dy, dz)
+                ray = to_world(view, vx, vy, 1.0)
+                cr, cg, cb = behind(view, planes, light, backdrop, shadow, sky, x, row0 + y, ray)
                 if trail > 0.0:
                     cr, cg, cb = mix(cr, cg, cb, row_of(palette, paths.color[y, x]), trail)
                 r, g, b = r + empty * cr, g + empty * cg, b + empty * cb

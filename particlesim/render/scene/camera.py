@@ -9,7 +9,7 @@ import numpy as np
 
 from particlesim.render.kernels.records import Array, View, axes_of, triple
 from particlesim.render.scene.extents import Survey
-from particlesim.render.scene.source import PlaneShape
+from particlesim.render.scene.source import BallShape, PlaneShape
 from particlesim.scenario.rendering import Camera
 
 FILL = 0.84
@@ -55,11 +55,16 @@ class Viewpoint:
 
 
 def choose_viewpoint(
-    camera: Camera, scene: Survey, radius: float, planes: tuple[PlaneShape, ...], aspect: float
+    camera: Camera,
+    scene: Survey,
+    radius: float,
+    planes: tuple[PlaneShape, ...],
+    aspect: float,
+    balls: tuple[BallShape, ...] = (),
 ) -> Viewpoint:
     """Complete the camera. `radius`: drawn radius [m]; `aspect`: width over height."""
     up = np.array(camera.up, float)
-    points = np.concatenate([scene.points, room_corners(planes, scene)])
+    points = np.concatenate([scene.points, room_corners(planes, scene), ball_poles(balls, scene)])
     if not len(points):
         points = np.zeros((1, 3))
     low, high = points.min(axis=0), points.max(axis=0)
@@ -153,6 +158,15 @@ def _back_off(start: Viewpoint, target: Array, points: Array, margin: float, asp
     for across, slope in zip((x, y), _slopes(start.fov, aspect), strict=True):
         back = max(back, float(np.max(np.abs(across) - slope * z) + margin * np.hypot(1.0, slope)) / slope)
     return replace(start, eye=target - back * axes[2], target=target)
+
+
+def ball_poles(balls: tuple[BallShape, ...], scene: Survey) -> Array:
+    """The ends of the balls along the axes, shape [k, 3], where they are among the particles; none of those far larger."""
+    ends = np.concatenate([np.eye(3), -np.eye(3)])
+    points = np.concatenate(
+        [np.empty((0, 3)), *(np.array(ball.center) + ball.radius * ends for ball in balls)]
+    )
+    return points[(np.abs(points - scene.center) <= 1.5 * scene.half_extent).all(axis=1)]
 
 
 def room_corners(planes: tuple[PlaneShape, ...], scene: Survey) -> Array:

@@ -38,6 +38,9 @@ _GROUPS = "4cc9f0ff9f1cb8e05ef0597bb388ebffd9662ec4b6ff7f50a0b4c8d0a3ff7fd1ae8a6
 PLAIN = (0.30, 0.74, 0.94)
 """sRGB colour of particles that are coloured by nothing."""
 
+STONE = (0.56, 0.55, 0.53)
+"""sRGB colour of spheres that particles collide with."""
+
 CLOTH = ((0.83, 0.78, 0.69), (0.72, 0.33, 0.27), (0.38, 0.51, 0.66), (0.56, 0.58, 0.38))
 """sRGB colours of surfaces that are coloured by nothing: linen, brick, slate and olive."""
 

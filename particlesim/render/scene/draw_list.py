@@ -19,15 +19,32 @@ from particlesim.render.kernels.records import (
     Solids,
     View,
 )
+from particlesim.render.scene.source import BallShape
 
 NO_BOX = np.array([0, -1, 0, -1], np.int32)
 """First and last column and row of what is not drawn."""
 
 
 @dataclass(frozen=True)
+class Balls:
+    """Spheres that do not move: centres [k, 3] and radii [k] in scene units."""
+
+    center: Array
+    radius: Array
+
+    @staticmethod
+    def of(shapes: tuple[BallShape, ...], center: Array, scale: float) -> Balls:
+        """In a scene about a centre [m] with a unit of length [m]."""
+        place = np.array([ball.center for ball in shapes], float).reshape(-1, 3)
+        radius = np.array([ball.radius for ball in shapes], float)
+        return Balls(((place - center) / scale).astype(np.float32), (radius / scale).astype(np.float32))
+
+
+@dataclass(frozen=True)
 class Cast:
-    """A frame's particles, surfaces and tubes: `world` [scene units], `sphere` (camera axes and drawn radius), palette
-    index, which particles are not drawn, which triangles are whole; boxes: the samples that each may touch."""
+    """A frame's particles and then its balls, surfaces and tubes: `world` [scene units], `sphere` (camera axes and drawn
+    radius), palette index, which particles are not drawn, which triangles are whole; boxes: the samples that each may
+    touch."""
 
     world: Array
     sphere: Array

@@ -1,4 +1,4 @@
-"""What the renderer draws: planes, and a source of recorded frames."""
+"""What the renderer draws: planes, balls, and a source of recorded frames."""
 
 from __future__ import annotations
 
@@ -18,6 +18,14 @@ class PlaneShape:
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class BallShape:
+    """A solid sphere that does not move: its centre and radius [m]."""
+
+    center: tuple[float, float, float]
+    radius: float
 
 
 class Frame(Protocol):

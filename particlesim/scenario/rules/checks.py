@@ -4,38 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.checks.check import Check, Initial
 from particlesim.checks.quantities import FIELD_QUANTITIES, VECTOR_FIELDS
 from particlesim.emitters import Emitter
-from particlesim.expressions.operations import Temperature
-from particlesim.expressions.parser import reads
+from particlesim.expressions.parser import attributes_read, reads
+from particlesim.groups.group import Group
+from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.ledger_columns import booked, totals
+from particlesim.scenario.tables import Tables, distinct
 from particlesim.scenario.timegrid import TOLERANCE, TimeGrid
 from particlesim.trajectory.fields import FIELDS
 
-if TYPE_CHECKING:
-    from particlesim.groups.group import Group
-    from particlesim.scenario.scenario import Scenario
 
-
-def check_labels(scenario: Scenario) -> tuple[str, ...]:
+def check_labels(scenario: Tables) -> tuple[str, ...]:
     """A name of its own for every check."""
-    labels: list[str] = []
-    for check in scenario.checks:
-        base = check.label()
-        label, k = base, 1
-        while label in labels:
-            k += 1
-            label = f"{base}_{k}"
-        labels.append(label)
-    return tuple(labels)
+    return distinct(check.label() for check in scenario.checks)
 
 
-def disagreements(scenario: Scenario) -> Iterator[Invalid]:
+def disagreements(scenario: Tables) -> Iterator[Invalid]:
     """Checks of quantities that there are not, of unknown groups, and two of one name."""
     named: dict[str, int] = {}
     for k, check in enumerate(scenario.checks):
@@ -49,7 +38,7 @@ def disagreements(scenario: Scenario) -> Iterator[Invalid]:
             named.setdefault(check.name, k)
 
 
-def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
+def _quantity(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:
     at = ("checks", k)
     known = totals(scenario)
     name = check.quantity
@@ -71,8 +60,8 @@ def _quantity(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
     if name in known:
         yield from _total(check, k)
     looked = [group for group in scenario.groups if check.group in (None, group.name)]
-    if name == "temperature" and looked and all(group.temperature is None for group in looked):
-        yield Invalid("no particle here has a temperature", (*at, "quantity"))
+    if name in OPTIONAL and looked and not any(group.may_have(name) for group in looked):
+        yield Invalid(f"no particle here has a {name}", (*at, "quantity"))
     if check.expression is not None:
         yield from _expression(check, k, looked)
     if check.reference is not None:
@@ -102,11 +91,12 @@ def _expression(check: Check, k: int, looked: list[Group]) -> Iterator[Invalid]:
                 at,
                 hint="name a group of [[particles]] with group",
             )
-        if group.temperature is None and reads(node, Temperature):
-            yield Invalid(f"the particles of {group.name!r} have no temperature", at)
+        for name in sorted(attributes_read([node]) & OPTIONAL):
+            if not group.may_have(name):
+                yield Invalid(f"the particles of {group.name!r} have no {name}", at)
 
 
-def _reference(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
+def _reference(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:
     """A reference holds fields, and those only that are recorded."""
     at, field = ("checks", k), check.quantity.partition(".")[0]
     if field not in FIELDS or check.statistic is not None:
@@ -125,7 +115,7 @@ def _reference(scenario: Scenario, check: Check, k: int) -> Iterator[Invalid]:
         )
 
 
-def _unknown(scenario: Scenario, name: str, k: int) -> Invalid:
+def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
     place = ("checks", k, "quantity")
     known = (*totals(scenario), *FIELD_QUANTITIES)
     unbooked = () if scenario.output.work else booked(scenario)
@@ -162,7 +152,7 @@ def _neighbours(grid: TimeGrid, at: float) -> list[int]:
     return list(dict.fromkeys((below, min(below + grid.every, grid.steps))))
 
 
-def untimely(scenario: Scenario, grid: TimeGrid) -> Iterator[Invalid]:
+def untimely(scenario: Tables, grid: TimeGrid) -> Iterator[Invalid]:
     """Checks at times without a frame."""
     for k, check in enumerate(scenario.checks):
         if isinstance(check.at, str) or check_step(grid, check.at) is not None:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.emitters import Schedule
-from particlesim.groups.group import Particles
-from particlesim.layouts.file import File
+from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, group_tables, unfelt
@@ -16,15 +14,13 @@ from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
 from particlesim.scenario.rules.tolerances import too_fine
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 MOST_BIRTHS = 10**12
 """Births of an emitter beyond which a rate is taken for a slip of the hand: a day of computing for nothing else."""
 
 
-def names(scenario: Scenario) -> Iterator[Invalid]:
+def names(scenario: Tables) -> Iterator[Invalid]:
     """Groups and named forces have names of their own; there is something to simulate."""
     if not scenario.groups:
         yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
@@ -49,11 +45,11 @@ def names(scenario: Scenario) -> Iterator[Invalid]:
             named[force.name] = k
 
 
-def references(scenario: Scenario) -> Iterator[Invalid]:
+def references(scenario: Tables) -> Iterator[Invalid]:
     """Every group that is spoken of exists."""
     known = [group.name for group in scenario.groups]
     places: list[tuple[Path, str]] = []
-    for section in ("forces", "planes", "impulses"):
+    for section in ("forces", "planes", "colliders", "impulses"):
         for k, entry in enumerate(getattr(scenario, section)):
             places += [((section, k, "on", j), name) for j, name in enumerate(entry.on or ())]
     for section, entries in (("angles", scenario.angles), ("dihedrals", scenario.dihedrals)):
@@ -72,7 +68,7 @@ def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
     return Invalid(f"unknown group {name!r}", path, allowed=", ".join(known), hint=did_you_mean(name, known))
 
 
-def needs(scenario: Scenario) -> Iterator[Invalid]:
+def needs(scenario: Tables) -> Iterator[Invalid]:
     """Every force finds on its groups what its law reads."""
     for k, force in enumerate(scenario.forces):
         if force.on_surfaces and not any(acts_on(force, group) for group in scenario.groups):
@@ -89,27 +85,21 @@ def needs(scenario: Scenario) -> Iterator[Invalid]:
                 )
             if not acts_on(force, group):
                 continue
-            from_file = isinstance(group, Particles) and isinstance(group.layout, File)
-            if force.needs_radius() and not group.has_radius() and not from_file:
-                yield Invalid(
-                    f"{force.label} needs a radius, and the particles of {group.name!r} have none",
-                    ("forces", k),
-                    ((path, "no radius here"),),
-                    hint="give the group a radius, or name the groups of this force with on = [...]",
-                )
-            if force.needs_temperature() and group.temperature is None and not from_file:
-                yield Invalid(
-                    f"{force.label} needs a temperature, and the particles of {group.name!r} have none",
-                    ("forces", k),
-                    ((path, "no temperature here"),),
-                )
+            for name in sorted(force.needs()):
+                if not group.may_have(name):
+                    yield Invalid(
+                        f"{force.label} needs a {name}, and the particles of {group.name!r} have none",
+                        ("forces", k),
+                        ((path, f"no {name} here"),),
+                        hint=f"give the group a {name}, or name the groups of this force with on = [...]",
+                    )
     if scenario.output.fields is not None:
         for j, name in enumerate(scenario.output.fields):
-            if name == "temperature" and all(group.temperature is None for group in scenario.groups):
-                yield Invalid("no particle has a temperature", ("output", "fields", j))
+            if name in OPTIONAL and not any(group.may_have(name) for group in scenario.groups):
+                yield Invalid(f"no particle has a {name}", ("output", "fields", j))
 
 
-def times(scenario: Scenario) -> Iterator[Invalid]:
+def times(scenario: Tables) -> Iterator[Invalid]:
     """Nothing is asked for after the end."""
     end = scenario.simulation.duration
     duration = ((("simulation", "duration"), f"the run ends at {end:g} s"),)
@@ -134,7 +124,7 @@ def times(scenario: Scenario) -> Iterator[Invalid]:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 
-def kicks(scenario: Scenario) -> Iterator[Invalid]:
+def kicks(scenario: Tables) -> Iterator[Invalid]:
     """Impulses kick particles that have inertia."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, impulse in enumerate(scenario.impulses):
@@ -150,7 +140,7 @@ def kicks(scenario: Scenario) -> Iterator[Invalid]:
             yield Invalid("there is no group with inertia to kick", ("impulses", k))
 
 
-def booked(scenario: Scenario) -> Iterator[Invalid]:
+def booked(scenario: Tables) -> Iterator[Invalid]:
     """Work is booked for particles with inertia."""
     if not scenario.output.work:
         return
@@ -185,7 +175,7 @@ CHECKS = (
 """In this order: later ones rely on earlier ones."""
 
 
-def contradictions(scenario: Scenario) -> list[Invalid]:
+def contradictions(scenario: Tables) -> list[Invalid]:
     """All mistakes that the first check finds that finds any."""
     for check in CHECKS:
         if mistakes := list(check(scenario)):

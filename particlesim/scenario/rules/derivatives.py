@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.forces.field import Field
 from particlesim.integrators import ImplicitMethod, method_for
 from particlesim.laws.registry import force_dv, force_dx, has_law, triangle_force_dv
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import acts_on, group_tables
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 HINT = (
     "an explicit method steps it, rk4 or symplectic_euler for instance; or name its groups with on = [...]; a jump can be "
@@ -20,7 +17,7 @@ HINT = (
 )
 
 
-def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
+def undifferentiable(scenario: Tables) -> Iterator[Invalid]:
     """Forces without derivatives on groups that an implicit method steps."""
     implicit = {
         group.name: (path, method.name)
@@ -42,7 +39,7 @@ def undifferentiable(scenario: Scenario) -> Iterator[Invalid]:
                 break
 
 
-def _without_derivatives(scenario: Scenario) -> Iterator[tuple[Path, str, str, list[str]]]:
+def _without_derivatives(scenario: Tables) -> Iterator[tuple[Path, str, str, list[str]]]:
     """Every force without derivatives: its place, its name, why it has none, and the groups that it acts on."""
     labels = scenario.force_labels()
     for k, (label, force) in enumerate(zip(labels, scenario.forces, strict=False)):

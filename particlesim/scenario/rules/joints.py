@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.bonds import Rods, SpringLaw, Springs
 from particlesim.bonds.hinge import Hinges
@@ -11,14 +10,12 @@ from particlesim.groups.group import Particles
 from particlesim.groups.selection import mistakes as selection_mistakes
 from particlesim.integrators import method_for
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back
 from particlesim.scenario.rules.rods import are_rods, rod_tables, unfit
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 
-def pins(scenario: Scenario) -> Iterator[Invalid]:
+def pins(scenario: Tables) -> Iterator[Invalid]:
     """Pins hold particles that exist."""
     for k, group in enumerate(scenario.particles):
         if not isinstance(group.pinned, bool):
@@ -26,7 +23,7 @@ def pins(scenario: Scenario) -> Iterator[Invalid]:
             yield from selection_mistakes(group.pinned, group.layout, (*here, "pinned"), (*here, "layout"))
 
 
-def motions(scenario: Scenario) -> Iterator[Invalid]:
+def motions(scenario: Tables) -> Iterator[Invalid]:
     """Motions lead particles that are there from the start, and it is said which."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     whole: dict[str, int] = {}
@@ -64,7 +61,7 @@ def motions(scenario: Scenario) -> Iterator[Invalid]:
             whole[motion.on] = k
 
 
-def listed(scenario: Scenario) -> Iterator[tuple[Path, Springs | Rods]]:
+def listed(scenario: Tables) -> Iterator[tuple[Path, Springs | Rods]]:
     """Where pairs of particles are joined, and how."""
     for k, springs in enumerate(scenario.springs):
         yield ("springs", k), springs
@@ -72,7 +69,7 @@ def listed(scenario: Scenario) -> Iterator[tuple[Path, Springs | Rods]]:
         yield ("rods", k), rods
 
 
-def pairs(scenario: Scenario) -> Iterator[Invalid]:
+def pairs(scenario: Tables) -> Iterator[Invalid]:
     """Springs and rods join particles that exist."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, joint in listed(scenario):
@@ -102,7 +99,7 @@ def pairs(scenario: Scenario) -> Iterator[Invalid]:
                     )
 
 
-def pulled(scenario: Scenario) -> Iterator[Invalid]:
+def pulled(scenario: Tables) -> Iterator[Invalid]:
     """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, law in _coupling_tables(scenario):
@@ -127,7 +124,7 @@ def pulled(scenario: Scenario) -> Iterator[Invalid]:
                 )
 
 
-def joined(scenario: Scenario) -> Iterator[Invalid]:
+def joined(scenario: Tables) -> Iterator[Invalid]:
     """What groups joined by springs or rods have in common, and what they cannot do."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
@@ -143,17 +140,17 @@ def joined(scenario: Scenario) -> Iterator[Invalid]:
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
             )
-        for j, plane in enumerate(scenario.planes):
-            if plane.contact == "kill" and (plane.on is None or {first.name, second.name} & set(plane.on)):
+        for where, collider in collider_tables(scenario):
+            if collider.contact == "kill" and held_back(collider, (first.name, second.name)):
                 yield Invalid(
-                    f"a plane cannot kill particles that are joined by {what}",
-                    ("planes", j, "contact"),
+                    f"a {collider.kind} cannot kill particles that are joined by {what}",
+                    (*where, "contact"),
                     ((here, "joined here"),),
-                    hint="name the groups that the plane acts on with on = [...]",
+                    hint=f"name the groups that the {collider.kind} acts on with on = [...]",
                 )
         for place, group in ((path, first), (other, second)):
             reads = [
-                force for force in scenario.forces if acts_on(force, group) and force.needs_temperature()
+                force for force in scenario.forces if acts_on(force, group) and "temperature" in force.needs()
             ]
             if group.cooling is not None and reads:
                 yield Invalid(
@@ -163,12 +160,12 @@ def joined(scenario: Scenario) -> Iterator[Invalid]:
                 )
 
 
-def held(scenario: Scenario) -> Iterator[Invalid]:
+def held(scenario: Tables) -> Iterator[Invalid]:
     """What rods cannot do."""
     yield from unfit(scenario, [names for _, names, _ in _coupling_tables(scenario)])
 
 
-def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
+def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
     """Where particles are coupled at all: by springs, by rods, by angles and dihedrals, by drag on a surface; all but the
     first as springs that are neither damped nor given by mass."""
     yield from bond_tables(scenario)
@@ -182,7 +179,7 @@ def _coupling_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str]
                 yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
 
 
-def bond_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
+def bond_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
     """Where springs are stated, the groups that they join, and their law."""
     for k, springs in enumerate(scenario.springs):
         yield ("springs", k), springs.groups(), springs.spring_law()
@@ -191,7 +188,7 @@ def bond_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str], Spr
             yield ("particles", k, "springs"), (group.name, group.name), next(iter(laws.values()))
 
 
-def _hinge_tables(scenario: Scenario) -> Iterator[tuple[Path, Hinges]]:
+def _hinge_tables(scenario: Tables) -> Iterator[tuple[Path, Hinges]]:
     """Where angles and dihedrals are listed."""
     for k, angles in enumerate(scenario.angles):
         yield ("angles", k), angles

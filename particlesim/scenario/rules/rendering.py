@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Invalid, Path
@@ -12,13 +12,11 @@ from particlesim.scenario.reach import group_tables
 from particlesim.scenario.rendering import colorable
 from particlesim.scenario.rules.joints import bond_tables
 from particlesim.scenario.rules.rods import rod_tables
+from particlesim.scenario.tables import Tables
 from particlesim.scenario.time_and_output import FieldName
 
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
 
-
-def colors(scenario: Scenario) -> Iterator[Invalid]:
+def colors(scenario: Tables) -> Iterator[Invalid]:
     """Videos show what the trajectory holds."""
     name, fields = scenario.render.color_by, scenario.recorded_fields()
     springs = any(True for _ in bond_tables(scenario))
@@ -34,7 +32,7 @@ def colors(scenario: Scenario) -> Iterator[Invalid]:
         )
 
 
-def styles(scenario: Scenario) -> Iterator[Invalid]:
+def styles(scenario: Tables) -> Iterator[Invalid]:
     """Videos draw what there is: groups and sets of springs or rods that exist, surfaces and lines where there are some."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     sets = {rods.name: ("rods", k) for k, rods in enumerate(scenario.rods)}
@@ -87,7 +85,7 @@ def _has_skin(name: str, tables: Mapping[str, tuple[Path, Group]]) -> bool:
     return isinstance(group, Particles) and group.layout.has_surface()
 
 
-def _looks(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _looks(scenario: Tables) -> Iterator[tuple[str, str]]:
     """The keys of [render] that say something by name, and the names that they use."""
     render = scenario.render
     radii = render.line_radius if isinstance(render.line_radius, dict) else {}

@@ -3,33 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
-from particlesim.bonds import RodSet
 from particlesim.integrators import METHODS, Composition, method_for
 from particlesim.model.mistakes import Invalid, Path
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
-
-
-def rod_sets(scenario: Scenario, taken: tuple[str, ...]) -> tuple[RodSet, ...]:
-    """All sets of rods, listed ones and those of bodies, under names that are not `taken` by forces and springs."""
-    found: list[RodSet] = []
-    labels = set(taken)
-    for k, rods in enumerate(scenario.rods):
-        label, number = rods.name, 1
-        while label in labels:
-            number += 1
-            label = f"{rods.name}_{number}"
-        labels.add(label)
-        found.append(rods.rods(label, ("rods", k)))
-    for k, group in enumerate(scenario.particles):
-        found += group.rods(("particles", k, "springs", "rigid"), scenario.folder)
-    return tuple(found)
+from particlesim.scenario.reach import collider_tables, held_back
+from particlesim.scenario.tables import Tables
 
 
-def rod_tables(scenario: Scenario) -> Iterator[tuple[Path, tuple[str, str]]]:
+def rod_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
     """Where rods are stated, and the groups that they join."""
     for k, rods in enumerate(scenario.rods):
         yield ("rods", k), rods.groups()
@@ -43,8 +24,8 @@ def are_rods(place: Path) -> bool:
     return place[0] == "rods" or place[-1] == "rigid"
 
 
-def unfit(scenario: Scenario, couplings: list[tuple[str, str]]) -> Iterator[Invalid]:
-    """Rods that nothing can hold: methods that are no kicks and drifts, particles without inertia, planes that catch.
+def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invalid]:
+    """Rods that nothing can hold: methods that are no kicks and drifts, particles without inertia, colliders that catch.
 
     `couplings` are all pairs of groups that step together.
     """
@@ -60,17 +41,18 @@ def unfit(scenario: Scenario, couplings: list[tuple[str, str]]) -> Iterator[Inva
                         (((section, k, "dynamics"), f"{group.name!r} has none"),),
                         hint="springs join particles without inertia",
                     )
-        for k, plane in enumerate(scenario.planes):
-            if plane.contact == "stick" and (plane.on is None or set(names) & set(plane.on)):
+        for where, collider in collider_tables(scenario):
+            if collider.contact == "stick" and held_back(collider, names):
                 yield Invalid(
-                    "a plane cannot hold on to particles of rods: two that stick might not be a rod's length apart",
-                    ("planes", k, "contact"),
+                    f"a {collider.kind} cannot hold on to particles of rods: two that stick might not be a rod's length "
+                    "apart",
+                    (*where, "contact"),
                     ((here, "joined here"),),
-                    hint="name the groups that the plane acts on with on = [...], or let them bounce",
+                    hint=f"name the groups that the {collider.kind} acts on with on = [...], or let them bounce",
                 )
 
 
-def _methods(scenario: Scenario, here: Path, names: tuple[str, str]) -> Iterator[Invalid]:
+def _methods(scenario: Tables, here: Path, names: tuple[str, str]) -> Iterator[Invalid]:
     """Rods are held after every drift, so the method has to be made of kicks and drifts."""
     allowed = ", ".join(name for name, method in METHODS.items() if isinstance(method, Composition))
     for k, group in enumerate(scenario.particles):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, Options, method_for
 from particlesim.model.mistakes import Invalid, Path
-
-if TYPE_CHECKING:
-    from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.tables import Tables
 
 EPSILON = {"double": sys.float_info.epsilon, "single": 2.0**-23}
 FINEST = 64
 """Smallest tolerance in units of the rounding error: below, the error of a step is that of its sums."""
 
 
-def too_fine(scenario: Scenario) -> Iterator[Invalid]:
+def too_fine(scenario: Tables) -> Iterator[Invalid]:
     """Tolerances that the numbers of the state cannot hold."""
     precision = scenario.simulation.precision
     least = FINEST * EPSILON[precision]
@@ -33,7 +30,7 @@ def too_fine(scenario: Scenario) -> Iterator[Invalid]:
             )
 
 
-def _places(scenario: Scenario) -> Iterator[tuple[Path, AnyIntegrator]]:
+def _places(scenario: Tables) -> Iterator[tuple[Path, AnyIntegrator]]:
     """Where integrators are named, and what stands there."""
     yield ("simulation", "integrator"), scenario.simulation.integrator
     for name, groups in (("particles", scenario.particles), ("emitters", scenario.emitters)):

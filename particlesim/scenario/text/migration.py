@@ -19,7 +19,7 @@ import tomli_w
 
 from particlesim.errors import Diagnostic, ScenarioError
 from particlesim.model.units import shown
-from particlesim.scenario.text.positions import Range
+from particlesim.scenario.text.positions import TextRange
 from particlesim.scenario.text.source import Source, parse_source
 
 CURRENT = 1
@@ -30,7 +30,7 @@ CURRENT = 1
 class Edit:
     """New text for a range of characters."""
 
-    place: Range
+    place: TextRange
     text: str
 
 
@@ -86,7 +86,7 @@ def _version(source: Source, version: int) -> Edit:
     # Behind the comments that the file begins with, among which an editor looks for the schema.
     head = re.match(r"(?:[ \t]*#[^\n]*\n|[ \t]*\n)*", source.main.text)
     start = head.end() if head is not None else 0
-    return Edit(Range(start, start), f"format = {version}\n")
+    return Edit(TextRange(start, start), f"format = {version}\n")
 
 
 def _edited(text: str, edits: Iterable[Edit]) -> str:

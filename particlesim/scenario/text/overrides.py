@@ -17,7 +17,7 @@ from typing import Any
 from particlesim.errors import Diagnostic, ScenarioError, UsageError
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.text import syntax
-from particlesim.scenario.text.positions import Range
+from particlesim.scenario.text.positions import TextRange
 from particlesim.scenario.text.source import KeyPath, OverrideText, RawTable, Source, Text
 
 _PART = re.compile(r"\"([^\"]*)\"|'([^']*)'|([^.\"']+)")
@@ -70,7 +70,7 @@ def apply_overrides(source: Source, overrides: Iterable[Override]) -> Source:
     for override in overrides:
         path = _resolve(raw, override.key, Text(override.text), override.key_start)
         _assign(raw, path, deepcopy(override.value))
-        key = Range(override.key_start, override.key_start + len(override.key))
+        key = TextRange(override.key_start, override.key_start + len(override.key))
         texts.append(OverrideText(override.text, None, path, key, override.value_start))
     return replace(source, raw=raw, overrides=tuple(texts))
 
@@ -99,14 +99,14 @@ def toml_value(override: Override, value: str) -> object:
         parsed = tomllib.loads(prefix + value)
         if list(parsed) == ["v"] and value:
             return parsed["v"]
-        mistake = syntax.Mistake("not a single TOML value", Range(len(prefix), len(prefix) + 1))
+        mistake = syntax.Mistake("not a single TOML value", TextRange(len(prefix), len(prefix) + 1))
     except tomllib.TOMLDecodeError as error:
         mistake = syntax.explain(prefix + value, error)
     except (ValueError, RecursionError):
-        mistake = syntax.Mistake("not a TOML value", Range(len(prefix), len(prefix) + 1))
+        mistake = syntax.Mistake("not a TOML value", TextRange(len(prefix), len(prefix) + 1))
     shift = override.value_start - len(prefix)
     first = max(mistake.place.start + shift, override.value_start)
-    place = Range(first, max(mistake.place.end + shift, first + 1))
+    place = TextRange(first, max(mistake.place.end + shift, first + 1))
     hint = mistake.hint
     if not value:
         hint = "give a value after '='"
@@ -136,26 +136,26 @@ def _resolve(raw: RawTable, dotted: str, text: Text, start: int) -> KeyPath:
     return tuple(path)
 
 
-def _parts(dotted: str, text: Text, start: int) -> list[tuple[str, Range]]:
-    parts: list[tuple[str, Range]] = []
+def _parts(dotted: str, text: Text, start: int) -> list[tuple[str, TextRange]]:
+    parts: list[tuple[str, TextRange]] = []
     at = 0
     while True:
         found = _PART.match(dotted, at)
         name = "" if found is None else found[found.lastindex or 0].strip()
         end = at if found is None else found.end()
         if not name or dotted[end : end + 1] not in ("", "."):
-            span = text.span(Range(start + at, start + max(end, at + 1)))
+            span = text.span(TextRange(start + at, start + max(end, at + 1)))
             hint = "for example: simulation.dt, or forces.air.coefficient"
             raise ScenarioError(
                 [Diagnostic(f"{dotted!r} is no key", dotted, None, text.text, span, hint=hint)]
             )
-        parts.append((name, Range(start + at, start + end)))
+        parts.append((name, TextRange(start + at, start + end)))
         if end == len(dotted):
             return parts
         at = end + 1
 
 
-def _entry(entries: list[Any], name: str, path: KeyPath, raw: RawTable, text: Text, place: Range) -> int:
+def _entry(entries: list[Any], name: str, path: KeyPath, raw: RawTable, text: Text, place: TextRange) -> int:
     """The index of the entry of an array that `name` addresses."""
     for attribute in ("name", "type"):
         matches = [i for i, entry in enumerate(entries) if _child(entry, attribute) == name]

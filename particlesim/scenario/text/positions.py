@@ -19,24 +19,23 @@ _DEEPEST = 100  # brackets inside each other; a bound for the recursion
 
 Path = tuple[str | int, ...]
 
-_SPACE = re.compile(r"[ \t]*")
-_TRIVIA = re.compile(r"(?:[ \t\r\n]+|#[^\n]*)*")
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_SCALAR = re.compile(r"\d{4}-\d\d-\d\d \d\d:[^,\]}\s#]*|[^,\[\]{}\s#\"'=]+")
-_STRING = re.compile(
+# Compiled when they are needed, which is when there is a mistake: most scenarios have none.
+_SPACE = r"[ \t]*"
+_TRIVIA = r"(?:[ \t\r\n]+|#[^\n]*)*"
+_BARE_KEY = r"[A-Za-z0-9_-]+"
+_SCALAR = r"\d{4}-\d\d-\d\d \d\d:[^,\]}\s#]*|[^,\[\]{}\s#\"'=]+"
+_STRING = (
     r'"""(?:[^\\"]|\\[\s\S]|"(?!""))*"{3,5}'
     r"|'''(?:[^']|'(?!''))*'{3,5}"
     r'|"(?:[^"\\\n]|\\.)*"'
     r"|'[^'\n]*'"
 )
-_ESCAPE = re.compile(
-    r'\\(?:u([0-9a-fA-F]{4})|U([0-9a-fA-F]{8})|x([0-9a-fA-F]{2})|([btnfre"\\]))|\\[ \t]*\n\s*'
-)
+_ESCAPE = r'\\(?:u([0-9a-fA-F]{4})|U([0-9a-fA-F]{8})|x([0-9a-fA-F]{2})|([btnfre"\\]))|\\[ \t]*\n\s*'
 _ESCAPED = {"b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r", "e": "\x1b", '"': '"', "\\": "\\"}
 
 
 @dataclass(frozen=True)
-class Range:
+class TextRange:
     """Characters `start` to `end` (exclusive) of the text."""
 
     start: int
@@ -47,8 +46,8 @@ class Range:
 class Place:
     """The ranges of a value and of the key that names it (None for an element of an array)."""
 
-    key: Range | None
-    value: Range
+    key: TextRange | None
+    value: TextRange
     explicit: bool = True
     """False for a table that exists only because a longer key or header passes through it."""
 
@@ -69,7 +68,7 @@ def scan(text: str) -> Positions:
     return _Scanner(text).document()
 
 
-def scan_value(text: str, start: int, path: Path, key: Range) -> Positions:
+def scan_value(text: str, start: int, path: Path, key: TextRange) -> Positions:
     """The places inside the single value at `start` of `text`, which the key at `key` names `path`."""
     return _Scanner(text).single(start, path, key)
 
@@ -101,7 +100,7 @@ class _Scanner:
             self._note_stop()
         return self.found
 
-    def single(self, start: int, path: Path, key: Range) -> Positions:
+    def single(self, start: int, path: Path, key: TextRange) -> Positions:
         self.at = start
         try:
             self._value(path, key)
@@ -113,8 +112,8 @@ class _Scanner:
         self.found.stopped_at = self.at
         self.found.open_bracket = self.open[-1] if self.open else None
 
-    def _skip(self, pattern: re.Pattern[str]) -> int:
-        match = pattern.match(self.text, self.at)
+    def _skip(self, pattern: str) -> int:
+        match = re.compile(pattern).match(self.text, self.at)
         if match is not None:
             self.at = match.end()
         return self.at
@@ -124,19 +123,19 @@ class _Scanner:
             raise _Stop
         return self.text[self.at]
 
-    def _take(self, pattern: re.Pattern[str]) -> Range:
-        match = pattern.match(self.text, self.at)
+    def _take(self, pattern: str) -> TextRange:
+        match = re.compile(pattern).match(self.text, self.at)
         if match is None:
             raise _Stop
         self.at = match.end()
-        return Range(match.start(), match.end())
+        return TextRange(match.start(), match.end())
 
     def _expect(self, character: str) -> None:
         if self._next() != character:
             raise _Stop
         self.at += 1
 
-    def _keys(self) -> list[tuple[str, Range]]:
+    def _keys(self) -> list[tuple[str, TextRange]]:
         """A dotted key: the name and the range of each part."""
         parts = []
         while True:
@@ -158,7 +157,7 @@ class _Scanner:
         keys = self._keys()
         for _ in range(2 if is_array else 1):
             self._expect("]")
-        header = Range(start, self.at)
+        header = TextRange(start, self.at)
         path: Path = ()
         for name, place in keys[:-1]:
             path = self._enter(path, name, place)
@@ -175,7 +174,7 @@ class _Scanner:
         self._record((*path, index), Place(place, header))
         return (*path, index)
 
-    def _enter(self, path: Path, name: str, place: Range) -> Path:
+    def _enter(self, path: Path, name: str, place: TextRange) -> Path:
         """One step of a dotted key or header, into the newest entry where `name` is an array of tables."""
         path = (*path, name)
         self.found.places.setdefault(path, Place(place, place, explicit=False))
@@ -199,7 +198,7 @@ class _Scanner:
         self._skip(_SPACE)
         self._value((*path, name), place)
 
-    def _value(self, path: Path, key: Range | None) -> None:
+    def _value(self, path: Path, key: TextRange | None) -> None:
         first = self._next()
         start = self.at
         if first == "[":
@@ -208,7 +207,7 @@ class _Scanner:
             self._inline_table(path)
         else:
             self._take(_STRING if first in "\"'" else _SCALAR)
-        self._record(path, Place(key, Range(start, self.at)))
+        self._record(path, Place(key, TextRange(start, self.at)))
 
     def _array(self, path: Path) -> None:
         for index in self._members("[", "]"):
@@ -249,7 +248,7 @@ def decode(literal: str) -> Iterator[tuple[str, int]]:
     ):  # a line end right after the quotes is no part of the text
         at += 1
     while at < end:
-        escape = _ESCAPE.match(literal, at, end) if quote == '"' else None
+        escape = re.compile(_ESCAPE).match(literal, at, end) if quote == '"' else None
         if escape is None:
             yield literal[at], at
             at += 1

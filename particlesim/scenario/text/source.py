@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from bisect import bisect_right
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from typing import Any
 
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span, UsageError
 from particlesim.scenario.text import positions, syntax
-from particlesim.scenario.text.positions import Place, Positions, Range
+from particlesim.scenario.text.positions import Place, Positions, TextRange
 from particlesim.trajectory.places import kind_of
 
 LARGEST_FILE = 8 * 2**20
@@ -43,7 +42,7 @@ class Text:
     def _line_starts(self) -> list[int]:
         return [0, *(at + 1 for at, character in enumerate(self.text) if character == "\n")]
 
-    def span(self, place: Range) -> Span:
+    def span(self, place: TextRange) -> Span:
         """`place` as line and column. What goes beyond the line's end is not underlined."""
         line = bisect_right(self._line_starts, place.start)
         start = self._line_starts[line - 1]
@@ -57,7 +56,7 @@ class OverrideText(Text):
     """`--set forces.air.coefficient=-1`: the text of one override, which gives the value at `path`."""
 
     path: KeyPath = ()
-    key: Range = field(default_factory=lambda: Range(0, 0))
+    key: TextRange = field(default_factory=lambda: TextRange(0, 0))
     value_start: int = 0
 
     @cached_property
@@ -109,7 +108,7 @@ class Source:
         first = min(max(offset, 0), len(offsets) - 1)
         last = min(first + max(length, 1), len(offsets) - 1)
         start = place.value.start + offsets[first]
-        return text.span(Range(start, max(start + 1, place.value.start + offsets[last])))
+        return text.span(TextRange(start, max(start + 1, place.value.start + offsets[last])))
 
 
 def read_source(path: str | Path, *, largest: int = LARGEST_FILE) -> Source:
@@ -223,5 +222,7 @@ def _similar_files(path: Path) -> str:
         names = [child.name for child in path.parent.iterdir()]
     except OSError:
         return f"the folder {path.parent} does not exist" if not path.parent.exists() else "check the path"
+    import difflib
+
     near = difflib.get_close_matches(path.name, names, n=1)
     return f"did you mean {path.parent / near[0]}?" if near else "check the path"

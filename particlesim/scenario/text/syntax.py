@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import dataclass
 
 from particlesim.scenario.text import positions
-from particlesim.scenario.text.positions import Range
+from particlesim.scenario.text.positions import TextRange
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
@@ -16,48 +16,46 @@ _ENDLESS_KEY = re.compile(r"(?<![\w.-])(?:[\w-]++\.){64}")
 
 _KEY = r"^\s*(?P<key>[\w.\"'-]++)\s*+"
 _VALUE = r"(?:=|[\[,{])\s*"
-_STATEMENT = re.compile(r"\s*(?:\[\[?[\w.\"'-]+\]\]?\s*(?:#|$)|[\w.-]+\s*=)")
+_STATEMENT = r"\s*(?:\[\[?[\w.\"'-]+\]\]?\s*(?:#|$)|[\w.-]+\s*=)"
 _LONGEST_LINE = 2000  # the patterns below are for lines that people write
 _END = r"\s*(?:[,\]}#]|$)"
 _NUMBER = r"[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 
-# Typical mistakes: a pattern for the offending line, and the advice; the group `at` is what is pointed at.
-_MISTAKES: tuple[tuple[re.Pattern[str], str], ...] = tuple(
-    (re.compile(pattern), advice)
-    for pattern, advice in (
-        (r"(?P<at>[“”„‘’«»])", "use straight quotes: \"text\" or 'text'"),
-        (
-            r"^\s*\[\[[^\]]*\]?(?P<at>)\s*(?:#.*)?$",
-            "an entry of a list of tables has two brackets: [[forces]]",
-        ),
-        (r"^\s*\[[^\[\]=,]*(?P<at>)\s*(?:#.*)?$", "a table's name stands in brackets: [simulation]"),
-        (rf"{_KEY}(?P<at>:)(?!=)", "TOML separates key and value with '=': {key} = ..."),
-        (rf"{_KEY}(?P<at>:=|==)", "TOML separates key and value with '=': {key} = ..."),
-        (rf"{_KEY}=(?P<at>)\s*(?:#.*)?$", "{key} has no value"),
-        (
-            rf"{_VALUE}(?P<at>[Tt][Rr][Uu][Ee]|[Ff][Aa][Ll][Ss][Ee]){_END}",
-            "write true or false, in lower case",
-        ),
-        (rf"{_VALUE}(?P<at>None|null|nil|Null){_END}", "TOML has no empty value: leave the key out"),
-        (
-            rf"{_VALUE}[+-]?(?P<at>(?:NaN|NAN|Inf|INF|Infinity|infinity)){_END}",
-            "the number must be finite",
-        ),
-        (rf"{_VALUE}(?P<at>[+-]?\.\d+)", "a number starts with a digit: 0{tail}"),
-        (rf"{_VALUE}(?P<at>[+-]?\d+\.)(?!\d)", "a number ends with a digit: {at}0"),
-        (rf"{_VALUE}(?P<at>[+-]?0\d[\d.]*)", "a number has no leading zeros"),
-        (rf"=\s*(?P<at>[+-]?\d+,\d+){_END}", "write the decimal point as '.': {dotted}"),
-        (
-            rf"{_VALUE}(?P<at>[A-Za-z_][\w.]*\([^()]*\)?)",
-            "TOML has numbers and texts, no calls: write what {at} gives",
-        ),
-        (
-            rf"{_VALUE}(?!{_NUMBER}{_END})(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
-            'a number with a unit is text: "{at}"',
-        ),
-        (rf"{_VALUE}(?P<at>[A-Za-z_][\w .-]*?){_END}", 'text stands in quotes: "{at}"'),
-        (rf"{_KEY}(?P<at>)(?:[\w\"'\[{{+-].*)?$", "there must be '=' between key and value: {key} = ..."),
-    )
+# Typical mistakes: a pattern for the offending line, and the advice; the group `at` is what is pointed at. They are compiled
+# once there is a mistake: that takes longer than to read a scenario.
+_MISTAKES: tuple[tuple[str, str], ...] = (
+    (r"(?P<at>[“”„‘’«»])", "use straight quotes: \"text\" or 'text'"),
+    (
+        r"^\s*\[\[[^\]]*\]?(?P<at>)\s*(?:#.*)?$",
+        "an entry of a list of tables has two brackets: [[forces]]",
+    ),
+    (r"^\s*\[[^\[\]=,]*(?P<at>)\s*(?:#.*)?$", "a table's name stands in brackets: [simulation]"),
+    (rf"{_KEY}(?P<at>:)(?!=)", "TOML separates key and value with '=': {key} = ..."),
+    (rf"{_KEY}(?P<at>:=|==)", "TOML separates key and value with '=': {key} = ..."),
+    (rf"{_KEY}=(?P<at>)\s*(?:#.*)?$", "{key} has no value"),
+    (
+        rf"{_VALUE}(?P<at>[Tt][Rr][Uu][Ee]|[Ff][Aa][Ll][Ss][Ee]){_END}",
+        "write true or false, in lower case",
+    ),
+    (rf"{_VALUE}(?P<at>None|null|nil|Null){_END}", "TOML has no empty value: leave the key out"),
+    (
+        rf"{_VALUE}[+-]?(?P<at>(?:NaN|NAN|Inf|INF|Infinity|infinity)){_END}",
+        "the number must be finite",
+    ),
+    (rf"{_VALUE}(?P<at>[+-]?\.\d+)", "a number starts with a digit: 0{tail}"),
+    (rf"{_VALUE}(?P<at>[+-]?\d+\.)(?!\d)", "a number ends with a digit: {at}0"),
+    (rf"{_VALUE}(?P<at>[+-]?0\d[\d.]*)", "a number has no leading zeros"),
+    (rf"=\s*(?P<at>[+-]?\d+,\d+){_END}", "write the decimal point as '.': {dotted}"),
+    (
+        rf"{_VALUE}(?P<at>[A-Za-z_][\w.]*\([^()]*\)?)",
+        "TOML has numbers and texts, no calls: write what {at} gives",
+    ),
+    (
+        rf"{_VALUE}(?!{_NUMBER}{_END})(?P<at>[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*[A-Za-zµ°%][^\"',\]}}#=]*?){_END}",
+        'a number with a unit is text: "{at}"',
+    ),
+    (rf"{_VALUE}(?P<at>[A-Za-z_][\w .-]*?){_END}", 'text stands in quotes: "{at}"'),
+    (rf"{_KEY}(?P<at>)(?:[\w\"'\[{{+-].*)?$", "there must be '=' between key and value: {key} = ..."),
 )
 
 
@@ -66,8 +64,8 @@ class Mistake:
     """A syntax error: what is wrong, where, other places that matter, what to do."""
 
     message: str
-    place: Range
-    also: tuple[tuple[Range, str], ...] = ()
+    place: TextRange
+    also: tuple[tuple[TextRange, str], ...] = ()
     hint: str | None = None
 
 
@@ -88,24 +86,24 @@ def explain(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
     if re.search(r"\\|[Ee]scape|[Hh]ex value", reason):
         advice = "write the text in 'single quotes', or each backslash twice"
         first = max(text.rfind("\\", 0, at + 1), 0)
-        return Mistake("a backslash starts an escape", Range(first, first + 2), hint=advice)
+        return Mistake("a backslash starts an escape", TextRange(first, first + 2), hint=advice)
     if text[at : at + 1] == "}" and (before := text[:at].rstrip()).endswith(","):
-        comma = Range(len(before) - 1, len(before))
+        comma = TextRange(len(before) - 1, len(before))
         return Mistake("a table in braces has no comma after its last key", comma, hint="leave the comma out")
     opening = positions.scan(text).open_bracket
-    if opening is not None and "\n" in text[opening:at] and _STATEMENT.match(_line(text, at)[1]):
+    if opening is not None and "\n" in text[opening:at] and re.match(_STATEMENT, _line(text, at)[1]):
         return _unclosed_bracket(text, opening, at)
     if (typical := _typical(text, at)) is not None:
         return typical
     if opening is not None:
         return _unclosed_bracket(text, opening, at)
-    return Mistake(f"not valid TOML: {reason[:1].lower()}{reason[1:]}", Range(at, at + 1))
+    return Mistake(f"not valid TOML: {reason[:1].lower()}{reason[1:]}", TextRange(at, at + 1))
 
 
 def endless_integer(text: str) -> Mistake:
     """The mistake of an integer with thousands of digits."""
     digits = re.search(r"[\d_]{1000,}", text)
-    place = Range(digits.start(), digits.end()) if digits else Range(0, 1)
+    place = TextRange(digits.start(), digits.end()) if digits else TextRange(0, 1)
     return Mistake("this integer has too many digits", place, hint="write 1e300 for a large number")
 
 
@@ -129,7 +127,7 @@ def _defined_twice(text: str, at: int, reason: str) -> Mistake:
     if not scanned.duplicates:
         return Mistake(
             f"not valid TOML: {reason[:1].lower()}{reason[1:]}",
-            Range(max(at - 1, 0), at),
+            TextRange(max(at - 1, 0), at),
             hint="the same name stands for a value and a table, or for a table and a list of tables",
         )
     path, first, second = scanned.duplicates[0]
@@ -154,7 +152,7 @@ def _typical(text: str, at: int) -> Mistake | None:
     if len(line) > _LONGEST_LINE:
         return None
     for pattern, advice in _MISTAKES:
-        found = pattern.search(line)
+        found = re.search(pattern, line)
         if found is None:
             continue
         groups = found.groupdict()
@@ -163,7 +161,7 @@ def _typical(text: str, at: int) -> Mistake | None:
             key=groups.get("key"), at=what, tail=what.lstrip("+-"), dotted=what.replace(",", ".")
         )
         first = start + found.start("at")
-        return Mistake("not valid TOML", Range(first, first + max(len(what), 1)), hint=words)
+        return Mistake("not valid TOML", TextRange(first, first + max(len(what), 1)), hint=words)
     return None
 
 
@@ -171,16 +169,16 @@ def _unclosed_bracket(text: str, opening: int, at: int) -> Mistake:
     closing = "]" if text[opening] == "[" else "}"
     if at < len(text) and "\n" not in text[opening : at + 1]:
         message = f"expected a value, ',' or {closing!r} here"
-        return Mistake(message, Range(at, at + 1), ((Range(opening, opening + 1), "opened here"),))
-    also = ((Range(at, at + 1), f"{closing!r} expected before this"),) if at < len(text) else ()
-    return Mistake(f"this {text[opening]!r} is not closed", Range(opening, opening + 1), also)
+        return Mistake(message, TextRange(at, at + 1), ((TextRange(opening, opening + 1), "opened here"),))
+    also = ((TextRange(at, at + 1), f"{closing!r} expected before this"),) if at < len(text) else ()
+    return Mistake(f"this {text[opening]!r} is not closed", TextRange(opening, opening + 1), also)
 
 
 def _unclosed_text(text: str, at: int) -> Mistake:
     multi_line = max(text.rfind('"""', 0, at), text.rfind("'''", 0, at))
     if at >= len(text) and multi_line >= 0 and "\n" in text[multi_line:]:
-        return Mistake("this text has no closing quotes", Range(multi_line, multi_line + 3))
+        return Mistake("this text has no closing quotes", TextRange(multi_line, multi_line + 3))
     start = _line(text, at)[0]
     quotes = [start + found.start() for found in re.finditer(r"[\"']", text[start:at])]
     first = quotes[-1] if quotes else max(at - 1, 0)
-    return Mistake("this text has no closing quote", Range(first, max(at, first + 1)))
+    return Mistake("this text has no closing quote", TextRange(first, max(at, first + 1)))

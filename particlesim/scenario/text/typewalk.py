@@ -16,8 +16,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from particlesim.extensions.open_union import OpenUnion
 from particlesim.model.base import field_docs
 from particlesim.model.units import Unit
+from particlesim.model.variants import Tagged
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *inner = get_args(annotation)
+            annotation = next((m.union_of(annotation) for m in inner if isinstance(m, Tagged)), annotation)
             marks = [
                 *chain.from_iterable(m.metadata if isinstance(m, FieldInfo) else [m] for m in inner),
                 *marks,
@@ -83,7 +86,14 @@ def fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def branches(union: Node) -> list[Node]:
-    return [node(branch) for branch in get_args(union.annotation) if branch is not type(None)]
+    """The types of a union, with those that packages have added to it."""
+    added = [model for mark in _open_unions(union) for model in mark.added]
+    return [node(branch) for branch in (*get_args(union.annotation), *added) if branch is not type(None)]
+
+
+def _open_unions(union: Node) -> list[OpenUnion]:
+    """The mark of a union to which packages may add types."""
+    return [mark for mark in union.metadata if isinstance(mark, OpenUnion)]
 
 
 def tag_key(kind: Node) -> str:
@@ -94,9 +104,11 @@ def tag_key(kind: Node) -> str:
 
 
 def tags(kind: Node) -> list[str]:
-    """The values of their tag that the models under `kind` stand for."""
+    """The values of their tag that the models under `kind` stand for; those that installed packages offer are among them."""
     if kind.is_union:
-        return [tag for branch in branches(kind) for tag in tags(branch)]
+        known = [tag for branch in branches(kind) for tag in tags(branch)]
+        offered = [name for mark in _open_unions(kind) for name in mark.names()]
+        return list(dict.fromkeys((*known, *offered)))
     key = tag_key(kind)
     if kind.model is None or key not in kind.model.model_fields:
         return []

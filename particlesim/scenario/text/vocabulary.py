@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
+from particlesim.scenario.extensions import count_added
 from particlesim.scenario.text import typewalk
 from particlesim.scenario.text.typewalk import Node
 
@@ -23,9 +24,14 @@ class Place(NamedTuple):
     model: type[BaseModel]
 
 
-@functools.cache
 def vocabulary(root: type[BaseModel]) -> dict[str, tuple[Place, ...]]:
     """The keys of all tables under the model `root`, and the values that tell types of tables apart, with their places."""
+    return _vocabulary(root, count_added())
+
+
+@functools.lru_cache(maxsize=4)
+def _vocabulary(root: type[BaseModel], added: int) -> dict[str, tuple[Place, ...]]:
+    """The words once packages have added so many types."""
     found: dict[str, dict[Place, None]] = {}
     for word, place in _walk(typewalk.node(root), "", None, ()):
         found.setdefault(word, {})[place] = None

@@ -1,0 +1,69 @@
+"""The table of columns: what a group keeps of every particle.
+
+State, blocks, what steps keep and put back, snapshots, checkpoints, births, deaths, growth and joining follow from it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.model.attributes import FURTHER
+
+
+class Column(NamedTuple):
+    """A column of a group: an array [n], or [rows, n] of several rows.
+
+    `name` in GroupState; `unit` "" if it has none; `kernel` the fields of `columns.Columns` that show it to kernels; `rows`
+    is METHOD where the method decides; `dtype` is None for the precision of the run; `changes` if a step may change it.
+    `part` is what a group must have for the column to have a length at all, None for what all groups have.
+    """
+
+    name: str
+    unit: str
+    kernel: tuple[str, ...] = ()
+    rows: int = 1
+    dtype: Any = None
+    changes: bool = False
+    part: str | None = None
+
+    def empty(self, capacity: int, precision: Any, parts: frozenset[str], memory: int) -> NDArray[Any]:
+        """The column of a group that has some parts; zeros, which take no memory before they are written."""
+        size = capacity if self.part is None or self.part in parts else 0
+        rows = memory if self.rows == METHOD else self.rows
+        shape = (size,) if self.rows == 1 else (rows, size)
+        return np.zeros(shape, precision if self.dtype is None else self.dtype)
+
+
+METHOD = -1
+"""As many rows as the method remembers numbers."""
+
+CLOCK = "clock"
+"""Part of groups whose particles may be born, die, stick or be pinned."""
+
+TABLE: tuple[Column, ...] = (
+    Column("x", "m", ("x", "y", "z"), rows=3, changes=True),
+    Column("v", "m/s", ("vx", "vy", "vz"), rows=3, changes=True),
+    Column("mass", "kg", ("m",)),
+    Column("radius", "m", ("r",)),
+    Column("id", "", dtype=np.int64),
+    Column("memory", "", ("memory",), rows=METHOD, changes=True),
+    Column("birth", "s", ("thermal",), dtype=np.float64, part=CLOCK),
+    Column("start", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
+    Column("stop", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
+    Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
+    Column("cause", "", dtype=np.uint8, part=CLOCK),
+    Column("heat", "K", ("thermal",), dtype=np.float64, part="temperature"),
+    *(Column(each.name, each.unit, ("further",), part=each.name) for each in FURTHER),
+)
+"""All columns. Of every one the particles that are there are part of the saved state."""
+
+CHANGING = tuple(dict.fromkeys(field for column in TABLE if column.changes for field in column.kernel))
+"""Fields of `columns.Columns` that a step may change."""
+
+
+def column_of(attribute: str) -> str:
+    """The column of an attribute at the start: `heat` for the temperature, which may change by a law of its own."""
+    return "heat" if attribute == "temperature" else attribute

@@ -1,0 +1,110 @@
+"""A world: a scenario, its graph, its islands, the states of its groups, and the time they have reached.
+
+Whatever looks at particles without moving them, as stability and diagnosis do, looks at a `World`; `engine/simulation.py`
+advances one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.emitters import Emitter
+from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.initial import populate
+from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.topology import topology
+from particlesim.graph.graph import Graph, build_graph
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.topology import Topology
+
+
+class World:
+    """The particles of a scenario at one time, at first as they are laid out.
+
+    `islands` are what steps together, in the order of the graph's islands; `states` are those of the scenario's groups, in
+    its order; `step` is the number of steps that have been made. `block` is the number of particles that step together in
+    cache; results do not depend on it.
+    Raises UsageError when a file that the scenario names cannot be read.
+    """
+
+    def __init__(self, scenario: Scenario, *, block: int | None = None) -> None:
+        self.scenario = scenario
+        self.graph: Graph = build_graph(scenario)
+        self.step = 0
+        self.islands = self._populate(block)
+        by_name = {state.name: state for island in self.islands for state in island.states}
+        self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
+
+    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
+        emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
+        states: dict[str, GroupState] = {}
+        first_id = 0
+        for island in self.graph.islands:
+            for group in island.groups:
+                if not isinstance(group, Emitter):
+                    states[group.name] = populate(self.scenario, island, group)
+        for group in self.scenario.particles:  # ids run through the groups in the scenario's order
+            state = states[group.name]
+            state.id[: state.count] += first_id
+            first_id += state.count
+        islands: list[IndependentIsland | CoupledIsland] = []
+        for island in self.graph.islands:
+            if island.coupled:
+                islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))
+                continue
+            (group,) = island.groups
+            # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
+            births = (
+                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
+            )
+            state = states.get(group.name) or populate(self.scenario, island, group)
+            extra = {} if block is None else {"block": block}
+            islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
+        return islands
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.step * self.scenario.grid.dt
+
+    @property
+    def count(self) -> int:
+        """Particles alive."""
+        return sum(state.count for state in self.states)
+
+    def broken(self) -> dict[str, tuple[int, int]]:
+        """For every set of springs that can break: how many are broken, and how many there were."""
+        return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
+
+    def topology(self) -> list[Topology]:
+        """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
+        return topology(self.scenario, self.islands, self.states)
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        return {
+            name: each.broke
+            for island in self.islands
+            for name, each in zip(island.names, island.interactions, strict=True)
+            if each.broke is not None
+        }
+
+    def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
+        """Sum of all forces on every particle of a group [N], shape [n, 3]."""
+        for island in self.islands:
+            if any(member is state for member in island.states):
+                names = [member.name for member in island.states]
+                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
+        raise ValueError(f"{state.name} is no group of this simulation")
+
+
+def rows(states: Sequence[GroupState]) -> list[slice]:
+    """Rows of every group in a frame: groups follow each other."""
+    ends = np.cumsum([0, *(state.count for state in states)]).tolist()
+    return [slice(a, b) for a, b in pairwise(ends)]

@@ -1,0 +1,149 @@
+"""The tables of a scenario: everything that a scenario file may say, before its parts are held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from pydantic import PrivateAttr
+
+from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
+from particlesim.checks.check import Check
+from particlesim.colliders import AnyCollider, Collider, Plane
+from particlesim.emitters import Emitter
+from particlesim.forces import AnyForce
+from particlesim.groups.group import Group, Particles
+from particlesim.groups.impulse import Impulse
+from particlesim.groups.motion import Motion
+from particlesim.model.attributes import ATTRIBUTES
+from particlesim.model.base import Line, Model, Prose
+from particlesim.sampling.random_streams import Streams
+from particlesim.scenario.rendering import RenderSettings
+from particlesim.scenario.time_and_output import Output, SimulationSettings
+
+
+class Tables(Model):
+    """The tables of a scenario file, and what follows from them alone; `Scenario` also checks that they agree."""
+
+    format: Literal[1] = 1
+    """Version of the scenario format."""
+    title: Line = ""
+    """A line that names the scene, for summaries and videos."""
+    description: Prose = ""
+    """What the scene shows."""
+    simulation: SimulationSettings
+    """Time, method, seed and precision."""
+    output: Output = Output()
+    """Which moments and which quantities go to the trajectory."""
+    particles: tuple[Particles, ...] = ()
+    """Particles that are there from the start."""
+    emitters: tuple[Emitter, ...] = ()
+    """Sources of particles."""
+    forces: tuple[AnyForce, ...] = ()
+    """What acts on particles."""
+    springs: tuple[Springs, ...] = ()
+    """Springs between listed particles."""
+    rods: tuple[Rods, ...] = ()
+    """Pairs of particles whose distance does not change."""
+    angles: tuple[Angles, ...] = ()
+    """Springs that keep the angle at the middle one of three particles."""
+    dihedrals: tuple[Dihedrals, ...] = ()
+    """Springs that keep the fold between two triangles."""
+    motions: tuple[Motion, ...] = ()
+    """Paths of pinned particles."""
+    planes: tuple[Plane, ...] = ()
+    """Half-spaces that hold particles back: colliders of type "plane"."""
+    colliders: tuple[AnyCollider, ...] = ()
+    """Shapes that hold particles back."""
+    impulses: tuple[Impulse, ...] = ()
+    """Kicks at given times."""
+    checks: tuple[Check, ...] = ()
+    """What must hold; a run that breaks one has failed."""
+    render: RenderSettings = RenderSettings()
+    """How videos look."""
+
+    _folder: Path | None = PrivateAttr(default=None)
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder that relative paths in the scenario start from; None for a scenario made in Python."""
+        return self._folder
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """All groups: laid out ones, then those of emitters."""
+        return (*self.particles, *self.emitters)
+
+    @property
+    def all_colliders(self) -> tuple[Collider, ...]:
+        """All that holds particles back: planes, then the other colliders."""
+        return (*self.planes, *self.colliders)
+
+    def streams(self, group: Group) -> Streams:
+        """The random streams of a group."""
+        return Streams(self.simulation.seed, group.name)
+
+    def force_labels(self) -> tuple[str, ...]:
+        """A name of its own for every force and set of springs, as in the ledger: 'gravity', 'drag', 'drag_2' ..."""
+        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
+        names += [bonds.name for group in self.particles for bonds in group.bonds()]
+        names += [hinges.name for hinges in (*self.angles, *self.dihedrals)]
+        names += [hinges.name for group in self.particles for hinges in group.hinges()]
+        return distinct(names)
+
+    @property
+    def bonds(self) -> tuple[BondSet, ...]:
+        """All sets of springs, each with its name in the ledger."""
+        labels = self.force_labels()[len(self.forces) :]
+        listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
+        return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def rod_sets(self) -> tuple[RodSet, ...]:
+        """All sets of rods, each with a name of its own."""
+        labels = distinct([rods.name for rods in self.rods], self.force_labels())
+        listed = (
+            rods.rods(label, ("rods", k))
+            for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
+        )
+        bodies = (
+            each
+            for k, group in enumerate(self.particles)
+            for each in group.rods(("particles", k, "springs", "rigid"), self.folder)
+        )
+        return (*listed, *bodies)
+
+    @property
+    def hinges(self) -> tuple[HingeSet, ...]:
+        """All angles and dihedrals, each set with its name in the ledger."""
+        listed = (*self.angles, *self.dihedrals)
+        labels = self.force_labels()[len(self.forces) + len(self.bonds) :]
+        made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
+        return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
+
+    def recorded_fields(self) -> tuple[str, ...]:
+        """Fields of the trajectory beside position and id."""
+        groups = ("group",) if len(self.groups) > 1 else ()
+        if self.output.fields is not None:
+            return (*self.output.fields, *groups)
+        fields = ["velocity"]
+        fields += [
+            name
+            for name, attribute in ATTRIBUTES.items()
+            if attribute.recorded and any(group.has(name) for group in self.groups)
+        ]
+        return (*fields, *groups)
+
+
+def distinct(names: Iterable[str], taken: Iterable[str] = ()) -> tuple[str, ...]:
+    """Names of their own, also beside those that are `taken`: 'drag', 'drag_2', 'drag_3' ..."""
+    used, found = set(taken), []
+    for base in names:
+        label, k = base, 1
+        while label in used:
+            k += 1
+            label = f"{base}_{k}"
+        used.add(label)
+        found.append(label)
+    return tuple(found)

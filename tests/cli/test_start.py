@@ -1,0 +1,79 @@
+"""What a command needs not, it does not import and does not compile: a small run starts like a script."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import environment
+
+LED = """
+format = 1
+[simulation]
+duration = 0.1
+dt = 0.01
+[[particles]]
+name = "rope"
+layout = { type = "rope", start = [0, 0, 0], end = [1, 0, 0], count = 5, pinned = "both" }
+springs = { structural = 100.0 }
+[[motions]]
+on = "rope"
+path = ["x + sin(t)", "y", "z"]
+"""
+FREE = """
+format = 1
+[simulation]
+duration = 0.1
+dt = 0.01
+[[particles]]
+layout = { type = "points", position = [[0, 0, 0]] }
+[[forces]]
+type = "gravity"
+"""
+
+
+def run(code: str, folder: Path) -> str:
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**environment(), "PSIM_CACHE_DIR": str(folder / "cache")},
+        cwd=folder,
+        check=True,
+    )
+    return ended.stdout
+
+
+def test_a_warm_run_without_output_imports_what_it_uses(tmp_path: Path) -> None:
+    (tmp_path / "free.toml").write_text(FREE)
+    code = "import sys\nimport particlesim as ps\nps.run('free.toml', threads=2)\nprint(*sorted(sys.modules))"
+    run(code, tmp_path)
+    imported = set(run(code, tmp_path).split())
+    not_used = {
+        "particlesim.compiler.walker",
+        "particlesim.compiler.elementary",
+        "particlesim.scenario.text.diagnose",
+        "concurrent.futures",
+        "h5py",
+        "scipy",
+        "pint",
+        "rich",
+        "typer",
+        "difflib",
+    }
+    assert "particlesim.compiler.machine" in imported
+    assert imported & not_used == set()
+
+
+@pytest.mark.parametrize("scene", [LED, FREE], ids=["led", "free"])
+def test_check_compiles_nothing(scene: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(scene)
+    code = "import sys; sys.argv = ['psim', 'check', 'scene.toml']\n"
+    code += "try:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
+    code += "print('walker:', 'particlesim.compiler.walker' in sys.modules)"
+    told = run(code, tmp_path)
+    assert "walker: False" in told
+    assert "stable dt" in told
