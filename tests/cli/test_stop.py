@@ -81,15 +81,15 @@ def test_a_signal_that_the_end_of_an_object_swallows_is_heard(psim, monkeypatch,
     """As in the libraries of the compiler, which let go of many objects while kernels are loaded."""
     from pathlib import Path
 
-    from particlesim.engine.simulation import Simulation
+    from particlesim.engine.world import World
 
-    begin = Simulation.__init__
+    begin = World.__init__
 
     def swallow(*given, **named):
         Mortal()
         begin(*given, **named)
 
-    monkeypatch.setattr(Simulation, "__init__", swallow)
+    monkeypatch.setattr(World, "__init__", swallow)
     ended = psim(*arguments)
     assert ended.code == 130
     assert "interrupted" in ended.err

@@ -173,7 +173,7 @@ STILL = ["x", "y", "z"]
         ([{"on": "flag", "particles": [12], "path": STILL}], "there is no particle 12"),
         ([{"on": "flag", "particles": "lefft", "path": STILL}], "no part called 'lefft'"),
         ([{"on": "flag", "particles": [0], "path": ["x", "vy", "z"]}], "cannot depend on vy"),
-        ([{"on": "flag", "particles": [0], "path": ["x", "q", "z"]}], "unknown name 'q'"),
+        ([{"on": "flag", "particles": [0], "path": ["x", "w", "z"]}], "unknown name 'w'"),
         ([{"on": "flag", "particles": [0], "path": ["x", "1/t", "z"]}], "not finite at t = 0"),
         ([{"on": "flag", "particles": [0]}], "a path or waypoints"),
         (
