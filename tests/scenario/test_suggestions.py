@@ -58,10 +58,27 @@ def hint(more: str) -> str:
         ("[[forces]]\ntype = 'gravity'\nviscosity = 1", 'of type "stokes_drag" or "drag"'),
         ("[[force]]\ntype = 'gravity'", 'did you mean "forces"?'),
         ("[[plane]]", 'did you mean "planes"?'),
+        ("[[sources]]", "[[emitters]] are sources"),
+        ("[[attractors]]", '"attractor" is a type of [[forces]]'),
+        ("[[magnets]]", "charges do not act on each other"),
+        ("[[boids]]", "psim has no forces between all pairs"),
+        ("[[joints]]", "[[rods]] keep distances"),
+        ("[[contacts]]", "psim has no contact between particles"),
+        ("[[forces]]\ntype = 'lift'", 'the force of a "field"'),
+        ("[[planes]]\nmu = 0.3", "psim has no friction"),
+        ("[[springs]]\non = 'ball'\nwithin = 1\nstiffness = 1\nbreak = 3", '"break_strain" or "break_force"'),
     ],
 )
 def test_words_of_other_tools_lead_to_ours(more: str, said: str) -> None:
     assert said in hint(more)
+
+
+@pytest.mark.parametrize(
+    "more",
+    ["[[boxes]]", "[[lines]]", "[[lifts]]", "[[planes]]\nlift = 1", "[[planes]]\nboid = 1"],
+)
+def test_short_words_are_not_taken_for_other_words(more: str) -> None:
+    assert "did you mean" not in hint(more)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,8 @@ from particlesim.scenario.text.vocabulary import Place, vocabulary, whereabouts
 THESAURUS = Path(__file__).with_name("thesaurus.toml")
 ANYWHERE = "anywhere"
 TOP = "file"
+LONG = 7
+"""Letters from which on a misspelt word of other tools is known: "boids" are no bonds, and "lift" is not "life"."""
 
 
 def suggestion(
@@ -34,20 +36,26 @@ def suggestion(
     sure = did_you_mean(word, numbers) or translation(word, steps)
     if sure is not None:
         return sure
-    if word in vocabulary(root):  # spelt as it should be
-        return _belongs(word, steps, root, key=key)
+    for ours in (word, _singular(word)):
+        if ours in vocabulary(root):  # spelt as it should be
+            return _belongs(ours, steps, root, key=key)
     return did_you_mean(word, known) or _near_translation(word, steps)
 
 
 def translation(word: str, steps: Sequence[str] | None = None) -> str | None:
     """What the thesaurus says of `word` at an address, or with None at any; None where it does not know it."""
-    return _entries(steps).get(folded(word))
+    entries = _entries(steps)
+    return entries.get(folded(word)) or entries.get(_singular(folded(word)))
+
+
+def _singular(word: str) -> str:
+    return word.removesuffix("s")
 
 
 def _near_translation(word: str, steps: Sequence[str]) -> str | None:
     """What the thesaurus says of a word that `word` misspells."""
     entries = _entries(steps)
-    near = near_miss(word, [other for other in entries if len(other) > 3])
+    near = near_miss(word, [other for other in entries if len(other) >= LONG])
     return None if near is None else f'did you mean "{near}"? {entries[near]}'
 
 
