@@ -13,6 +13,12 @@ from .conftest import Ended
 
 
 @pytest.fixture(autouse=True)
+def nothing_requested(monkeypatch):
+    """A signal that a test sends is not heard by commands of later tests in the same process."""
+    monkeypatch.setattr(stop, "_requested", False)
+
+
+@pytest.fixture(autouse=True)
 def handlers():
     """Put the handlers back."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
