@@ -62,8 +62,8 @@ class Island:
 
     @property
     def coupled(self) -> bool:
-        """Whether its particles act on each other."""
-        return bool(self.interactions or self.rods)
+        """Whether its particles step together: they act on each other, or their method has one step for all."""
+        return bool(self.interactions or self.rods) or self.method.together
 
 
 @dataclass(frozen=True)
