@@ -85,8 +85,8 @@ def test_nothing_to_do_is_done() -> None:
 
 
 def test_balls_bounce() -> None:
-    # Contact ends a polynomial. Within the step of an impact, particles that step together are followed under its mean force,
-    # kick by kick: the place is off by g dt²/2 times the part after the impact.
+    # Contact ends a polynomial. Within the step of an impact particles that step together are followed under its mean
+    # force, in one kick and one drift: the place is off by g dt²/2 at most.
     r = simulate(
         1.0,
         0.01,
