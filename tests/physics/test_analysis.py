@@ -85,7 +85,7 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
 def test_temperature_is_that_of_the_motion_about_the_centre() -> None:
     rng = np.random.default_rng(4)
     m = 6.6e-26
-    v = rng.normal(scale=math.sqrt(BOLTZMANN * 300 / m), size=(20_000, 3)) + [500, 0, 0]
+    v = rng.normal(scale=math.sqrt(BOLTZMANN * 300 / m), size=(20_000, 3)) + np.array([500.0, 0, 0])
     assert temperature(v, m) == pytest.approx(300, rel=5 * math.sqrt(2 / 3 / 20_000))
 
 
