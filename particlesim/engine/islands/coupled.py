@@ -34,6 +34,7 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod
+from particlesim.interactions import PairSet
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -65,7 +66,8 @@ class CoupledIsland:
             attributes_read(*each)
             for each in zip(island.forces, island.colliders, island.groups, strict=True)
         )
-        self._read = frozenset[str]().union(*read)
+        pairs = (each.law.needs() for each in island.interactions if isinstance(each, PairSet))
+        self._read = frozenset[str]().union(*read, *pairs)
         self.parts = assembly.parts_of(island, self._bounds, dtype)
         self._driven = assembly.driven_in(self.states, self._bounds)
         site = Site(scenario, self._all, self.states)
