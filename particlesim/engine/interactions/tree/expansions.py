@@ -111,17 +111,20 @@ def moments_shifted(moments: Any, v: Any, last: int) -> Any:
 def field_of(moments: Any, d: Any, first: int, order: int) -> Any:
     """F_n of moments for degrees `first` to `order`, given derivatives at the way from their centre; None below."""
     return tuple(
-        None
-        if n < first
-        else tuple(
-            sum(
-                _dot(moments[j], d[n + j], raised(n, j)[k])
-                for j in range(min(order - n, len(moments) - 1) + 1)
-                if moments[j] is not None
-            )
-            for k in range(size(n))
-        )
+        None if n < first else field_numbers(moments, d, n, tuple(range(size(n))), order)
         for n in range(order + 1)
+    )
+
+
+def field_numbers(moments: Any, d: Any, n: int, chosen: Any, order: int) -> Any:
+    """F_n of moments for some indices of degree n, by their places."""
+    return tuple(
+        sum(
+            _dot(moments[j], d[n + j], raised(n, j)[k])
+            for j in range(min(order - n, len(moments) - 1) + 1)
+            if moments[j] is not None
+        )
+        for k in chosen
     )
 
 

@@ -101,7 +101,7 @@ def sum_field(tree: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
     meet(share.gate, share.threads)
     _from_leaves(tree, sum_up, share)
     if known == 0:
-        _walk_all(tree, Limits(np.inf, FIRST_OPENING * FIRST_OPENING), side, unit, 1 / side_length, share)
+        _walk_all(tree, Limits(np.inf, FIRST_OPENING * FIRST_OPENING, FIRST_OPENING), side, unit, 1 / side_length, share)
         known = _mean(tree.size, tree.chunks, share)
         _load_needs(tree, side, first, last, unit, known, share)
         _from_leaves(tree, weigh, share)

@@ -107,13 +107,38 @@ def size(n: int) -> int:
     return (n + 1) * (n + 2) // 2
 
 
-@functools.cache
 def columns(first: int, last: int, without: int = -1) -> tuple[int, ...]:
     """Where degrees begin in a row that holds those from `first` to `last`, but for one; −1 for what it does not hold; at the
-    end the length of the row."""
+    end the length of the row.
+
+    A function that kernels walk through, unlike the tables, which they only call: so they know of this module, and are
+    compiled anew when it changes.
+    """
+    return _columns(first, last, without)
+
+
+@functools.cache
+def _columns(first: int, last: int, without: int) -> tuple[int, ...]:
     begins, total = [], 0
     for n in range(last + 1):
         held = n >= first and n != without
         begins.append(total if held else -1)
         total += size(n) if held else 0
     return (*begins, total)
+
+
+_PIECE = 60
+"""Products in a piece, about: more at once do not fit into registers, and LLVM makes no vectors of very long loops."""
+
+
+@functools.cache
+def pieces(first: int, order: int) -> tuple[tuple[int, tuple[int, ...]], ...]:
+    """The indices of degrees `first` to `order`, degree and places, in pieces whose sums over all indices up to the order
+    have about as many products."""
+    found = []
+    for n in range(first, order + 1):
+        products = sum(size(j) for j in range(order - n + 1))
+        number = max(1, -(-_PIECE // products))
+        places = tuple(range(size(n)))
+        found += [(n, places[k : k + number]) for k in range(0, size(n), number)]
+    return tuple(found)

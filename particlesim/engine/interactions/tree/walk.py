@@ -41,14 +41,14 @@ from particlesim.engine.interactions.tree.cells import (
 )
 from particlesim.engine.interactions.tree.direct import TARGETS, add_near, pair
 from particlesim.engine.interactions.tree.expansions import (
-    add,
     chain,
     derivatives,
-    field_of,
+    field_numbers,
     field_shifted,
     put,
     taken,
 )
+from particlesim.engine.interactions.tree.indices import columns, pieces
 from particlesim.engine.interactions.tree.form import (
     field_columns,
     first_degree,
@@ -85,6 +85,8 @@ class Limits(NamedTuple):
     """The square of the tolerance: the largest error of a pair of cells relative to the field."""
     widest: float
     """The square of the largest sum of radii over distance."""
+    target: float
+    """The square of the largest radius of a target over distance."""
 
 
 class Given(NamedTuple):
@@ -209,6 +211,7 @@ def _test(
     need = place[b, NEED]
     scale = float((order + 1) * (order + 1)) * need / limits.square
     wide = limits.widest
+    nearest = radius * radius / limits.target
     fars, others = 0, 0
     for i in range(count):
         a = work[i]
@@ -219,7 +222,7 @@ def _test(
         reach = place[a, REACH] + radius
         t = reach * reach
         e2 = scale * place[a, STRENGTH] * place[a, STRENGTH] * t**order
-        is_far = (both * both < wide * r2) & (e2 < r2 ** (order + 2)) & ((both + clear) * (both + clear) <= r2)
+        is_far = (both * both < wide * r2) & (nearest < r2) & (e2 < r2 ** (order + 2)) & ((both + clear) * (both + clear) <= r2)
         far[begin + fars] = a
         rest[others] = a
         fars += 1 if is_far else 0
@@ -234,6 +237,8 @@ def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
     order, into, begins = order_of(form), field_columns(form), moment_columns(form)
     place, moments = cells.place, cells.moments
     source, sums = on_stack(3 + begins[-1], _LANES, np.float64), on_stack(into[-1], _LANES, np.float64)
+    lines = columns(0, order)
+    slopes = on_stack(lines[-1], _LANES, np.float64)
     for k in range(into[-1]):
         for lane in range(_LANES):
             sums[k, lane] = 0.0
@@ -250,8 +255,12 @@ def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
         for lane in range(_LANES):
             v = (source[0, lane], source[1, lane], source[2, lane])
             d = derivatives(v, chain(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] + soft, order))
-            m = taken(source[3:, lane], begins)
-            add(sums[:, lane], into, field_of(m, d, first_degree(form), order))
+            put(slopes[:, lane], lines, d)
+        for n, chosen in pieces(first_degree(form), order):
+            for lane in range(_LANES):
+                d, m = taken(slopes[:, lane], lines), taken(source[3:, lane], begins)
+                for k, number in zip(chosen, field_numbers(m, d, n, chosen, order), strict=True):
+                    sums[into[n] + k, lane] += number
     for k in range(into[-1]):
         for lane in range(_LANES):
             row[k] += sums[k, lane]
