@@ -23,6 +23,7 @@ from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion, Waypoint
 from particlesim.integrators import MethodName, Options
+from particlesim.interactions import PairInteraction
 from particlesim.layouts import Layout
 from particlesim.model.base import Name
 from particlesim.model.units import Unit
@@ -41,6 +42,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),
     (Force, "[forces](#forces)"),
+    (PairInteraction, "[interactions](#interactions)"),
     (MeshSprings, "[springs of bodies](#springs-of-bodies)"),
     (Springs, "[springs](#springs)"),
     (Rods, "[rods](#rods)"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
+from particlesim.interactions import PairInteraction, PairSet
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -30,6 +31,32 @@ def unfelt(force: Force, group: Group) -> str | None:
     if group.dynamics.type == "first_order" and force.needs_velocity():
         return "this force depends on the velocity, which particles without inertia do not have"
     return None
+
+
+def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
+    """The groups whose particles an interaction acts on: those that it names, else all that can feel it."""
+    named = interaction.between or interaction.on
+    if named is not None:
+        return tuple(group for name in named for group in groups if group.name == name)
+    return tuple(group for group in groups if not unmoved(interaction, group))
+
+
+def unmoved(interaction: PairInteraction, group: Group) -> str | None:
+    """Why a group cannot feel an interaction; None if it can."""
+    if group.dynamics.type == "tracer":
+        return "tracers move with their flow; nothing acts on them"
+    if group.dynamics.type == "first_order" and interaction.needs_velocity():
+        return "this interaction depends on the velocity, which particles without inertia do not have"
+    return None
+
+
+def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
+    """All interactions between particles, each with its name in the ledger and its groups."""
+    labels = scenario.force_labels()[-len(scenario.interactions) :]
+    return tuple(
+        PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
+        for label, each in zip(labels, scenario.interactions, strict=False)
+    )
 
 
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:

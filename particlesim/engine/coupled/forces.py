@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
-from particlesim.engine.interactions.interaction import add_elements
+from particlesim.engine.interactions.interaction import add_elements, prepare_elements
 from particlesim.engine.state.columns import block_of, fetch, span
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
@@ -162,6 +162,7 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
     still in the cache. It is None otherwise.
     """
     bring(share.motions, c, share, t)
+    prepare_elements(share.elements, c, share, t)
     order, begun, done = share.order, share.first, 0
     for chunk in range(chunks_of(bonds)):
         begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)

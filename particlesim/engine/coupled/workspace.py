@@ -64,7 +64,7 @@ class StagedEmbedded(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods, else None."""
+    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; None for other methods."""
 
     force: Any
     before: Any
@@ -72,6 +72,7 @@ class Work(NamedTuple):
     pull: Any
     spread: Any
     system: Any = None
+    radau: Any = None
 
 
 class Share(NamedTuple):

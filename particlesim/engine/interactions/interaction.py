@@ -71,7 +71,18 @@ class Interaction:
     spends_as: ClassVar[str | None] = None
     """The name in the ledger of the work that it does beside its potential; None: its own name."""
 
+    prepares: ClassVar[bool] = False
+    """Whether it has something to find out before every sum of forces (`prepare`)."""
+
     # ---- kernels: forces, and the matrix of implicit methods
+
+    def prepare(self, c: Any, share: Any, t: Any) -> None:
+        """Find out what forces need, such as who is near whom, before they are summed at time t.
+
+        All threads of an island call it, with all positions in place; thread `share.number` of `share.threads` owns
+        particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has
+        written what others read, it ends with one, as `add_forces` only reads.
+        """
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         """Add its forces on particles [first, last) at time t to total [3, n]."""
@@ -170,6 +181,19 @@ class Site:
         if not self.whole.clocked:
             return np.zeros(self.whole.count, np.bool_)
         return np.asarray(np.isinf(self.whole.start[: self.whole.count]))
+
+
+@outlined
+def prepare_set(each: Any, c: Any, share: Any, t: Any) -> None:
+    """`prepare` for one set."""
+    type(each).prepare(each, c, share, t)
+
+
+def prepare_elements(sets: Any, c: Any, share: Any, t: Any) -> None:
+    """Let all sets that have to find something out before a sum of forces do so; all threads of an island come here."""
+    for each in sets:
+        if type(each).prepares:
+            prepare_set(each, c, share, t)
 
 
 @outlined

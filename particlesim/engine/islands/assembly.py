@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from particlesim.engine.constraints.shake_rattle import Rods
+from particlesim.engine.coupled.adaptive import step_island_adaptive
+from particlesim.engine.coupled.gauss_radau import staged_gauss_radau, step_island_gauss_radau
 from particlesim.engine.coupled.kernel import step_island
 from particlesim.engine.coupled.workspace import Part, Share, Work, share_out, staged
 from particlesim.engine.implicit.kernel import staged_implicit, step_island_implicit
@@ -19,7 +21,7 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
-from particlesim.integrators import ImplicitMethod
+from particlesim.integrators import GaussRadauMethod, ImplicitMethod
 from particlesim.laws.registry import evaluate, force_dv, force_dx
 
 Interactions = tuple[Any, ...]
@@ -40,7 +42,10 @@ def stepper(
     if isinstance(method, ImplicitMethod):
         solver = General() if _lopsided(island, states) else Symmetric()
         return staged_implicit(method, dtype, solver), step_island_implicit
-    return staged(method, apart=bool(island.rods)), step_island
+    if isinstance(method, GaussRadauMethod):
+        return staged_gauss_radau(method), step_island_gauss_radau
+    step = step_island_adaptive if method.adaptive else step_island
+    return staged(method, apart=bool(island.rods)), step
 
 
 def parts_of(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.constraints.rod_system import rod_system
-from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace, new_pace, step_island_adaptive
+from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace, new_pace
 from particlesim.engine.coupled.forces import island_forces
+from particlesim.engine.coupled.gauss_radau import new_room
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.kernel import StagedImplicit
@@ -32,7 +33,8 @@ from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
-from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
+from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod
+from particlesim.interactions import PairSet
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -64,7 +66,8 @@ class CoupledIsland:
             attributes_read(*each)
             for each in zip(island.forces, island.colliders, island.groups, strict=True)
         )
-        self._read = frozenset[str]().union(*read)
+        pairs = (each.law.needs() for each in island.interactions if isinstance(each, PairSet))
+        self._read = frozenset[str]().union(*read, *pairs)
         self.parts = assembly.parts_of(island, self._bounds, dtype)
         self._driven = assembly.driven_in(self.states, self._bounds)
         site = Site(scenario, self._all, self.states)
@@ -80,6 +83,8 @@ class CoupledIsland:
         self._disturbed = any(island.colliders) or breakable
         looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
         self._work = scratch(self._method, self._all.count, dtype, looks_back=looks_back)
+        if isinstance(self._method, GaussRadauMethod):
+            self._work = self._work._replace(radau=new_room(self._all.memory[:, : self._all.count]))
         if isinstance(self._method, ImplicitMethod):
             bonds, _ = apart(self.interactions)
             self._work = self._work._replace(
@@ -177,7 +182,7 @@ class CoupledIsland:
             bonds, scratch, share = shares[k]
             given = (self._staged, self.parts, bonds, columns, scratch, share)
             if pace is not None:
-                done[k] = step_island_adaptive(*given, pace, first, steps, self.dt)
+                done[k] = self._step(*given, pace, first, steps, self.dt)
             else:
                 done[k] += self._step(*given, first + done[k], steps - done[k], self.dt)
 

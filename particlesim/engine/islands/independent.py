@@ -27,7 +27,7 @@ from particlesim.engine.step.step_size import RESOLVED
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
-from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod, Method
+from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod, Method
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -351,7 +351,7 @@ class Source:
 
 def shortest_step(method: Method, time: float) -> float:
     """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
-    assert isinstance(method, EmbeddedRungeKutta)
+    assert isinstance(method, EmbeddedRungeKutta | GaussRadauMethod)
     return max(method.minimum_step or 0.0, RESOLVED * time)
 
 

@@ -159,6 +159,17 @@ def store(c: Any, i: Any, p: Any) -> None:
     c.vz[i] = p.vz
 
 
+def save(rows: Any, i: Any, p: Any) -> None:
+    """Position and velocity of a particle to column i of rows [6, n]."""
+    rows[0, i], rows[1, i], rows[2, i] = p.x, p.y, p.z
+    rows[3, i], rows[4, i], rows[5, i] = p.vx, p.vy, p.vz
+
+
+def saved(rows: Any, i: Any, p: Any, t: Any) -> Any:
+    """The particle as column i of rows has it, at time t."""
+    return moved_to(p, rows[0, i], rows[1, i], rows[2, i], rows[3, i], rows[4, i], rows[5, i], t)
+
+
 def chosen(condition: Any, p: Any, q: Any) -> Any:
     """Position and velocity of p where the condition holds, else of q: selects, not branches."""
     if condition is None:
