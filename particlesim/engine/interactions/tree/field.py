@@ -29,6 +29,9 @@ LEAF = 64
 """Most particles of a leaf, but for those that all have one key."""
 _CHUNK = 4096
 """Particles whose sums are made one after the other."""
+PARTICLES_PER_CELL = 8
+"""Room is for one cell for so many particles, about twice as many as there are. Without room, leaves stay larger: that is slower,
+and as exact."""
 _TASKS = 128
 """Parts that the walk is cut into, for threads to take in turn."""
 _TASK = 2048
@@ -38,14 +41,14 @@ FIRST_OPENING = 0.5
 LEAST_NEED = 1e-3
 """Errors are relative to the field, or to this part of its mean where that is more."""
 FULL = 0
-"""Place in `report`: not 0 if there was no room for all cells."""
+"""Place in `report`: 1 if there was no room for all cells."""
 
 
 class Tree(NamedTuple):
-    """All that a field is computed with. Sized for a number of particles, of threads, and of cells."""
+    """All that a field is computed with, for a number of particles and of threads; nothing in it outlives an evaluation but
+    its results."""
 
     form: Form
-    limits: Limits
     keys: Keys
     sorted: Sorted
     cells: Cells
@@ -53,47 +56,58 @@ class Tree(NamedTuple):
     borders: NDArray[np.float64]
     """[threads, 8]: smallest and largest coordinates."""
     chunks: NDArray[np.float64]
-    """Sums of |field| over chunks of particles."""
+    """[2, chunks]: sums of |field| over chunks of particles, and of how many feel it."""
     next: NDArray[np.int64]
     """The next part of the walk."""
     report: NDArray[np.int64]
     field: NDArray[np.float64]
     """[3, n]: ∇ Σ w f at every particle, of all others."""
-    size: NDArray[np.float64]
-    """[n]: its length, of the last evaluation; all 0: not known."""
     height: NDArray[np.float64] | None
     """[n]: Σ w f of all others."""
 
 
-def new_tree(form: Form, limits: Limits, count: int, threads: int, cells: int | None = None) -> Tree:
+def new_tree(form: Form, count: int, threads: int) -> Tree:
     """Arrays for so many particles; no results yet."""
-    room = cells if cells is not None else count // 8 + 64
+    room = count // PARTICLES_PER_CELL + 64
     return Tree(
         form,
-        limits,
         new_keys(count, threads),
         Sorted(*(np.zeros(count + TARGETS) for _ in Sorted._fields)),
         new_cells(room + 1, moment_columns(form)[-1]),
         new_room(threads, room, field_columns(form)[-1]),
         np.zeros((threads, 8)),
-        np.zeros(-(-count // _CHUNK)),
+        np.zeros((2, -(-count // _CHUNK))),
         np.zeros(8, np.int64),
         np.zeros(8, np.int64),
         np.zeros((3, count)),
-        np.zeros(count),
         np.zeros(count) if isinstance(form.wanted, Height) else None,
     )
 
 
-def sum_field(tree: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
-    """Set the field at all particles; all threads of the share call it, and it is there when it returns."""
+def for_threads(tree: Tree, threads: int) -> Tree:
+    """The same for another number of threads: what each has to itself is new."""
+    count, cells = tree.field.shape[1], tree.cells.span.shape[0] - 1
+    return tree._replace(
+        keys=tree.keys._replace(counts=new_keys(0, threads).counts),
+        room=new_room(threads, cells, tree.room.fields.shape[2]),
+        borders=np.zeros((threads, 8)),
+    )
+
+
+def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
+    """Set the field at all particles, of all others; all threads of the share call it, and it is there when it returns.
+
+    `w`: the sources; `limits`: how much error is allowed (`walk.limits_of`); `size`: the length of the field at every particle
+    as it was before, which tells what an error means, and is set anew. Where all of it is 0, a first field by angles alone
+    is found beforehand.
+    """
     count = x.size
     first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
     lo, side_length = _enclose(tree, x, y, z, first, last, share)
     side = _order(tree, x, y, z, first, last, lo, 1 / side_length, share)
-    known = _mean(tree.size, tree.chunks, share)
+    known = _mean(size, w, tree.chunks, share)
     unit = 1 / (side_length * side_length)
-    _load(tree, x, y, z, w, side, first, last, lo, 1 / side_length, known, share)
+    _load(tree, size, x, y, z, w, side, first, last, lo, 1 / side_length, known, share)
     if share.number == 0:
         if not build(tree.keys.key[side], count, LEAF, tree.cells):
             tree.report[FULL] = 1
@@ -101,11 +115,12 @@ def sum_field(tree: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
     meet(share.gate, share.threads)
     _from_leaves(tree, sum_up, share)
     if known == 0:
-        _walk_all(tree, Limits(np.inf, FIRST_OPENING * FIRST_OPENING, FIRST_OPENING), side, unit, 1 / side_length, share)
-        known = _mean(tree.size, tree.chunks, share)
-        _load_needs(tree, side, first, last, unit, known, share)
+        by_angle = Limits(np.inf, FIRST_OPENING * FIRST_OPENING, 1.0)
+        _walk_all(tree, by_angle, size, side, unit, 1 / side_length, share)
+        known = _mean(size, w, tree.chunks, share)
+        _load_needs(tree, size, w, side, first, last, unit, known, share)
         _from_leaves(tree, weigh, share)
-    _walk_all(tree, tree.limits, side, unit, 1 / side_length, share)
+    _walk_all(tree, Limits(limits[0], limits[1], limits[2]), size, side, unit, 1 / side_length, share)
 
 
 def _from_leaves(tree: Any, work: Any, share: Any) -> None:
@@ -160,25 +175,30 @@ def _order(
 
 
 @outlined
-def _mean(size: Any, chunks: Any, share: Any) -> Any:
-    """The mean of all sizes, in an order of its own."""
-    number = chunks.size
+def _mean(size: Any, w: Any, chunks: Any, share: Any) -> Any:
+    """The mean size of the field where there is something to feel it, in an order of its own; 0 if nowhere."""
+    number = chunks.shape[1]
     for chunk in range(number * share.number // share.threads, number * (share.number + 1) // share.threads):
-        total = 0.0
+        total, number_here = 0.0, 0.0
         for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, size.size)):
-            total += size[i]
-        chunks[chunk] = total
+            feels = w[i] != 0
+            total += size[i] if feels else 0.0
+            number_here += 1.0 if feels else 0.0
+        chunks[0, chunk] = total
+        chunks[1, chunk] = number_here
     meet(share.gate, share.threads)
-    total = 0.0
+    sum_all, number_all = 0.0, 0.0
     for chunk in range(number):
-        total += chunks[chunk]
+        sum_all += chunks[0, chunk]
+        number_all += chunks[1, chunk]
     meet(share.gate, share.threads)
-    return total / size.size
+    return sum_all / max(number_all, 1.0)
 
 
 @outlined
 def _load(
     tree: Any,
+    size: Any,
     x: Any,
     y: Any,
     z: Any,
@@ -199,17 +219,19 @@ def _load(
         s.y[i] = (y[j] - lo[1]) * scale
         s.z[i] = (z[j] - lo[2]) * scale
         s.w[i] = w[j]
-    _load_needs(tree, side, first, last, scale * scale, known, share)
+    _load_needs(tree, size, w, side, first, last, scale * scale, known, share)
 
 
 @outlined
-def _load_needs(tree: Any, side: Any, first: Any, last: Any, unit: Any, known: Any, share: Any) -> None:
-    """1/g² by the field that is known, g in units of the box."""
-    index, need, size = tree.keys.index[side], tree.sorted.need, tree.size
+def _load_needs(
+    tree: Any, size: Any, w: Any, side: Any, first: Any, last: Any, unit: Any, known: Any, share: Any
+) -> None:
+    """1/g² by the field that is known, g in units of the box; 0 where nothing feels it."""
+    index, need = tree.keys.index[side], tree.sorted.need
     least = LEAST_NEED * known
     for i in range(first, last):
-        g = max(size[index[i]], least)
-        need[i] = unit * unit / (g * g) if g > 0 else 1.0
+        g = max(size[index[i]], least) / unit
+        need[i] = 1 / (g * g) if (g > 0) & (w[index[i]] != 0) else 0.0
     meet(share.gate, share.threads)
 
 
@@ -222,11 +244,11 @@ def _empty_cell(cells: Any) -> None:
         cells.place[c, k] = 9.0
 
 
-def _walk_all(tree: Any, limits: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
+def _walk_all(tree: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
     """The sums of all particles: threads take parts of the walk in turn."""
-    given = Given(tree.keys.index[side], tree.field, tree.size, tree.height, unit, scale)
+    given = Given(tree.keys.index[side], tree.field, size, tree.height, unit, scale)
     room = Room(*(each[share.number] for each in tree.room))
-    count = tree.size.size
+    count = size.size
     parts = min(_TASKS, count // _TASK + 1)
     part = atomic_add(tree.next, 0, 1)
     while part < parts:
@@ -247,7 +269,7 @@ def _walk_all(tree: Any, limits: Any, side: Any, unit: Any, scale: Any, share: A
     meet(share.gate, share.threads)
 
 
-class Team(NamedTuple):
+class Hand(NamedTuple):
     """Who works: as much of `coupled.workspace.Share` as is needed here."""
 
     number: int
@@ -256,6 +278,6 @@ class Team(NamedTuple):
 
 
 @kernel
-def field_of_all(tree: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
+def field_of_all(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
     """`sum_field`, to be called by each thread of a team."""
-    sum_field(tree, x, y, z, w, share)
+    sum_field(tree, limits, size, x, y, z, w, share)
