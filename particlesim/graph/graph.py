@@ -65,6 +65,13 @@ class Island:
         """Whether its particles act on each other."""
         return bool(self.interactions or self.rods)
 
+    @property
+    def changes(self) -> bool:
+        """Whether particles may be born or die."""
+        return any(isinstance(group, Emitter) for group in self.groups) or any(
+            each.contact == "kill" for colliders in self.colliders for each in colliders
+        )
+
 
 @dataclass(frozen=True)
 class Graph:

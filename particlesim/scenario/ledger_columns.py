@@ -9,7 +9,7 @@ from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import KILL, has_law, potential
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.scenario.reach import acts_on, held_back
+from particlesim.scenario.reach import acts_on, held_back, may_break
 from particlesim.scenario.tables import Tables
 
 
@@ -19,7 +19,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     stored = [
         label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
     ] + list(labels[len(scenario.forces) :])
-    broken = [bonds.name for bonds in scenario.bonds if bonds.law.breaks]
+    broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
         *(f"died.{cause}" for cause in deaths(scenario)),

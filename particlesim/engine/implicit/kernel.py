@@ -32,7 +32,7 @@ from particlesim.engine.implicit.krylov import (
     summed,
 )
 from particlesim.engine.implicit.linear_system import linearise
-from particlesim.engine.state.columns import fetch, recall, span, type_of
+from particlesim.engine.state.columns import fetch, in_step, recall, span, type_of
 from particlesim.engine.step.newton import GROWTH, HALVINGS, ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
@@ -243,8 +243,21 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
         s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
 
 
+def cut_short(clock: Any, i: Any, before: Any, c: Any, t: Any, end: Any, h: Any) -> Any:
+    """How long particle i moved in the step [t, end]; one that is born or dies in it moves for that part of the step of the
+    others, along a straight line, so that it stays between the beginning and a solution however stiff forces are."""
+    if clock is None:
+        return h
+    _, hi = span(clock, i, t, end, h)
+    if hi < h:
+        part = hi / h
+        for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+            column[i] = before[k, i] + part * (column[i] - before[k, i])
+    return hi
+
+
 def recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> None:
-    """Remember how far particle i came in the step that has been done."""
+    """Remember how far particle i came in the step of length h that has been done."""
     if len(memory) == 0:
         return
     for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
@@ -268,7 +281,7 @@ def finish(
                     v[i] = two * v[i] - before[3 + k, i]
     for i in range(share.first, share.last):
         if s.free[i] > 0:
-            recollect(c.memory, i, before, c, h)
+            recollect(c.memory, i, before, c, cut_short(c.clock, i, before, c, t, end, h))
 
 
 @kernel
@@ -280,7 +293,7 @@ def step_island_implicit(
     for step in range(steps):
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
-        evolve_implicit(method, parts, bonds, c, work, share, t, end, h)
+        evolve_implicit(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
