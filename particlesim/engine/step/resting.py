@@ -1,7 +1,6 @@
 """Lasting contact: the step of a particle that lies on a collider, in closed form.
 
-A particle lies where it touches a collider and does not move into it by its own velocity, and yet the free step ends
-inside. The contact force then cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the
+A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the
 free end, which is put back on the surface without rebound. Friction acts as a constant force of the step, with v the
 velocity along the surface relative to it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
 
@@ -25,6 +24,8 @@ from particlesim.colliders.response import (
     ResponseRecord,
     along,
     belt_along,
+    crossable,
+    opposite,
     put_back,
     rebound,
     sliding,
@@ -36,12 +37,41 @@ from particlesim.laws.registry import PASS, gap, moved_to, normal
 
 
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
-    """Whether a step from p to q is rest on a collider. Any hop of p is shorter than the step, and so are all that would
-    follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops have died out, only
-    touching counts."""
+    """Whether a step from p to q is rest on a collider: p touches it, its own velocity explains less than half of how deep
+    q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so are all that would follow; one
+    on an elastic collider does not end, unless there is none. Where it is `sure` that hops have died out, only touching
+    counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    calm = (coasting >= -slack) & ((c.response.bounce < 2) | (coasting <= slack)) | sure
-    return (gap(c, p) <= slack) & (gap(c, q) < 0) & calm & (c.response.outcome == PASS)
+    deep, _ = sunk(c, p, q)
+    calm = (coasting >= type_of(h, 0.5) * deep - slack) & (c.response.bounce < 2)
+    calm |= (abs(coasting) <= slack) | sure
+    return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
+
+
+def sunk(c: Any, p: Any, q: Any) -> Any:
+    """Gap and normal of a collider for the end q of a step from p, which touches it: those of the side that p is on. A free
+    step may well lead through a thin sheet on which a particle lies, and there is no other side for it."""
+    g, n = gap(c, q), normal(c, q)
+    if not crossable(c):
+        return g, n
+    m = normal(c, p)
+    depth = gap(c, p) + m[0] * (q.x - p.x) + m[1] * (q.y - p.y) + m[2] * (q.z - p.z)
+    behind = opposite(c, p, q) & (depth < 0)
+    return depth if behind else g, tuple(a if behind else b for a, b in zip(m, n, strict=True))
+
+
+def lifted(c: Any, p: Any, q: Any) -> Any:
+    """The place of q put back on the side of a collider that p is on."""
+    if not crossable(c):
+        return put_back(c.shape, q, gap(c, q), normal(c, q))
+    g, n = sunk(c, p, q)
+    x, y, z = put_back(c.shape, q, gap(c, q), normal(c, q))
+    behind = opposite(c, p, q)
+    return (
+        q.x - g * n[0] if behind else x,
+        q.y - g * n[1] if behind else y,
+        q.z - g * n[2] if behind else z,
+    )
 
 
 def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
@@ -69,11 +99,11 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around."""
     response, one = c.response, type_of(h, 1)
     zero = one - one
-    g, n = gap(c, q), normal(c, q)
+    _, n = sunk(c, p, q)
     approach = along(n, q)
     push = max(-approach, zero)
     if response.friction is None:
-        there = _at(q, put_back(c.shape, q, g, n), (q.vx, q.vy, q.vz))
+        there = _at(q, lifted(c, p, q), (q.vx, q.vy, q.vz))
         dull = ResponseRecord(one, response.loss, response.keep, response.outcome, None, None, response.belt)
         after = rebound(dull, n, approach, q)
         hit = approach < 0
@@ -105,29 +135,33 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
     there = _at(q, ends, (q.vx, q.vy, q.vz))
-    ends = put_back(c.shape, there, gap(c, there), normal(c, there))
+    ends = lifted(c, p, there)
     if response.belt is None:
         rests = calm & (not slides)
         ends = tuple(old if rests else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
-    slid = tuple(None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True))
+    slid = tuple(
+        None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
+    )
     turns = not (slides | calm | firm)
     return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one
 
 
 def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
-    turns around; and whether both of them press."""
+    turns around; and whether both of them press. Creases of surfaces that run are not this simple, and none."""
     one = type_of(h, 1)
+    if c.response.belt is not None or d.response.belt is not None:
+        return q, one, False
     zero = one - one
-    n, m = _full(normal(c, q), zero), _full(normal(d, q), zero)
+    (deep, n), (low, m) = sunk(c, p, q), sunk(d, p, q)
+    n, m = _full(n, zero), _full(m, zero)
     velocity = (q.vx, q.vy, q.vz)
     lean = _dot(n, m)
     spread = one - lean * lean
     # Normal impulses J n + K m that end both approaches, and the shift that closes both gaps.
     a, b = -_dot(n, velocity), -_dot(m, velocity)
     j, k = (a - lean * b) / spread, (b - lean * a) / spread
-    a, b = -gap(c, q), -gap(d, q)
-    f, g = (a - lean * b) / spread, (b - lean * a) / spread
+    f, g = (lean * low - deep) / spread, (lean * deep - low) / spread
     ends = tuple(x + f * u + g * v for x, u, v in zip((q.x, q.y, q.z), n, m, strict=True))
     inverse = one / np.sqrt(spread)
     way = (
@@ -139,7 +173,7 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     for each, push in ((c.response, j), (d.response, k)):
         if each.friction is not None:
             static, kinetic = static + each.friction.static * push, kinetic + each.friction.kinetic * push
-    # Along the crease; a surface that runs takes along as its share of the friction is.
+    # Along the crease, as `held` along a surface
     before, after = _dot(way, (p.vx, p.vy, p.vz)), _dot(way, velocity)
     change = after - before
     calm = abs(before) <= tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
