@@ -61,7 +61,7 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
     """The same collider for what lies on it."""
-    return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0)))
+    return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0), falling=None))
 
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:

@@ -13,7 +13,7 @@ from particlesim.scenario.rules import interactions, joints
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
-from particlesim.scenario.rules.tolerances import too_fine
+from particlesim.scenario.rules.tolerances import few_bodies, too_fine
 from particlesim.scenario.tables import Tables
 
 MOST_BIRTHS = 10**12
@@ -174,6 +174,7 @@ CHECKS = (
     joints.held,
     pictures.colors,
     too_fine,
+    few_bodies,
     pictures.styles,
     disagreements,
 )

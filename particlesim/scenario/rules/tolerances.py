@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
-from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, Options, method_for
+from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, GaussRadauMethod, Options, method_for
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.tables import Tables
 
@@ -27,6 +27,43 @@ def too_fine(scenario: Tables) -> Iterator[Invalid]:
                 (*path, "tolerance") if written else path,
                 allowed=f"a tolerance of {least:.2g} or more",
                 hint='precision = "double" holds 1.4e-14' if precision == "single" else None,
+            )
+
+
+def few_bodies(scenario: Tables) -> Iterator[Invalid]:
+    """What IAS15 is not made for: numbers that round more than it errs, bodies that come and go, the ledger's work."""
+    for path, integrator in _places(scenario):
+        if not isinstance(method_for(integrator), GaussRadauMethod):
+            continue
+        if scenario.simulation.precision == "single":
+            yield Invalid(
+                "ias15 computes to the rounding of double precision",
+                ("simulation", "precision"),
+                ((path, "chosen here"),),
+                allowed="double",
+                hint='"rk45" and "dop853" work in single precision',
+            )
+        if scenario.output.work:
+            yield Invalid(
+                "work is not booked along the steps of ias15",
+                ("output", "work"),
+                ((path, "chosen here"),),
+                hint='"dop853" has small errors, too, and its work is booked',
+            )
+        emitters = scenario.emitters if path[0] == "simulation" else ()
+        for k, emitter in enumerate(emitters):
+            if emitter.integrator is None:
+                yield Invalid(
+                    "ias15 steps bodies together that live from the start to the end of a run",
+                    ("emitters", k),
+                    ((path, "chosen here"),),
+                    hint='give the emitter a method of its own, such as integrator = "rk45"',
+                )
+        if path[0] == "emitters":
+            yield Invalid(
+                "ias15 steps bodies together that live from the start to the end of a run",
+                path,
+                hint='"rk45" and "dop853" follow particles that are born and die',
             )
 
 
