@@ -61,7 +61,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *("names", "parts", "kept_from", "_all", "_booking", "_bounds", "_driven"),
+            *("names", "parts", "kept_from", "_all", "_booking", "_bounds", "_driven", "_scenario"),
             *("_kept", "_pinned", "_method", "_shares", "_staged", "_step", "rods"),
         }
     ),

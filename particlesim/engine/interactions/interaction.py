@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
 from particlesim.engine.state.group_state import GroupState
+from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -111,6 +112,20 @@ class Interaction:
     def between(self, first: int, last: int) -> Self:
         """What concerns particles [first, last), in the same order: the share of a thread."""
         return self
+
+    def in_team(self, threads: int) -> Self:
+        """The same with room for so many threads to work at it together."""
+        return self
+
+    def begin(self, c: Any, team: Team) -> None:
+        """Find out once, before the first step, what steps need to know; what is found is among `changing`.
+
+        Raises UsageError where it cannot be as was asked for.
+        """
+
+    def summary(self) -> str | None:
+        """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
+        return None
 
     def energy(self, c: Any) -> float | None:
         """Potential energy [J]; None for a kind without a potential."""

@@ -57,6 +57,7 @@ class CoupledIsland:
 
     def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
         self.dt = scenario.grid.dt
+        self._scenario = scenario
         self._method = island.method
         self._join(list(states))
         dtype = self._all.dtype
@@ -129,7 +130,8 @@ class CoupledIsland:
         """What each of some threads works on: its pieces of bonds, scratch, and particles with the other interactions."""
         if threads not in self._shares:
             rods = None if self.rods is None else self.rods.rods
-            found = assembly.shared(self._all.count, threads, self._driven, self.interactions, rods)
+            interactions = tuple(each.in_team(threads) for each in self.interactions)
+            found = assembly.shared(self._all.count, threads, self._driven, interactions, rods)
             self._shares[threads] = [
                 (mine, assembly.own_scratch(self._work, share, self._all.dtype), share)
                 for mine, share in found
@@ -160,6 +162,13 @@ class CoupledIsland:
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
         return last if self._booking is None else min(first + 1, last)
+
+    def begin(self, team: Team) -> None:
+        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
+        was asked for."""
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                each.begin(self.island_columns(), team)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
         """Steps first … last − 1."""
