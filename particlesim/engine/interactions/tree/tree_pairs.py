@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler.barrier import new_gate
-from particlesim.engine.interactions.interaction import Floats, Interaction, Site
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import CHARGE, acts
 from particlesim.engine.interactions.pair_tensors import PairTensors
 from particlesim.engine.interactions.pairs import DirectPairs, pairs_of
 from particlesim.engine.interactions.tree import calibration
 from particlesim.engine.interactions.tree.field import (
-    LEAST_NEED,
     Hand,
     Tree,
     field_of_all,
@@ -38,7 +37,6 @@ from particlesim.process.threads import Team
 
 SPRINGS_PER_PARTICLE = 200
 """About how many springs take as long as the forces on a particle."""
-TARGET, TOLERANCE, WIDEST, NARROW, ERROR = 3, 0, 1, 2, 4
 
 
 class TreeColumns(NamedTuple):
@@ -87,7 +85,7 @@ class TreePairs(Interaction, TreeColumns):
         return self._replace(tree=for_threads(self.tree, threads))
 
     def begin(self, c: Any, team: Team) -> None:
-        if self.limits[ERROR] == 0:
+        if self.limits[calibration.ERROR] == 0:
             self.w[:] = source_of(self, c)
             calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
 
@@ -106,11 +104,19 @@ class TreePairs(Interaction, TreeColumns):
         return self.direct.force_on(c, row, t)
 
     def summary(self) -> str | None:
-        error = float(self.limits[ERROR])
+        error = float(self.limits[calibration.ERROR])
         order = len(self.tree.form.order)
         if error == 0:
             return f"multipoles of order {order}"
         return f"multipoles of order {order}, rms relative force error {error:.1e} at the start"
+
+    def after(self, before: Interaction, place: Ints) -> Self:
+        if not isinstance(before, TreePairs):
+            return self
+        known = before.size[place >= 0]
+        size = np.full(len(self.size), known.mean() if known.size else 0.0)
+        size[place[place >= 0]] = known
+        return self._replace(size=size, limits=before.limits)
 
     def changing(self) -> tuple[NDArray[Any], ...]:
         return (self.size, self.limits)
