@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, on_stack, outlined
+from particlesim.compiler import compiled, kernel, on_stack, outlined
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
@@ -34,6 +34,8 @@ from particlesim.interactions import PairSet
 
 MOST_LOOKED_AT = 300_000_000
 """Pairs that are looked at for the largest stable step: a second; of more particles, some, evenly spread."""
+WORTH_COMPILING = 100_000
+"""Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
 PAIRS_PER_SPRING = 4
 """About how many pairs take as long as a spring."""
 
@@ -94,7 +96,8 @@ class DirectPairs(Interaction, PairColumns):
         stride = max(1, -(-2 * self.number // MOST_LOOKED_AT))
         rows = np.arange(0, n, stride)
         out = np.zeros((14, len(rows)))
-        pair_bounds(self, c, w, rows, out, t)
+        with compiled(worth=n * len(rows) > WORTH_COMPILING):
+            pair_bounds(self, c, w, rows, out, t)
         return rows, *tensor_bounds(out)
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:

@@ -129,7 +129,8 @@ class CoupledIsland(BaseIsland):
         """What each of some threads works on: its pieces of bonds, scratch, and particles with the other interactions."""
         if threads not in self._shares:
             rods = None if self.rods is None else self.rods.rods
-            found = assembly.shared(self._joined.whole.count, threads, self._driven, self.interactions, rods)
+            interactions = tuple(each.in_team(threads) for each in self.interactions)
+            found = assembly.shared(self._joined.whole.count, threads, self._driven, interactions, rods)
             self._shares[threads] = [
                 (mine, assembly.own_scratch(self._work, share, self._joined.whole.dtype), share)
                 for mine, share in found
@@ -166,6 +167,13 @@ class CoupledIsland(BaseIsland):
         fault = self._move(first, last, team) if self._joined.whole.count else None
         deaths = self._deaths(last) if fault is None and self._changes else None
         return born, deaths, fault
+
+    def begin(self, team: Team) -> None:
+        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
+        was asked for."""
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                each.begin(self.island_columns(), team)
 
     def _births(self, first: int, last: int) -> Births | None:
         """Births in steps first … last − 1."""
