@@ -188,10 +188,13 @@ class Interaction:
 
 
 class Site:
-    """Where interactions are laid out: the particles of an island at the start, as one state and group by group."""
+    """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
+    those of the start, where mistakes of the scenario are told."""
 
-    def __init__(self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState]) -> None:
-        self.scenario, self.whole = scenario, whole
+    def __init__(
+        self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
+    ) -> None:
+        self.scenario, self.whole, self.began = scenario, whole, began
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}

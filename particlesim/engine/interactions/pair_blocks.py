@@ -102,13 +102,6 @@ def pair_in(block: Any, i: Any, other: Any, t: Any, by_products: Any = False) ->
     return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t, by_products)
 
 
-def acts(clock: Any, i: Any, t: Any) -> Any:
-    """Whether particle i is there at time t: born, or pinned or stuck, and not dead."""
-    if clock is None:
-        return True
-    return ((clock.start[i] <= t) | (clock.start[i] == np.inf)) & (clock.stop[i] > t)
-
-
 def reaches(each: Any, s: Any) -> Any:
     """Whether two particles at a squared distance s act on each other; True where all do."""
     if each.most is None:

@@ -20,7 +20,6 @@ from particlesim.engine.interactions.interaction import Floats, Interaction, Int
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
     TARGETS,
-    acts,
     energy_in,
     force_in,
     gathered,
@@ -28,6 +27,7 @@ from particlesim.engine.interactions.pair_blocks import (
     particle_of,
 )
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, tensor_bounds
+from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
@@ -117,18 +117,24 @@ def add_block(
     for i in range(TARGETS):
         gx[i] = gy[i] = gz[i] = 0
     for j in range(begin, end):
-        if acts(c.clock, j, t):
+        part = type_of(gx[0], presence(c.clock, j))
+        if part > 0:
             other = particle_of(each, c, j)
             for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
                 for i in some:
                     fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products))
-                    gx[i] += fx
-                    gy[i] += fy
-                    gz[i] += fz
+                    gx[i] += weighed(c.clock, part, fx)
+                    gy[i] += weighed(c.clock, part, fy)
+                    gz[i] += weighed(c.clock, part, fz)
     for i in range(lo, hi):
         total[0, i] += gx[i - start]
         total[1, i] += gy[i - start]
         total[2, i] += gz[i - start]
+
+
+def weighed(clock: Any, part: Any, force: Any) -> Any:
+    """The force of a particle that is there for a part of the step, 1 without a clock."""
+    return force if clock is None else part * force
 
 
 @kernel
@@ -139,7 +145,7 @@ def pair_bounds(each: Any, c: Any, w: Any, rows: Any, out: Any, t: Any) -> None:
         for k in range(len(each.spans)):
             if each.spans[k, 0] <= i < each.spans[k, 1]:
                 for j in range(each.spans[k, 2], each.spans[k, 3]):
-                    if j != i and acts(c.clock, j, t):
+                    if j != i and presence(c.clock, j) > 0:
                         add_bounds(each, c, w, i, j, t, out[:, q])
 
 
@@ -184,7 +190,7 @@ def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     """
     law = pairs.law
     spans = spans_of(site, pairs)
-    if law.singular():
+    if law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2

@@ -31,7 +31,6 @@ from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod
-from particlesim.interactions import PairSet
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -62,8 +61,6 @@ class CoupledIsland(BaseIsland):
     ) -> None:
         super().__init__(scenario, structure, states, ids)
         self._scenario, self._structure = scenario, structure
-        pairs = (each.law.needs() for each in structure.interactions if isinstance(each, PairSet))
-        self._read = self._read.union(*pairs)
         self._joined = Joined(self.states)
         dtype = self._joined.whole.dtype
         self._staged, self._step = assembly.stepper(structure, self.states, dtype)
@@ -112,7 +109,7 @@ class CoupledIsland(BaseIsland):
 
     def _lay_again(self, place: NDArray[np.int64]) -> None:
         """Lay out all after births and deaths: what was in row k is in row `place[k]` now, and gone if that is −1."""
-        self._site = Site(self._scenario, self._joined.whole, self.states)
+        self._site = Site(self._scenario, self._joined.whole, self.states, began=False)
         self.interactions = laid_again(self._site, self._sets, self.interactions, place)
         if self.rods is not None:
             self.rods.lay_again(self._site.offset, place)
@@ -232,7 +229,8 @@ class CoupledIsland(BaseIsland):
         done = [0] * len(shares)
         booked, pace = self._booking is not None, None
         if self._method.adaptive:
-            pace = new_pace(len(shares), disturbed=self._disturbed, changes=self._changes, pauses=booked)
+            events = self._joined.events(self.dt) if self._changes else np.empty(0)
+            pace = new_pace(len(shares), events, disturbed=self._disturbed, pauses=booked)
         opened = self._open(first) if booked and pace is None else None
         if self.rods is not None:
             self.rods.begin()
