@@ -67,6 +67,13 @@ class Island:
         """Whether its particles step together: they act on each other, or their method has one step for all."""
         return bool(self.interactions or self.rods) or self.method.together
 
+    @property
+    def changes(self) -> bool:
+        """Whether particles may be born or die."""
+        return any(isinstance(group, Emitter) for group in self.groups) or any(
+            each.contact == "kill" for colliders in self.colliders for each in colliders
+        )
+
 
 @dataclass(frozen=True)
 class Graph:
@@ -235,5 +242,10 @@ def _group_node(group: Group) -> Node:
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = f"e = {collider.restitution:g}" if collider.contact == "bounce" else collider.contact
+    what = collider.contact
+    if what == "bounce":
+        static, kinetic = collider.coefficients
+        what = f"e = {collider.liveliness:g}"
+        if collider.rubs:
+            what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
     return f"{collider.describe()}, {what}, {collider.detection}"

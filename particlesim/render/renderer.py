@@ -13,6 +13,7 @@ import numpy.typing as npt
 from particlesim.errors import UsageError
 from particlesim.process.threads import Team
 from particlesim.render.kernels import project, raster, shade
+from particlesim.render.kernels.background import paint_background
 from particlesim.render.kernels.multisample import (
     clear_samples,
     nearest_depth,
@@ -236,6 +237,7 @@ class Renderer:
         def band(b: int) -> None:
             row0 = b * BAND
             image = self._buffers(view.width).image
+            paint_background(row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, image)
             mine = [items[first[b] : first[b + 1]] for first, items in (spheres, triangles, tubes)]
             if self._multisampled:
                 self._paint_solids(act, row0, mine)
@@ -264,8 +266,8 @@ class Renderer:
         if not dots:
             raster.raster_spheres(cast.sphere, cast.box, spheres, row0, view, buffers.layers)
         shade.shade_band(
-            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
-            self.palette, buffers.layers, self._paths(act, row0), buffers.image,
+            row0, view, self.light, act.shadow, act.sky, cast.sphere, cast.color, self.palette,
+            buffers.layers, self._paths(act, row0), buffers.image,
         )  # fmt: skip
         if dots:
             self._paint_dots(act, row0, spheres, _NOTHING)
@@ -287,8 +289,8 @@ class Renderer:
         base, least = n + len(solids.corner), self._least_tube
         raster_tubes(cast.sphere, solids, least, base, cast.tube_box, tubes, row0, view, seen)
         shade_samples(
-            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
-            self.palette, solids, least, seen, self._paths(act, row0), buffers.image,
+            row0, view, self.light, act.shadow, act.sky, cast.sphere, cast.color, self.palette,
+            solids, least, seen, self._paths(act, row0), buffers.image,
         )  # fmt: skip
         if dots:
             nearest_depth(seen, buffers.layers.near)
@@ -423,13 +425,14 @@ class Renderer:
         dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self._multisampled
         if not self.settings.shadows or not len(cast.world) or dots_alone:
             axes = _map_axes(light.direction)
-            return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
+            return ShadowMap(flat, flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
         reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
         reach = max(reach, 0.3) + 2 * self.radius / self.scale
         typical = 0.01 if self.bodies else max(self.radius / self.scale, 1e-3)
         size = 2048 if typical * 512 / reach < 2.5 and self.height > 600 else 1024
         axes = _map_axes(light.direction)
-        shadow = ShadowMap(depth_map(cast, axes, size, reach, self.team), axes, 0.5 * size / reach)
+        depth = depth_map(cast, axes, size, reach, self.team)
+        shadow = ShadowMap(depth, raster.least_around(depth), axes, 0.5 * size / reach)
         axes, scale = _map_axes(light.up), 0.5 * SKY_SIZE / reach
         depth = depth_map(cast, axes, SKY_SIZE, reach, self.team)
         blur = int(np.clip(round(1.2 * typical * scale), 2, 24))

@@ -83,9 +83,18 @@ def ahead(colliders: Any, on: Any, p: Any) -> Any:
     return min(free, ahead(colliders[1:], on[1:], p))
 
 
-def below(colliders: Any, on: Any, p: Any) -> Any:
-    """The smallest gap to the colliders on which the particle lies [m]; positive where there are none."""
-    return ahead(colliders, tuple(not each for each in on), p)
+def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether the particle is deeper than `slack` in a collider on which it lies."""
+    if len(colliders) == 0:
+        return False
+    return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
+
+
+def inside(colliders: Any, on: Any, p: Any) -> Any:
+    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
+    if len(colliders) == 0:
+        return False
+    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
 
 
 def nowhere(colliders: Any) -> Any:
@@ -132,11 +141,12 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    inside = (nearest(contacts.continuous, q) < 0) | (nearest(contacts.discrete, q) < 0)
+    colliders = contacts.continuous + contacts.discrete
+    met = inside(colliders, nowhere(colliders), q)
     if not any(crossable(c) for c in contacts.continuous):
-        return inside
+        return met
     nothing = nowhere(contacts.continuous)
-    return inside | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
+    return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
 
 
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -144,8 +154,8 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     is nothing to trace."""
     slack = rounding(contacts, p)
     r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
-    calm = any(on) & (turn >= 1) & (below(contacts.continuous, on, r) >= -slack)
-    calm &= (ahead(contacts.continuous, on, r) >= 0) & (nearest(contacts.discrete, r) >= 0)
+    calm = any(on) & (turn >= 1) & (not sunk(contacts.continuous, on, r, slack))
+    calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
     return r, calm
@@ -195,11 +205,11 @@ def _glide(
         slack = rounding(contacts, p)
         r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
         sweeps = 1
-        while turn >= 1 and below(contacts.continuous, on, r) < -slack and sweeps < MAX_SWEEPS:
+        while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
             r, more, turn = settled(contacts.continuous, p, r, h, contacts.tolerance, slack)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
-        if below(contacts.continuous, on, r) < -slack:
+        if sunk(contacts.continuous, on, r, slack):
             r = moved_to(r, p.x, p.y, p.z, r.vx, r.vy, r.vz, r.t)
         if any(on):
             q, memory = r, restart(memory)
