@@ -123,7 +123,7 @@ class Interaction:
         """The same with room for so many threads to work at it together."""
         return self
 
-    def begin(self, c: Any, team: Team) -> None:
+    def calibrate(self, c: Any, team: Team) -> None:
         """Find out once, before the first step, what steps need to know; what is found is among `changing`.
 
         Raises UsageError where it cannot be as was asked for.

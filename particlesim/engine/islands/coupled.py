@@ -170,7 +170,7 @@ class CoupledIsland(BaseIsland):
         was asked for."""
         for name, each in zip(self.names, self.interactions, strict=True):
             with self._scenario.at_interaction(name):
-                each.begin(self.island_columns(), team)
+                each.calibrate(self.island_columns(), team)
 
     def _births(self, first: int, last: int) -> Births | None:
         """Births in steps first … last − 1."""
