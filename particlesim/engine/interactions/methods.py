@@ -1,0 +1,35 @@
+"""How forces of pairs are summed: the methods, and which one is taken where the scenario leaves it open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from particlesim.engine.interactions.interaction import Interaction, Site
+from particlesim.engine.interactions.near_pairs import near_pairs_of
+from particlesim.engine.interactions.pairs import pairs_of
+from particlesim.interactions import PairSet
+
+METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
+    "direct": pairs_of,
+    "neighbours": near_pairs_of,
+}
+
+WORTH_LISTS = 300
+"""Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
+
+
+def method_of(site: Site, pairs: PairSet) -> str:
+    """The method by which an interaction is summed among the particles of an island."""
+    if pairs.law.method != "auto":
+        return pairs.law.method
+    count = sum(site.state[name].count for name in pairs.groups)
+    ends = pairs.law.reach() is not None or pairs.law.touching()
+    return "neighbours" if ends and count > WORTH_LISTS else "direct"
+
+
+def summed(site: Site, pairs: PairSet) -> Interaction:
+    """An interaction of pairs among the particles of an island, laid out for its method.
+
+    Raises UsageError for two at one place, if they have no force there.
+    """
+    return METHODS[method_of(site, pairs)](site, pairs)
