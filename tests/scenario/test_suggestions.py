@@ -160,6 +160,8 @@ def test_a_word_of_psim_is_never_taken_for_another_one() -> None:
         ("dx", ["dt"], None),
         ("dtt", ["dt"], "dt"),
         ("fvo", ["fov"], "fov"),
+        ("aer", ["air"], "air"),
+        ("rk5", ["rk4"], "rk4"),
         ("fo", ["fov"], None),
         ("foo", ["fov"], None),
         ("collisions", ["motions", "springs"], None),
