@@ -9,6 +9,7 @@ from particlesim.colliders.capsule import CapsuleCollider
 from particlesim.colliders.cone import ConeCollider
 from particlesim.colliders.cylinder import CylinderCollider
 from particlesim.colliders.disc import DiscCollider
+from particlesim.colliders.mesh import MeshCollider
 from particlesim.colliders.plane import Plane, PlaneCollider
 from particlesim.colliders.rectangle import RectangleCollider
 from particlesim.colliders.sphere import SphereCollider
@@ -24,7 +25,8 @@ AnyCollider = Annotated[
     | ConeCollider
     | TorusCollider
     | RectangleCollider
-    | DiscCollider,
+    | DiscCollider
+    | MeshCollider,
     Tagged("type"),
 ]
 COLLIDERS: tuple[type[Collider], ...] = (
@@ -37,6 +39,7 @@ COLLIDERS: tuple[type[Collider], ...] = (
     TorusCollider,
     RectangleCollider,
     DiscCollider,
+    MeshCollider,
 )
 
 __all__ = [
@@ -49,6 +52,7 @@ __all__ = [
     "ConeCollider",
     "CylinderCollider",
     "DiscCollider",
+    "MeshCollider",
     "Plane",
     "PlaneCollider",
     "RectangleCollider",

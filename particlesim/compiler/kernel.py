@@ -334,6 +334,16 @@ def uncompiled() -> Iterator[None]:
         _compiling.reset(before)
 
 
+@contextmanager
+def compiled(worth: bool) -> Iterator[None]:
+    """In this thread, kernels are compiled in spite of `uncompiled`, if it is worth it: for much work."""
+    before = _compiling.set(worth or _compiling.get())
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
+
+
 # How long it takes
 
 

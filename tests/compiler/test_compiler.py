@@ -522,6 +522,31 @@ def test_a_folder_that_others_may_write_is_not_trusted(
         store.folder.cache_clear()
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("file", "{place} is no folder"),
+        ("file/in/it", "cannot be made: Not a directory"),
+        ("linked", "is a link"),
+    ],
+)
+def test_what_is_no_folder_is_told_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, said: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "kernels").symlink_to(tmp_path)
+    monkeypatch.setenv("PSIM_CACHE_DIR", str(tmp_path / place))
+    monkeypatch.setattr(store, "problem", None)
+    store.folder.cache_clear()
+    try:
+        assert store.folder() is None
+        assert said.format(place=tmp_path / place) in str(store.problem)
+        assert "Errno" not in str(store.problem)
+    finally:
+        store.folder.cache_clear()
+
+
 def test_code_with_elementary_functions_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that compiles nothing has not imported them, and must not take them for changed."""
     (tmp_path / "module.py").write_text(
