@@ -12,12 +12,20 @@ from particlesim.compiler.intrinsics import (
     outlined,
     shared,
 )
-from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling, uncompiled
+from particlesim.compiler.kernel import (
+    Kernel,
+    compiled,
+    compiling_seconds,
+    kernel,
+    told_of_compiling,
+    uncompiled,
+)
 
 __all__ = [
     "Kernel",
     "atomic_add",
     "atomic_load",
+    "compiled",
     "compiling_seconds",
     "exact",
     "kernel",

@@ -34,6 +34,10 @@ class Frame(Expressions):
         node = self.node or self.source.tree
         return self.source.file, node.lineno, node.col_offset, self.name
 
+    def places(self) -> list[tuple[str, int, int, str]]:
+        """The place that is walked and those that led there, innermost first."""
+        return [self.where(), *(self.caller.places() if isinstance(self.caller, Frame) else ())]
+
     def run(self) -> Any:
         """Walk the function; its result."""
         tree = self.source.tree

@@ -19,7 +19,7 @@ from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 
-PairMethod = Literal["auto", "direct"]
+PairMethod = Literal["auto", "direct", "tree"]
 """How forces of pairs may be summed."""
 Shift = Literal["none", "energy", "force"]
 
@@ -39,7 +39,8 @@ class PairInteraction(Model):
     """What is taken from the law for a better end at the cutoff: its `energy` there, which leaves forces as they are, or its
     `force`, so that both energy and force end at 0."""
     method: PairMethod = "auto"
-    """How forces are summed: `direct` takes every pair, and `auto` what is fastest."""
+    """How forces are summed: `direct` takes every pair, `tree` lets far particles act by multipoles, and `auto` takes what is
+    fastest."""
 
     formula: ClassVar[str]
     """The law in one line, with the symbols of the parameters."""
@@ -73,6 +74,12 @@ class PairInteraction(Model):
             raise invalid("a shift needs a cutoff", at=("shift",), allowed="cutoff = 2.5 (m), say")
         return self
 
+    @model_validator(mode="after")
+    def _has_multipoles(self) -> PairInteraction:
+        if self.method == "tree" and (why := self.lacks_multipoles()):
+            raise invalid(f"{self.type} cannot be summed with a tree: {why}", at=("method",), allowed='"auto", "direct"')
+        return self
+
     @property
     def label(self) -> str:
         """Name for people and for the ledger."""
@@ -92,6 +99,10 @@ class PairInteraction(Model):
     def in_steps(self, dt: float, seed: int) -> tuple[Any, ...]:
         """The parameters for a run with steps of dt [s] and a seed, which laws with random forces need."""
         return self.cut_record()
+
+    def lacks_multipoles(self) -> str | None:
+        """Why far particles cannot act by multipoles; None if they can."""
+        return "its law is not that of 1/r, so it has no multipoles"
 
     def random(self) -> bool:
         """Whether its forces are random, and read the ids of particles."""

@@ -296,6 +296,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
             *filter(None, problems),
         ),
         broken=simulation.broken(),
+        methods=simulation.methods(),
         checks=course.checks.results(),
         known_state=course.state,
         compiling=course.compiling,

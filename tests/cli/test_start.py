@@ -77,3 +77,20 @@ def test_check_compiles_nothing(scene: str, tmp_path: Path) -> None:
     told = run(code, tmp_path)
     assert "walker: False" in told
     assert "stable dt" in told
+
+
+def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:
+    (tmp_path / "free.toml").write_text(FREE)
+    code = """
+import sys
+from psim.app import main
+sys.argv = ["psim", "check", "free.toml", "--no-stability"]
+try:
+    main()
+finally:
+    print(*sorted(sys.modules))
+"""
+    told, imported = run(code, tmp_path).rsplit("\n", 2)[:2]
+    assert "particles  at most 1 at once" in told
+    assert "stable dt" not in told
+    assert not {"particlesim.engine.world", "particlesim.engine.simulation"} & set(imported.split())
