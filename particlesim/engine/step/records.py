@@ -50,27 +50,19 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
     continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
-    discrete = [
-        without_friction(each.record()) if inert else each.record()
-        for each in colliders
-        if each.detection == "discrete" or inert
-    ]
+    discrete = [each.record() for each in colliders if each.detection == "discrete" or inert]
     if not continuous and (len(colliders) == 1 or _at_right_angles(colliders)):
         return Simple((*discrete, *bounds))
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
+    one_by_one = () if any(each.costly for each in colliders) else None
     reach = max((each.reach() for each in colliders), default=0.0)
-    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach)
+    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one)
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
     """The same collider for what lies on it."""
     return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0), falling=None))
-
-
-def without_friction(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and so no momentum to lose."""
-    return c._replace(response=c.response._replace(friction=None, belt=None))
 
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:
