@@ -18,6 +18,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_format(scenario),
         *_order(scenario),
         *_projection(scenario),
+        *_friction(scenario),
         *_twice(scenario),
         *_never(scenario),
         *_loose(scenario),
@@ -68,13 +69,31 @@ def _projection(scenario: Scenario) -> list[str]:
     ]
 
 
+def _friction(scenario: Scenario) -> list[str]:
+    """Friction that no surface shows, and friction that acts on nothing."""
+    found = []
+    for k, each in enumerate(scenario.all_colliders):
+        name, (static, kinetic) = f"{each.kind} {each.name or k}", each.coefficients
+        if kinetic > static:
+            found.append(
+                f"{name}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back more "
+                "than what lies, and what starts stops again"
+            )
+        inert = [g.name for g in scenario.groups if held_back(each, (g.name,)) and g.dynamics.type != "second_order"]
+        if each.rubs and inert:
+            found.append(
+                f"{name}: friction does not act on {', '.join(map(repr, inert))}, whose particles have no inertia"
+            )
+    return found
+
+
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
     in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
         f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the "
         f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
-        "of impacts, not of friction, which psim does not have"
+        "of impacts, not of friction; friction = 0.4 is"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
         and each.tangential_loss > 0

@@ -103,6 +103,18 @@ def test_sliding_is_no_friction() -> None:
     (said,) = sliding(ps.from_table(block))
     assert said.startswith("plane slope: tangential_loss")
     assert "depends on dt" in said
+    assert said.endswith("friction = 0.4 is")
     for silent in ({"tangential_loss": 0.0}, {"restitution": 1.0}):
         block["planes"] = [{"restitution": 0.0, "tangential_loss": 0.3} | silent]
         assert sliding(ps.from_table(block)) == ()
+
+
+def test_friction_that_is_seldom_meant() -> None:
+    block = table("velocity_verlet", {"type": "gravity"}, friction={"static": 0.2, "kinetic": 0.3})
+    (said,) = advice(ps.from_table(block))
+    assert said.startswith("plane 0: kinetic friction 0.3 is above static friction 0.2")
+    block["planes"] = [{"friction": {"static": 0.3, "kinetic": 0.3}}]
+    assert advice(ps.from_table(block)) == ()
+    block["particles"][0]["dynamics"] = {"type": "first_order", "drag": 1.0}
+    (said,) = advice(ps.from_table(block))
+    assert "no inertia" in said
