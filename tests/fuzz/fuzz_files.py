@@ -5,7 +5,8 @@
 Files of a kind (tables, arrays, meshes, measurements, sweeps, scenarios) are mutated and read in this process as psim reads
 them. A case is named by its kind, the seed and its number, and is the same on every machine. It fails with any exception but
 UsageError (one with a place in the scenario, if a scenario names the file), with any warning, with particles that are not
-finite, and when it takes more than five seconds. Failing files are kept in the folder --keep.
+finite, and when it takes more than five seconds of processor time, or a minute on the clock. Failing
+files are kept in the folder --keep.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ from particlesim.scenario.digest import physics_digest
 from particlesim.scenario.dump import dump
 
 SECONDS = 5.0
+"""Processor time of a case, at most."""
+HANG = 12.0
+"""Times as long that it may take on the clock: machines are busy."""
 MEMORY = 4 << 30
 """What reading any of these small files may take, at most."""
 
@@ -349,7 +353,7 @@ def failures(kind: str, cases: range, seed: int, folder: Path, seconds: float = 
 
 def _outcome(read: Callable[[Path], None], path: Path, seconds: float) -> str | None:
     """How reading a file went wrong; None if it went as it should."""
-    begin = time.monotonic()
+    begin = time.process_time()
     try:
         with warnings.catch_warnings(), guarded(seconds):
             warnings.simplefilter("error")
@@ -359,13 +363,14 @@ def _outcome(read: Callable[[Path], None], path: Path, seconds: float) -> str | 
             return "an error without words"
     except (Exception, Hang):
         return traceback.format_exc()
-    taken = time.monotonic() - begin
+    taken = time.process_time() - begin
     return f"it took {taken:.1f} s" if taken > seconds else None
 
 
 @contextmanager
 def guarded(seconds: float) -> Iterator[None]:
-    """Interrupt what takes too long, between two steps of Python; nothing where there is no alarm, or in other threads."""
+    """Interrupt what computes too long, or hangs for much longer, between two steps of Python; nothing where there is no
+    alarm, or in other threads."""
     if not hasattr(signal, "setitimer"):
         yield
         return
@@ -373,13 +378,19 @@ def guarded(seconds: float) -> Iterator[None]:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Hang(f"more than {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    clocks = (
+        (signal.ITIMER_PROF, signal.SIGPROF, seconds),
+        (signal.ITIMER_REAL, signal.SIGALRM, HANG * seconds),
+    )
+    before = [signal.signal(number, ring) for _, number, _ in clocks]
+    for clock, _, limit in clocks:
+        signal.setitimer(clock, limit)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for (clock, number, _), handler in zip(clocks, before, strict=True):
+            signal.setitimer(clock, 0)
+            signal.signal(number, handler)
 
 
 def main() -> int:
