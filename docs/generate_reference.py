@@ -18,6 +18,8 @@ from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
+from particlesim.colliders.friction import FallingRestitution, Friction
+from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
@@ -30,6 +32,7 @@ from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Waypoint
 from particlesim.integrators import METHODS
+from particlesim.interactions import INTERACTIONS, PairInteraction
 from particlesim.layouts import LAYOUTS
 from particlesim.model.base import field_docs
 from particlesim.sampling.distributions import Choice, Exponential, LogNormal, Normal, Uniform
@@ -108,6 +111,11 @@ def parts() -> Iterator[str]:
     yield "## Flows"
     yield prose("flows")
     yield from variants(FLOWS)
+    yield "## `[[interactions]]`"
+    yield prose("interactions")
+    yield table(PairInteraction)
+    for interaction in INTERACTIONS:
+        yield force_section(interaction)
     yield "## `[[springs]]`"
     yield from section(Scenario, "springs")
     yield "## `[[rods]]`"
@@ -126,6 +134,12 @@ def parts() -> Iterator[str]:
     yield prose("colliders")
     yield table(Collider)
     yield from (collider_section(shape) for shape in COLLIDERS)
+    yield "### Orientation"
+    yield summary(Orientation) + "\n\n" + table(Orientation)
+    yield "### Friction"
+    yield summary(Friction) + "\n\n" + table(Friction)
+    yield "### Restitution"
+    yield summary(FallingRestitution) + "\n\n" + table(FallingRestitution)
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"
@@ -181,8 +195,9 @@ def summary(model: type[BaseModel]) -> str:
 
 def table(model: type[BaseModel], without: tuple[str, ...] = ()) -> str:
     """The fields of a model as a Markdown table; empty when it has none."""
-    if issubclass(model, Force):
-        without = (*without, "type") if model is Force else (*without, "type", "name", "on")
+    for base in (Force, PairInteraction):
+        if issubclass(model, base):
+            without = (*without, "type") if model is base else (*without, "type", *base.model_fields)
     fields = {name: info for name, info in model.model_fields.items() if name not in without}
     if not fields:
         return ""
@@ -200,8 +215,8 @@ def cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-def force_section(force: type[Force]) -> str:
-    """Formula, potential energy, source and parameters of a force."""
+def force_section(force: type[Force | PairInteraction]) -> str:
+    """Formula, potential energy, source and parameters of a force or of an interaction."""
     lines = [f"### {type_name(force)}", summary(force)]
     facts = [f"- Force: {maths(force.formula)}", f"- Energy: {maths(force.energy)}"]
     if (source := source_of(force)) is not None:
@@ -222,8 +237,8 @@ def maths(text: str) -> str:
     return text.replace("|", "\\|").replace("*", "\\*")
 
 
-def source_of(force: type[Force]) -> str | None:
-    """The sentence after 'Source:' in the docstring of the module that the force is in."""
+def source_of(force: type[Force | PairInteraction]) -> str | None:
+    """The sentence after 'Source:' in the docstring of the module that the class is in."""
     found = re.search(r"Source: (.*?)(?:\n\s*\n|\Z)", sys.modules[force.__module__].__doc__ or "", re.DOTALL)
     return " ".join(found[1].split()) if found else None
 

@@ -29,12 +29,12 @@ def describe(
         str | None,
         typer.Argument(
             metavar="[NAME]",
-            help="A force, flow, layout, collider, integrator, table or key.",
+            help="A force, interaction, flow, layout, collider, integrator, table or key.",
             autocompletion=_names,
         ),
     ] = None,
 ) -> None:
-    """Explain a force, flow, layout, collider, integrator, table or key of a scenario.
+    """Explain a force, interaction, flow, layout, collider, integrator, table or key of a scenario.
 
     Shows its formula, energy and parameters with their units. Without a name: what there is.
     """
@@ -65,10 +65,11 @@ def _find_extensions() -> None:
 def _explain(name: str, sections: dict[str, dict[str, Any]]) -> bool:
     """Show what a name stands for; False where it stands for nothing."""
     for word in (f"{name}s", name):  # [[planes]] answer to "plane"
-        for entries in sections.values():
-            if word in entries:
-                _show(word, entries[word])
-                return True
+        found = [entries[word] for entries in sections.values() if word in entries]
+        for entry in found:  # gravity is a force, and an interaction
+            _show(word, entry)
+        if found:
+            return True
         if _show_word(word):
             return True
     return False
@@ -109,12 +110,14 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     from particlesim.flows import OPEN_FLOWS
     from particlesim.forces import OPEN_FORCES
     from particlesim.integrators import METHODS
+    from particlesim.interactions import INTERACTIONS
     from particlesim.layouts import LAYOUTS
     from particlesim.scenario.scenario import Scenario
 
     forces, flows = ((*union.own, *union.added) for union in (OPEN_FORCES, OPEN_FLOWS))
     kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
         ("Forces", forces),
+        ("Interactions", INTERACTIONS),
         ("Flows", flows),
         ("Layouts", LAYOUTS),
         ("Colliders", COLLIDERS),
@@ -122,7 +125,10 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     for title, models in kinds:
         yield title, {model.model_fields["type"].default: model for model in models}
     yield "Integrators", dict(METHODS)
-    yield "Tables", {name: model for name, model in _tables(Scenario) if name not in ("forces",)}
+    yield (
+        "Tables",
+        {name: model for name, model in _tables(Scenario) if name not in ("forces", "interactions")},
+    )
 
 
 def _tables(scenario: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:

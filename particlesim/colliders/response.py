@@ -7,6 +7,10 @@ back on the surface, and if it approaches (v·n < 0) its velocity becomes (impul
 
 with restitution e and tangential loss k. Nothing of it gains energy: |v'|² = e² v_n² + (1 − k)² v_t².
 
+Coulomb friction takes at most μ_k |j| more along the surface, and no more than there is: what slides at (1 − k) |v_t| before
+slides at max((1 − k) |v_t| − μ_k |j|/m, 0) after. A particle is a point that does not turn. Where the surface runs along
+itself (`belt`), v_t is relative to it.
+
 A component of a normal that is None is always zero: it drops out of the compiled loop. A normal with two of them lies along
 an axis, and the response is exact.
 """
@@ -15,28 +19,50 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.laws.registry import (
     PASS,
     Particle,
     Vector,
+    apart,
     contact,
+    first_contact,
     gap,
+    gap_and_normal,
     has_law,
     law,
     moved_to,
     normal,
-    passing,
     surface,
 )
 
 
+class FrictionRecord(NamedTuple):
+    """Coefficients of friction μ_s and μ_k."""
+
+    static: float
+    kinetic: float
+
+
+class FallingRecord(NamedTuple):
+    """Restitution that falls with the speed of the impact, e = e₀ (max(v, v₀)/v₀)⁻ⁿ: v₀ [m/s] and n."""
+
+    speed: float
+    exponent: float
+
+
 class ResponseRecord(NamedTuple):
-    """1 + e, k, 1 − k, and what becomes of the particle."""
+    """1 + e (at low speed), k, 1 − k, and what becomes of the particle; friction, how e falls with speed, and the velocity
+    of the surface along itself [m/s], each None where there is none."""
 
     bounce: float
     loss: float
     keep: float
     outcome: int
+    friction: FrictionRecord | None = None
+    falling: FallingRecord | None = None
+    belt: tuple[float, float, float] | None = None
 
 
 class ColliderRecord(NamedTuple):
@@ -47,8 +73,14 @@ class ColliderRecord(NamedTuple):
 
 
 def crossable(c: Any) -> bool:
-    """Whether a straight way between two legal places may cross a collider."""
-    return has_law(passing, c.shape)
+    """Whether a way between two legal places may cross a collider."""
+    return has_law(first_contact, c.shape)
+
+
+def opposite(c: Any, p: Any, q: Any) -> Any:
+    """Whether p and q are on opposite sides of a collider, such as a thin sheet."""
+    n, m = normal(c, p), normal(c, q)
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0
 
 
 @law(gap, ColliderRecord)
@@ -61,9 +93,19 @@ def collider_normal(c: ColliderRecord, p: Particle) -> Vector:
     return normal(c.shape, p)
 
 
-@law(passing, ColliderRecord)
-def collider_passing(c: ColliderRecord, p: Particle, q: Particle) -> float:
-    return passing(c.shape, p, q)
+@law(gap_and_normal, ColliderRecord)
+def collider_gap_and_normal(c: ColliderRecord, p: Particle) -> tuple[float, Vector]:
+    return gap_and_normal(c.shape, p)
+
+
+@law(apart, ColliderRecord)
+def collider_apart(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    return apart(c.shape, p, q, h, slack)
+
+
+@law(first_contact, ColliderRecord)
+def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+    return first_contact(c.shape, p, q, h, slack)
 
 
 # Selects, not branches: the loop over a block must stay vectorised.
@@ -71,7 +113,7 @@ def collider_passing(c: ColliderRecord, p: Particle, q: Particle) -> float:
 
 @law(contact, ColliderRecord)
 def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
-    g, n = gap(c.shape, p), normal(c.shape, p)
+    g, n = gap_and_normal(c.shape, p)
     below = g < 0
     approach = along(n, p)
     hit = below & (approach < 0)
@@ -90,15 +132,25 @@ def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
     return q, c.response.outcome if below else PASS
 
 
+def flat(n: Any) -> bool:
+    """Whether a normal lies along an axis."""
+    return n[0] is None or n[1] is None or n[2] is None
+
+
 def along(n: Any, p: Any) -> Any:
     """v·n."""
+    return projected(n, (p.vx, p.vy, p.vz))
+
+
+def projected(n: Any, v: Any) -> Any:
+    """The component of a vector along a normal."""
     if n[1] is None and n[2] is None:
-        return n[0] * p.vx
+        return n[0] * v[0]
     if n[0] is None and n[2] is None:
-        return n[1] * p.vy
+        return n[1] * v[1]
     if n[0] is None and n[1] is None:
-        return n[2] * p.vz
-    return p.vx * n[0] + p.vy * n[1] + p.vz * n[2]
+        return n[2] * v[2]
+    return v[0] * n[0] + v[1] * n[1] + v[2] * n[2]
 
 
 def put_back(shape: Any, p: Any, g: Any, n: Any) -> Any:
@@ -108,14 +160,76 @@ def put_back(shape: Any, p: Any, g: Any, n: Any) -> Any:
     return p.x - g * n[0], p.y - g * n[1], p.z - g * n[2]
 
 
+def bounce_at(response: Any, approach: Any) -> Any:
+    """1 + e at the normal velocity of an impact."""
+    if response.falling is None:
+        return response.bounce
+    one = type(approach)(1)
+    over = max(-approach / response.falling.speed, one)
+    return one + (response.bounce - one) * over ** (-response.falling.exponent)
+
+
+def belt_along(response: Any, n: Any) -> Any:
+    """The velocity of the surface along itself; None along a normal that is an axis, and where it is zero."""
+    if response.belt is None:
+        return None, None, None
+    if flat(n):
+        return tuple(u if axis is None else None for u, axis in zip(response.belt, n, strict=True))
+    across = projected(n, response.belt)
+    return tuple(u - across * axis for u, axis in zip(response.belt, n, strict=True))
+
+
+def sliding(response: Any, n: Any, approach: Any, p: Any) -> Any:
+    """The velocity along the surface, relative to it; None along a normal that is an axis. `approach` is v·n."""
+    parts = zip((p.vx, p.vy, p.vz), n, belt_along(response, n), strict=True)
+    if flat(n):
+        return tuple((v if u is None else v - u) if axis is None else None for v, axis, u in parts)
+    return tuple(v - approach * axis - (0 if u is None else u) for v, axis, u in parts)
+
+
+def square(v: Any) -> Any:
+    """|v|² of a vector some components of which may be None."""
+    if v[0] is None:
+        return v[1] * v[1] + v[2] * v[2]
+    if v[1] is None:
+        return v[0] * v[0] + v[2] * v[2]
+    if v[2] is None:
+        return v[0] * v[0] + v[1] * v[1]
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+
+
 def rebound(response: Any, n: Any, approach: Any, p: Any) -> Any:
     """The velocity after an impact."""
     velocity = (p.vx, p.vy, p.vz)
-    if n[0] is None or n[1] is None or n[2] is None:
+    bounce = bounce_at(response, approach)
+    if response.friction is not None or response.belt is not None:
+        slide = sliding(response, n, approach, p)
+        kept = response.keep if response.friction is None else held_back(response, slide, -bounce * approach)
+        return with_slide(response, n, (type(approach)(1) - bounce) * approach, kept, slide)
+    if flat(n):
         return tuple(
-            response.keep * v if axis is None else v - response.bounce * v
-            for v, axis in zip(velocity, n, strict=True)
+            response.keep * v if axis is None else v - bounce * v for v, axis in zip(velocity, n, strict=True)
         )
     # −(1 + e) v_n n − k (v − v_n n) = j n − k v
-    j = (response.loss - response.bounce) * approach
+    j = (response.loss - bounce) * approach
     return tuple(v + j * axis - response.loss * v for v, axis in zip(velocity, n, strict=True))
+
+
+def held_back(response: Any, slide: Any, push: Any) -> Any:
+    """The part of a sliding velocity that loss and friction leave, under a normal impulse over mass `push` [m/s]."""
+    speed = response.keep * np.sqrt(square(slide))
+    left = speed - response.friction.kinetic * push
+    return response.keep * (left / speed) if left > 0 else left - left
+
+
+def with_slide(response: Any, n: Any, leave: Any, kept: Any, slide: Any) -> Any:
+    """The velocity that has `leave` along the normal, and along the surface the part `kept` of a relative velocity."""
+    belt = belt_along(response, n)
+    if flat(n):
+        return tuple(
+            leave * axis if axis is not None else kept * s if u is None else u + kept * s
+            for axis, s, u in zip(n, slide, belt, strict=True)
+        )
+    return tuple(
+        leave * axis + kept * s + (0 if u is None else u) for axis, s, u in zip(n, slide, belt, strict=True)
+    )

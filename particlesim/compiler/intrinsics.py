@@ -56,12 +56,26 @@ def outlined(function: F) -> F:
     return function
 
 
+def shared(function: F) -> F:
+    """Marks an outlined function that is compiled once for all kernels that call it: one that is given no laws."""
+    function.shared = True  # type: ignore[attr-defined]
+    return outlined(function)
+
+
 def on_stack(rows: int, columns: int, dtype: Any) -> NDArray[Any]:
     """An array of shape [rows, columns], both known, that lives as long as the kernel runs; its numbers are arbitrary.
 
     To be called outside of loops; some ten thousand numbers at most, since threads have stacks of half a megabyte on macOS.
     """
     return np.empty((rows, columns), dtype)
+
+
+def lanes(count: int) -> range:
+    """`range(count)` for a short loop over what fits into vectors: it is not written out turn by turn beforehand.
+
+    LLVM writes out loops of a few turns first, and then sees no loop to vectorise.
+    """
+    return range(count)
 
 
 def atomic_add(array: NDArray[np.int64], index: int, value: int) -> int:

@@ -28,6 +28,7 @@ from particlesim.compiler.values import (
     kinds_in,
     value_of,
 )
+from particlesim.errors import UsageError
 
 _CALL = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_char_p)  # releases the GIL
 _LOCK = threading.RLock()
@@ -167,7 +168,7 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
     from particlesim.compiler.calls import DEEPEST
     from particlesim.compiler.unit import Again, Unit
 
-    unit = Unit()
+    unit = Unit(checked=CHECKED)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
     try:
@@ -214,11 +215,7 @@ def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) 
         w.do(f"store {held} {w.ref(w.cast(number, kind), held)}, ptr {place}")
     w.finish("ret void")
     body = f"define void @{ENTRY}(ptr noalias %arguments, ptr noalias %results) nounwind {{\n{w.text()}\n}}"
-    constants = [
-        f'{name} = private unnamed_addr constant [{len(text) // 3} x i8] c"{text}", align 64'
-        for text, name in unit.constants.items()
-    ]
-    return "\n\n".join([*unit.declared.values(), *constants, *unit.bodies, body]), form, unit
+    return unit.module(body), form, unit
 
 
 class Kernel:
@@ -273,20 +270,35 @@ def _scalars(x: Any) -> Any:
 def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
     from particlesim.compiler import machine
 
-    entry = store.entry(function, key, machine.identity())
+    entry = None if CHECKED else store.entry(function, key, machine.identity())
     kept = store.read(entry)
     if kept is None and not _compiling.get():
         return None
     if kept is None:
         text, form, unit = write(function, arguments)
+        shared = [_shared(part.text) for part in unit.parts.values()]
         code = machine.object_code(text)
-        store.write(entry, code, form, unit)
+        store.write(entry, code, form, unit, [path for path, _ in shared])
+        codes = [*(made for _, made in shared), code]
     else:
-        code, form = kept
-    loaded = machine.Code(code, ENTRY)
+        codes, form = kept
+    loaded = machine.Code(codes, ENTRY)
     kinds = [kind for each in arguments for kind in _kinds(each)]
     pack = struct.Struct("".join(_FORMAT[kind] for kind in kinds)).pack
     return Compiled(_CALL(loaded.address), pack, kinds_in(form), form, loaded)
+
+
+def _shared(text: str) -> tuple[Any, bytes]:
+    """The code of a shared function, and where it is kept: on disk from another kernel that calls it, or made now."""
+    from particlesim.compiler import machine
+
+    path = None if CHECKED else store.shared(text, machine.identity())
+    kept = store.read_code(path)
+    if kept is not None:
+        return path, kept[1]
+    code = machine.object_code(text)
+    store.write_code(path, {}, code)
+    return path, code
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -298,8 +310,15 @@ def kernel(function: Callable[..., Any]) -> Any:
     return Kernel(function)
 
 
-PLAIN = os.environ.get("PSIM_KERNELS") == "python"
+_MODE = os.environ.get("PSIM_KERNELS", "")
+if _MODE not in ("", "python", "checked"):
+    raise UsageError(
+        f"PSIM_KERNELS is {_MODE!r}", hint="python runs kernels uncompiled, checked looks at every index"
+    )
+PLAIN = _MODE == "python"
 """Whether kernels run as plain Python: slow, for finding mistakes."""
+CHECKED = _MODE == "checked"
+"""Whether kernels look at every index (`bounds`)."""
 
 _compiling = ContextVar("compiling", default=True)
 
@@ -309,6 +328,16 @@ def uncompiled() -> Iterator[None]:
     """In this thread, kernels that are not kept on disk run as plain Python: for little work, where nobody waits for a
     compiler."""
     before = _compiling.set(False)
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
+
+
+@contextmanager
+def compiled(worth: bool) -> Iterator[None]:
+    """In this thread, kernels are compiled in spite of `uncompiled`, if it is worth it: for much work."""
+    before = _compiling.set(worth or _compiling.get())
     try:
         yield
     finally:

@@ -11,7 +11,8 @@ import numpy as np
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands.independent import OWN_STEPS, Births
+from particlesim.engine.islands.base import OWN_STEPS
+from particlesim.engine.islands.births import Births
 from particlesim.engine.ledger.sums import MOTION, measure
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
@@ -21,7 +22,7 @@ from particlesim.errors import DivergenceError
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
 from particlesim.scenario.ledger_columns import attribute_totals, work_columns
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 PIECE = 50_000_000
@@ -80,6 +81,7 @@ class Simulation(World):
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self.islands[number]
+        island.begin(self.team)
         island.keep(first)
         while first < last:
             until = island.phase(first, last)
@@ -138,8 +140,10 @@ class Simulation(World):
 
     def _name_columns(self) -> tuple[str, ...]:
         forces = sorted({k for here, _ in self._sources for k in here})
-        bonds = range(len(self.scenario.forces), len(self._labels))
-        potentials = (f"potential.{self._labels[k]}" for k in (*forces, *bonds))
+        bonds = range(len(self.scenario.forces), len(self._labels) - len(self.scenario.interactions))
+        names = [self._labels[k] for k in (*forces, *bonds)]
+        names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.conserves()]
+        potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
         return (*MOTION, *potentials, *attribute_totals(self.scenario), *work)
 

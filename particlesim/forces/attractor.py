@@ -25,12 +25,10 @@ from particlesim.laws.registry import (
     law,
     potential,
 )
+from particlesim.model.constants import GRAVITATIONAL_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import CubicMetresPerSecondSquared, Kilograms, Metres, Number
 from particlesim.model.units import Vector as Vector3
-
-GRAVITATIONAL_CONSTANT = 6.67430e-11
-"""G [m³/(kg s²)], CODATA 2018."""
 
 
 class Attractor(Force):

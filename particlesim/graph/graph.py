@@ -1,7 +1,7 @@
 """The simulation graph: what there is in a scenario, what acts on what, and which groups must step together.
 
-Groups joined by springs or rods form an *island*: their particles have to be at the same time. All other groups are islands
-of their own whose particles are independent of each other.
+Groups joined by springs, rods or interactions form an *island*: their particles have to be at the same time. All other
+groups are islands of their own whose particles are independent of each other.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
-from particlesim.scenario.reach import acts_on
+from particlesim.interactions import PairSet
+from particlesim.scenario.collider_files import open_colliders
+from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 
@@ -44,7 +46,7 @@ class Edge:
     verb: str
 
 
-Interaction = BondSet | HingeSet | SurfaceSet
+Interaction = BondSet | HingeSet | SurfaceSet | PairSet
 """A set of interactions between particles, as a scenario calls for it."""
 
 
@@ -62,8 +64,15 @@ class Island:
 
     @property
     def coupled(self) -> bool:
-        """Whether its particles act on each other."""
-        return bool(self.interactions or self.rods)
+        """Whether its particles step together: they act on each other, or their method has one step for all."""
+        return bool(self.interactions or self.rods) or self.method.together
+
+    @property
+    def changes(self) -> bool:
+        """Whether particles may be born or die."""
+        return any(isinstance(group, Emitter) for group in self.groups) or any(
+            each.contact == "kill" for colliders in self.colliders for each in colliders
+        )
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,8 @@ class Graph:
 
 
 def build_graph(scenario: Scenario) -> Graph:
-    """The graph of a scenario."""
+    """The graph of a scenario, whose colliders read their files. Raises UsageError when that cannot be done."""
+    open_colliders(scenario)
     groups = {group.name: _group_node(group) for group in scenario.groups}
     labels = scenario.force_labels()
     nodes: list[Node] = list(groups.values())
@@ -117,7 +127,12 @@ def build_graph(scenario: Scenario) -> Graph:
             "acts on",
             [g.name for g in scenario.groups if acts_on(force, g)],
         )
-    joints: tuple[BondSet | RodSet | HingeSet, ...] = (*scenario.bonds, *scenario.rod_sets, *scenario.hinges)
+    joints: tuple[BondSet | RodSet | HingeSet | PairSet, ...] = (
+        *scenario.bonds,
+        *scenario.rod_sets,
+        *scenario.hinges,
+        *pair_sets(scenario),
+    )
     for each in joints:
         act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
     for k, collider in enumerate(scenario.all_colliders):
@@ -149,7 +164,8 @@ def build_graph(scenario: Scenario) -> Graph:
 
 
 def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
-    """All sets of interactions of a scenario in the order in which they are added: springs, hinges, forces on surfaces."""
+    """All sets of interactions of a scenario in the order in which they are added: springs, hinges, forces on surfaces, and
+    what acts between any two particles."""
     labels = scenario.force_labels()
     surfaces = (
         SurfaceSet(label, group.name, force)
@@ -157,7 +173,7 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
         for label, force in zip(labels, scenario.forces, strict=False)
         if isinstance(force, SheetDrag) and isinstance(group, Particles) and acts_on(force, group)
     )
-    return (*scenario.bonds, *scenario.hinges, *surfaces)
+    return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))
 
 
 def method_of(group: Group, default: AnyIntegrator) -> Method:
@@ -226,5 +242,10 @@ def _group_node(group: Group) -> Node:
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = f"e = {collider.restitution:g}" if collider.contact == "bounce" else collider.contact
+    what = collider.contact
+    if what == "bounce":
+        static, kinetic = collider.coefficients
+        what = f"e = {collider.liveliness:g}"
+        if collider.rubs:
+            what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
     return f"{collider.describe()}, {what}, {collider.detection}"

@@ -13,6 +13,7 @@ from particlesim.integrators.bdf2 import BDF2
 from particlesim.integrators.dop853 import DOP853
 from particlesim.integrators.explicit_euler import EXPLICIT_EULER
 from particlesim.integrators.heun import HEUN
+from particlesim.integrators.ias15 import IAS15, GaussRadau, GaussRadauMethod
 from particlesim.integrators.implicit import BackwardEuler, Implicit, ImplicitMethod, ImplicitName
 from particlesim.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
 from particlesim.integrators.midpoint import MIDPOINT
@@ -42,6 +43,7 @@ METHODS: dict[str, Method] = {
         ADAPTIVE_EULER,
         RK45,
         DOP853,
+        IAS15,
         BACKWARD_EULER,
         TRAPEZOIDAL,
         IMPLICIT_MIDPOINT,
@@ -49,10 +51,10 @@ METHODS: dict[str, Method] = {
     )
 }
 
-MethodName = Literal[FixedStepName, AdaptiveName, "backward_euler", ImplicitName]
+MethodName = Literal[FixedStepName, AdaptiveName, "ias15", "backward_euler", ImplicitName]
 """The names of all methods."""
 
-AnyOptions = Annotated[FixedStep | Adaptive | BackwardEuler | Implicit, Tagged("method")]
+AnyOptions = Annotated[FixedStep | Adaptive | GaussRadau | BackwardEuler | Implicit, Tagged("method")]
 """A method by its name, with its options."""
 
 AnyIntegrator = MethodName | AnyOptions
@@ -76,6 +78,8 @@ __all__ = [
     "Composition",
     "EmbeddedRungeKutta",
     "FixedStep",
+    "GaussRadau",
+    "GaussRadauMethod",
     "Implicit",
     "ImplicitMethod",
     "Method",

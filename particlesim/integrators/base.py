@@ -52,6 +52,8 @@ class Method:
 
     adaptive: ClassVar[bool] = False
     """Whether it chooses its steps by their error."""
+    together: ClassVar[bool] = False
+    """Whether all particles of a group take its steps together, even where nothing joins them."""
     options: ClassVar[type[Options]] = FixedStep
     """The model of what a scenario may say of it; its fields beside `method` are fields here."""
 

@@ -9,7 +9,7 @@ from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import KILL, has_law, potential
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.scenario.reach import acts_on, held_back
+from particlesim.scenario.reach import acts_on, held_back, may_break, pair_sets
 from particlesim.scenario.tables import Tables
 
 
@@ -18,8 +18,9 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     labels = scenario.force_labels()
     stored = [
         label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
-    ] + list(labels[len(scenario.forces) :])
-    broken = [bonds.name for bonds in scenario.bonds if bonds.law.breaks]
+    ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
+    stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.conserves()]
+    broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
         *(f"died.{cause}" for cause in deaths(scenario)),
@@ -50,7 +51,7 @@ def work_columns(scenario: Tables) -> tuple[str, ...]:
 
 
 def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
-    """What may give energy to groups or take it: labels of forces and springs, and names of other causes."""
+    """What may give energy to groups or take it: labels of forces, springs and interactions, and names of other causes."""
     groups = [group for group in scenario.groups if group.name in names]
     bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
     reaching = [
@@ -61,6 +62,9 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
     found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
+    found += [
+        each.name for each in pair_sets(scenario) if each.groups[0] in names and not each.law.conserves()
+    ]
     colliders = [each for each in scenario.all_colliders if held_back(each, names)]
     emitted = any(isinstance(group, Emitter) for group in groups)
     others = {

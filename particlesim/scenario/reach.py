@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
+from particlesim.bonds import BondSet
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
+from particlesim.interactions import PairInteraction, PairSet
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -32,6 +34,32 @@ def unfelt(force: Force, group: Group) -> str | None:
     return None
 
 
+def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
+    """The groups whose particles an interaction acts on: those that it names, else all that can feel it."""
+    named = interaction.between or interaction.on
+    if named is not None:
+        return tuple(group for name in named for group in groups if group.name == name)
+    return tuple(group for group in groups if not unmoved(interaction, group))
+
+
+def unmoved(interaction: PairInteraction, group: Group) -> str | None:
+    """Why a group cannot feel an interaction; None if it can."""
+    if group.dynamics.type == "tracer":
+        return "tracers move with their flow; nothing acts on them"
+    if group.dynamics.type == "first_order" and interaction.needs_velocity():
+        return "this interaction depends on the velocity, which particles without inertia do not have"
+    return None
+
+
+def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
+    """All interactions between particles, each with its name in the ledger and its groups."""
+    labels = scenario.force_labels()[-len(scenario.interactions) :]
+    return tuple(
+        PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
+        for label, each in zip(labels, scenario.interactions, strict=False)
+    )
+
+
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
     """Planes and other colliders, and where they are stated."""
     for k, plane in enumerate(scenario.planes):
@@ -43,6 +71,18 @@ def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
 def held_back(collider: Collider, groups: Collection[str]) -> bool:
     """Whether a collider holds back one of some groups."""
     return collider.on is None or any(name in groups for name in collider.on)
+
+
+def mortal(scenario: Tables, name: str) -> bool:
+    """Whether particles of a group may die: those of emitters, and what meets a collider that kills."""
+    return any(emitter.name == name for emitter in scenario.emitters) or any(
+        each.contact == "kill" and held_back(each, (name,)) for each in scenario.all_colliders
+    )
+
+
+def may_break(scenario: Tables, bonds: BondSet) -> bool:
+    """Whether springs of a set may break, on their own or because an end dies."""
+    return bonds.law.breaks or any(mortal(scenario, name) for name in bonds.groups)
 
 
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:

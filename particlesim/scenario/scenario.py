@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
@@ -100,17 +100,25 @@ class Scenario(Tables):
                 raise InputOutputError(located.message) from None
             raise located from None
 
-    @contextmanager
-    def at_springs(self, label: str) -> Iterator[None]:
+    def at_springs(self, label: str) -> AbstractContextManager[None]:
         """What is wrong with a set of springs, by its name in the ledger, once particles have their places: told with its
         place in the text where that is known."""
+        labels = self.force_labels()[len(self.forces) :][: len(self.springs)]
+        return self._at("springs", labels, label)
+
+    def at_interaction(self, label: str) -> AbstractContextManager[None]:
+        """The same for an interaction between particles."""
+        return self._at("interactions", self.force_labels()[-len(self.interactions) :], label)
+
+    @contextmanager
+    def _at(self, section: str, labels: tuple[str, ...], label: str) -> Iterator[None]:
+        """Give mistakes the place of the entry of a section that has a label, where there is one."""
         try:
             yield
         except UsageError as error:
-            labels = self.force_labels()[len(self.forces) :][: len(self.springs)]
             if self._source is None or label not in labels:
                 raise
-            mistake = Invalid(error.message, ("springs", labels.index(label)), hint=error.hint)
+            mistake = Invalid(error.message, (section, labels.index(label)), hint=error.hint)
             from particlesim.scenario.text.diagnose import scenario_error
 
             raise scenario_error(self._source, [mistake]) from None

@@ -16,6 +16,7 @@ from particlesim.forces import AnyForce
 from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
+from particlesim.interactions import AnyInteraction
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
@@ -42,6 +43,8 @@ class Tables(Model):
     """Sources of particles."""
     forces: tuple[AnyForce, ...] = ()
     """What acts on particles."""
+    interactions: tuple[AnyInteraction, ...] = ()
+    """What particles do to each other, near or far."""
     springs: tuple[Springs, ...] = ()
     """Springs between listed particles."""
     rods: tuple[Rods, ...] = ()
@@ -85,11 +88,12 @@ class Tables(Model):
         return Streams(self.simulation.seed, group.name)
 
     def force_labels(self) -> tuple[str, ...]:
-        """A name of its own for every force and set of springs, as in the ledger: 'gravity', 'drag', 'drag_2' ..."""
+        """A name of its own for every force, set of springs and interaction, as in the ledger: 'gravity', 'drag' ..."""
         names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
         names += [bonds.name for group in self.particles for bonds in group.bonds()]
         names += [hinges.name for hinges in (*self.angles, *self.dihedrals)]
         names += [hinges.name for group in self.particles for hinges in group.hinges()]
+        names += [each.label for each in self.interactions]
         return distinct(names)
 
     @property

@@ -141,6 +141,20 @@ RODS: Table = {
     "impulses": [{"impulse": [0.2, 0.1, 0.3], "at": 0.42}],
 }
 
+PAIRS: Table = {
+    "simulation": {"duration": 0.5, "dt": 0.005, "integrator": "velocity_verlet", "seed": 4},
+    "output": {"every": 7, "work": True},
+    "particles": [
+        {
+            "name": "cloud",
+            "mass": 0.02,
+            "layout": {"type": "random", "count": 50, "shape": {"type": "ball", "radius": 1}},
+        },
+        {"name": "star", "layout": {"type": "points", "position": [[3, 0, 0]]}, "mass": 1.0},
+    ],
+    "interactions": [{"type": "gravity", "constant": 1.0, "softening": 0.05}],
+}
+
 KINDS = {
     "fountain": FOUNTAIN,
     "cloth": CLOTH,
@@ -148,6 +162,7 @@ KINDS = {
     "adaptive": ADAPTIVE,
     "implicit": IMPLICIT,
     "rods": RODS,
+    "pairs": PAIRS,
 }
 
 

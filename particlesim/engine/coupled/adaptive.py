@@ -16,7 +16,7 @@ from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.kernel import displace, end_interval, find_slopes, restore, save
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.state.columns import block_of, span, type_of
+from particlesim.engine.state.columns import block_of, in_step, span, type_of
 from particlesim.engine.step.particle_step import Rate
 from particlesim.engine.step.step_size import (
     MOST_STEPS,
@@ -41,6 +41,8 @@ class Pace(NamedTuple):
     `report`: why the island cannot go on, when [s], and the worst particle. `disturbed`: whether contacts or breaking bonds
     may change the state between steps, so that the last slope is not the next step's first. `pauses`: whether to return
     after every own step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
+    `events`: when particles are born or die of age [s], sorted: own steps end there, as no error estimate sees a force that
+    begins or ends within a step.
     """
 
     slots: NDArray[np.float64]
@@ -48,6 +50,7 @@ class Pace(NamedTuple):
     disturbed: bool
     pauses: bool
     present: NDArray[np.float64]
+    events: NDArray[np.float64]
 
     @property
     def stuck(self) -> bool:
@@ -55,9 +58,24 @@ class Pace(NamedTuple):
         return bool(self.report[0])
 
 
-def new_pace(threads: int, disturbed: bool, pauses: bool = False) -> Pace:
+def new_pace(threads: int, events: NDArray[np.float64], *, disturbed: bool, pauses: bool) -> Pace:
     """For some threads."""
-    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT))
+    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT), events)
+
+
+def next_event(events: Any, now: Any, end: Any) -> Any:
+    """The first event after `now`, at most `end`."""
+    k = after(events, now)
+    return min(end, events[k]) if k < events.size else end
+
+
+def after(events: Any, now: Any) -> Any:
+    """Index of the first event after `now`."""
+    low, high = 0, events.size
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if events[middle] > now else (middle + 1, high)
+    return low
 
 
 def worst(share: Any, slots: Any, value: Any, row: Any) -> Any:
@@ -197,18 +215,19 @@ def step_island_adaptive(
             land(parts, bonds, c, work, share, pace.disturbed, began, now, type_of(c.x[0], taken))
             stale = pace.disturbed
         while now < end:
+            goal = next_event(pace.events, now, end)
             if stale:
-                find_slopes(parts, bonds, c, work, share, 0, now)
+                find_slopes(parts, bonds, in_step(c, now, goal), work, share, 0, now)
                 stale = False
             if not step > 0:
                 step = first_step(method, c, work, share, pace.slots, end - t)
             step = min(step, end - t)
-            arrives = end - now <= 1.01 * step
-            taken = end - now if arrives else step
-            then = end if arrives else now + taken
+            arrives = goal - now <= 1.01 * step
+            taken = goal - now if arrives else step
+            then = goal if arrives else now + taken
             h = type_of(c.x[0], taken)
             save(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
-            attempt(method, parts, bonds, c, work, share, now, then, h)
+            attempt(method, parts, bonds, in_step(c, now, then), work, share, now, then, h)
             largest, row = largest_error(method, c, work, share, now, then, h)
             error, row = worst(share, pace.slots, largest, row)
             wish = taken * factor(method, error, previous, again)

@@ -64,7 +64,7 @@ class StagedEmbedded(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods, else None."""
+    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; None for other methods."""
 
     force: Any
     before: Any
@@ -72,6 +72,7 @@ class Work(NamedTuple):
     pull: Any
     spread: Any
     system: Any = None
+    radau: Any = None
 
 
 class Share(NamedTuple):
@@ -90,6 +91,22 @@ class Share(NamedTuple):
     elements: tuple[Any, ...]
     order: Any
     rods: Any = None
+
+
+class Team(NamedTuple):
+    """What of a share depends on no law, for functions that are compiled once for all kernels."""
+
+    first: int
+    last: int
+    chunk: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def team_of(share: Any) -> Team:
+    """A share's particles, and the threads that it meets."""
+    return Team(share.first, share.last, share.chunk, share.number, share.threads, share.gate)
 
 
 def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:

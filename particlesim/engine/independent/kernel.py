@@ -25,17 +25,19 @@ from particlesim.engine.state.columns import (
     put_back,
     recall,
     remember,
+    save,
+    saved,
     span,
     still,
     store,
     type_of,
     unless,
 )
-from particlesim.engine.step.impacts import Simple, meet, overlapped, trace
+from particlesim.engine.step.impacts import Simple, meet, overlapped, rest, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
 
-def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, marks: Any) -> None:
+def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
     """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the
     inverse masses."""
     if isinstance(program.contacts, Simple):
@@ -51,32 +53,68 @@ def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, mar
             remember(c.memory, i, touched, restart(memory))
             note(c.clock, i, unless(idle, outcome), end)
         return
-    # The few particles that end inside a collider keep their state here, and are traced one by one below.
+    if _fly(program, c, t, end, h, inverse, room) and _lie(program, c, t, end, h, room):
+        _hit(program, c, t, end, h, inverse, room)
+
+
+def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> bool:
+    """The free step of all particles of a block; those that meet a collider are marked. Returns whether there are any."""
+    found = False
     for i in range(c.x.size):
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        inside = overlapped(program.contacts, p, q)
-        marks[i] = inside
-        store(c, i, chosen(inside, p, chosen(still(c.clock, hi), p, q)))
-        remember(c.memory, i, not inside, memory)
+        meets = overlapped(program.contacts, p, q, hi)
+        meets &= hi > 0
+        room.marks[i] = meets
+        found |= meets
+        save(room.before, i, p)
+        store(c, i, chosen(still(c.clock, hi), p, q))
+        remember(c.memory, i, not meets, memory)
+    return found
+
+
+def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
+    """The step of the marked particles that lie on colliders, which then are no longer marked. Returns whether others are
+    left; these are back at the beginning of the step."""
+    left = False
     for i in range(c.x.size):
-        if marks[i]:
+        if program.contacts.one_by_one is not None and not room.marks[i]:
+            continue
+        begin, hi = span(c.clock, i, t, end, h)
+        q = fetch(c, i, end)
+        p = saved(room.before, i, q, begin)
+        if len(program.contacts.continuous) > 0:
+            r, calm = rest(program.contacts, p, q, hi)
+        else:
+            r, calm = q, False
+        lies = room.marks[i] & calm
+        hits = room.marks[i] & (not calm)
+        room.marks[i] = hits
+        left |= hits
+        store(c, i, chosen(hits, p, chosen(lies, r, q)))
+        remember(c.memory, i, lies, restart(recall(c.memory, i)))
+    return left
+
+
+def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
+    """The step of the marked particles from impact to impact, one by one."""
+    for i in range(c.x.size):
+        if room.marks[i]:
             begin, hi = span(c.clock, i, t, end, h)
-            if hi > 0:
-                p = fetch_known(c, inverse, i, begin)
-                q, memory, outcome = trace(
-                    program.method,
-                    program.dynamics,
-                    program.forces,
-                    program.contacts,
-                    p,
-                    hi,
-                    recall(c.memory, i),
-                )
-                store(c, i, q)
-                remember(c.memory, i, True, memory)
-                note(c.clock, i, outcome, q.t)
+            p = fetch_known(c, inverse, i, begin)
+            q, memory, outcome = trace(
+                program.method,
+                program.dynamics,
+                program.forces,
+                program.contacts,
+                p,
+                hi,
+                recall(c.memory, i),
+            )
+            store(c, i, q)
+            remember(c.memory, i, True, memory)
+            note(c.clock, i, outcome, q.t)
 
 
 def refresh(program: Any, c: Any, t: Any) -> None:
@@ -92,17 +130,22 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 
 
 class Room(NamedTuple):
-    """What a thread remembers of a block: its state at the beginning as `keep` has it, marks and inverse masses [block]."""
+    """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
+    present step marks [block] and the beginning [6, block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.bool_]
     inverse: NDArray[np.floating[Any]]
+    before: NDArray[np.floating[Any]]
 
 
 def new_room(columns: Columns, block: int) -> Room:
     """Room for a block of some columns."""
     return Room(
-        np.empty((len(changing(columns)), block)), np.empty(block, np.bool_), np.empty(block, columns.m.dtype)
+        np.empty((len(changing(columns)), block)),
+        np.empty(block, np.bool_),
+        np.empty(block, columns.m.dtype),
+        np.empty((6, block), columns.x.dtype),
     )
 
 
@@ -125,7 +168,7 @@ def step_range(
     first particle k, so that the caller can look for the step and the particle. `room` is that of `new_room` for these
     columns and this block, one for every thread.
     """
-    kept, marks, inverse = room.kept, room.marks, room.inverse
+    kept, inverse = room.kept, room.inverse
     for lo in range(first, last, block):
         c = block_of(columns, lo, min(last, lo + block))
         n = c.x.size
@@ -134,7 +177,7 @@ def step_range(
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, marks)
+            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, room)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):

@@ -120,8 +120,8 @@ def jacobians(s: Tensors) -> tuple[Floats, Floats]:
     return by_place, -s.damping[:, None, None] * outer
 
 
-def network(s: Tensors, blocks: Floats, count: int) -> Any:
-    """The sparse matrix of all particles from blocks of springs [n, 3, 3]; shape [3 count, 3 count]."""
+def network(s: Any, blocks: Floats, count: int) -> Any:
+    """The sparse matrix of all particles from blocks [n, 3, 3] of pairs of rows `s.i`, `s.j`; shape [3 count, 3 count]."""
     from scipy.sparse import coo_array
 
     ends = np.stack([s.i, s.i, s.j, s.j]), np.stack([s.i, s.j, s.i, s.j])

@@ -11,13 +11,17 @@ of particles (`by_chunks`: springs) come first; all others are added by every th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, Protocol, Self, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
+from particlesim.compiler.barrier import new_gate
+from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
+from particlesim.process.threads import Team
+from particlesim.scenario.reach import mortal
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -71,10 +75,25 @@ class Interaction:
     spends_as: ClassVar[str | None] = None
     """The name in the ledger of the work that it does beside its potential; None: its own name."""
 
+    prepares: ClassVar[bool] = False
+    """Whether it has something to find out before every sum of forces (`prepare`)."""
+
     # ---- kernels: forces, and the matrix of implicit methods
 
+    def prepare(self, c: Any, share: Any, t: Any) -> None:
+        """Find out what forces need, such as who is near whom, before they are summed at time t.
+
+        All threads of an island call it, with all positions in place; thread `share.number` of `share.threads` owns
+        particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has
+        written what others read, it ends with one, as `add_forces` only reads.
+        """
+
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        """Add its forces on particles [first, last) at time t to total [3, n]."""
+        """Add its forces on particles [first, last) at time t to total [3, n].
+
+        Where particles may be born or die, what particle j does to others counts `presence(c.clock, j)` times; whether those
+        are there themselves makes no difference here.
+        """
         raise NotImplementedError
 
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
@@ -92,6 +111,11 @@ class Interaction:
         """How many interactions there are."""
         raise NotImplementedError
 
+    def renewed(self) -> Self:
+        """The same for a new interval between frames, or for one that is repeated: what it has found out is forgotten, so
+        that a run which is resumed there goes on with the same bits; with more room where it had too little."""
+        return self
+
     @property
     def effort(self) -> int:
         """About how many springs take as long."""
@@ -101,8 +125,32 @@ class Interaction:
         """What concerns particles [first, last), in the same order: the share of a thread."""
         return self
 
+    def in_team(self, threads: int) -> Self:
+        """The same with room for so many threads to work at it together."""
+        return self
+
+    def calibrate(self, c: Any, team: Team) -> None:
+        """Find out once, before the first step, what steps need to know; what is found is among `changing`.
+
+        Raises UsageError where it cannot be as was asked for.
+        """
+
+    def summary(self) -> str | None:
+        """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
+        return None
+
+    def laid_again(self, site: Site, place: Ints) -> Self | None:
+        """The same among other rows, after births and deaths: what was in row k is in row `place[k]` of `site`, and gone if
+        that is −1. Only called between steps. None for a kind that keeps nothing of what was: it is laid out anew."""
+        return None
+
+    def after(self, before: Interaction, place: Ints) -> Self:
+        """One that is laid out anew after births and deaths, with what the one before, of which row k is row `place[k]` now,
+        has found out."""
+        return self
+
     def energy(self, c: Any) -> float | None:
-        """Potential energy [J]; None for a kind without a potential."""
+        """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
         return None
 
     @property
@@ -128,8 +176,13 @@ class Interaction:
 
     @property
     def broke(self) -> Floats | None:
-        """When each broke [s], infinity while it holds, in the order of `topology`; None where none can."""
+        """When each broke or lost a particle [s], infinity while it holds, in the order of `topology`; None where none
+        can."""
         return None
+
+    def without_dead(self, now: Self, c: Any) -> Self:
+        """The same without those that, up to its later state `now`, broke because they lost a particle."""
+        return self
 
     def changing(self) -> tuple[NDArray[Any], ...]:
         """The arrays in it that steps change."""
@@ -140,14 +193,36 @@ class Interaction:
         return self
 
 
-class Site:
-    """Where interactions are laid out: the particles of an island at the start, as one state and group by group."""
+class Lone(NamedTuple):
+    """The share of a thread that is alone."""
 
-    def __init__(self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState]) -> None:
-        self.scenario, self.whole = scenario, whole
+    first: int
+    last: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def lone(count: int) -> Lone:
+    """The share of a thread that owns all of some particles."""
+    return Lone(0, count, 0, 1, new_gate())
+
+
+class Site:
+    """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
+    those of the start, where mistakes of the scenario are told."""
+
+    def __init__(
+        self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
+    ) -> None:
+        self.scenario, self.whole, self.began = scenario, whole, began
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}
+
+    def mortal(self, *names: str) -> bool:
+        """Whether particles of some groups may die."""
+        return any(mortal(self.scenario, name) for name in names)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -170,6 +245,19 @@ class Site:
         if not self.whole.clocked:
             return np.zeros(self.whole.count, np.bool_)
         return np.asarray(np.isinf(self.whole.start[: self.whole.count]))
+
+
+@outlined
+def prepare_set(each: Any, c: Any, share: Any, t: Any) -> None:
+    """`prepare` for one set."""
+    type(each).prepare(each, c, share, t)
+
+
+def prepare_elements(sets: Any, c: Any, share: Any, t: Any) -> None:
+    """Let all sets that have to find something out before a sum of forces do so; all threads of an island come here."""
+    for each in sets:
+        if type(each).prepares:
+            prepare_set(each, c, share, t)
 
 
 @outlined
@@ -245,6 +333,30 @@ def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) ->
 def rows_between(rows: Any, first: int, last: int) -> NDArray[np.bool_]:
     """Which columns of a table of rows [k, n] have one among particles [first, last)."""
     return np.asarray(((rows >= first) & (rows < last)).any(axis=0))
+
+
+def rows_after(rows: Ints, place: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+    """Rows of interactions [k, n] after births and deaths (`Interaction.laid_again`) without those that lost a particle,
+    and which are left [n]."""
+    there = place[rows]
+    left = np.asarray((there >= 0).all(axis=0))
+    return np.ascontiguousarray(there[:, left]), left
+
+
+def is_gone(each: Any, c: Any, q: Any) -> Any:
+    """Whether a particle of column q of the rows of a set is not there any more; never where they do not die."""
+    if each.mortal is None:
+        return False
+    gone = False
+    for k in range(each.rows.shape[0]):
+        gone = gone | (presence(c.clock, each.rows[k, q]) == 0)
+    return gone
+
+
+def clear_form(form: Any, q: Any) -> None:
+    """Take column q out of the matrix of implicit methods."""
+    for row in range(form.shape[0]):
+        form[row, q] = 0
 
 
 def states_of(c: Any, rows: Any) -> tuple[Floats, Floats]:

@@ -9,11 +9,11 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, group_tables, unfelt
-from particlesim.scenario.rules import joints
+from particlesim.scenario.rules import interactions, joints
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
-from particlesim.scenario.rules.tolerances import too_fine
+from particlesim.scenario.rules.tolerances import few_bodies, too_fine
 from particlesim.scenario.tables import Tables
 
 MOST_BIRTHS = 10**12
@@ -21,7 +21,7 @@ MOST_BIRTHS = 10**12
 
 
 def names(scenario: Tables) -> Iterator[Invalid]:
-    """Groups and named forces have names of their own; there is something to simulate."""
+    """Groups, named forces and named interactions have names of their own; there is something to simulate."""
     if not scenario.groups:
         yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
     seen: dict[str, Path] = {}
@@ -34,15 +34,18 @@ def names(scenario: Tables) -> Iterator[Invalid]:
                 hint="give each group a name of its own",
             )
         seen[group.name] = path
-    named: dict[str, int] = {}
-    for k, force in enumerate(scenario.forces):
-        if force.name is not None and force.name in named:
-            other = ("forces", named[force.name], "name")
-            yield Invalid(
-                f"two forces are called {force.name!r}", ("forces", k, "name"), ((other, "the other one"),)
-            )
-        if force.name is not None:
-            named[force.name] = k
+    for section in ("forces", "interactions"):
+        named: dict[str, int] = {}
+        for k, each in enumerate(getattr(scenario, section)):
+            if each.name is not None and each.name in named:
+                other = (section, named[each.name], "name")
+                yield Invalid(
+                    f"two {section} are called {each.name!r}",
+                    (section, k, "name"),
+                    ((other, "the other one"),),
+                )
+            if each.name is not None:
+                named[each.name] = k
 
 
 def references(scenario: Tables) -> Iterator[Invalid]:
@@ -58,6 +61,7 @@ def references(scenario: Tables) -> Iterator[Invalid]:
         if joint.on is not None:
             places.append(((*here, "on"), joint.on))
         places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
+    places += interactions.named_groups(scenario)
     places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
     for path, name in places:
         if name not in known:
@@ -157,6 +161,8 @@ CHECKS = (
     names,
     references,
     needs,
+    interactions.felt,
+    interactions.kicked,
     undifferentiable,
     times,
     kicks,
@@ -169,6 +175,7 @@ CHECKS = (
     joints.held,
     pictures.colors,
     too_fine,
+    few_bodies,
     pictures.styles,
     disagreements,
 )

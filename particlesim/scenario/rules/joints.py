@@ -10,7 +10,8 @@ from particlesim.groups.group import Particles
 from particlesim.groups.selection import mistakes as selection_mistakes
 from particlesim.integrators import method_for
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back
+from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.rules.interactions import coupled
 from particlesim.scenario.rules.rods import are_rods, rod_tables, unfit
 from particlesim.scenario.tables import Tables
 
@@ -103,12 +104,12 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
     """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, law in _coupling_tables(scenario):
-        what = "rods" if are_rods(here) else "springs"
+        what, join = _words(here)
         for name in dict.fromkeys(names):
             path, group = tables[name]
-            if not isinstance(group, Particles):
+            if not isinstance(group, Particles) and here[0] != "interactions":
                 yield Invalid(
-                    f"{what} join particles that are there from the start, and {name!r} is emitted",
+                    f"{what} {join} particles that are there from the start, and {name!r} is emitted",
                     here,
                     ((path, "emitted here"),),
                 )
@@ -125,39 +126,28 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
 
 
 def joined(scenario: Tables) -> Iterator[Invalid]:
-    """What groups joined by springs or rods have in common, and what they cannot do."""
+    """What groups joined by springs or rods have in common."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
-        what = "rods" if are_rods(here) else "springs"
+        what, join = _words(here)
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
         ]
         if methods[0] != methods[1]:
             yield Invalid(
-                f"{what} join groups that step together, and these have different integrators "
+                f"{what} {join} groups that step together, and these have different integrators "
                 f"({methods[0].label}, {methods[1].label})",
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
             )
-        for where, collider in collider_tables(scenario):
-            if collider.contact == "kill" and held_back(collider, (first.name, second.name)):
-                yield Invalid(
-                    f"a {collider.kind} cannot kill particles that are joined by {what}",
-                    (*where, "contact"),
-                    ((here, "joined here"),),
-                    hint=f"name the groups that the {collider.kind} acts on with on = [...]",
-                )
-        for place, group in ((path, first), (other, second)):
-            reads = [
-                force for force in scenario.forces if acts_on(force, group) and "temperature" in force.needs()
-            ]
-            if group.cooling is not None and reads:
-                yield Invalid(
-                    f"{reads[0].label} reads the temperature, which must not change for particles joined by {what}",
-                    (*place, "cooling"),
-                    ((here, "joined here"),),
-                )
+
+
+def _words(here: Path) -> tuple[str, str]:
+    """What couples groups where this is stated, and what it does to them."""
+    if here[0] == "interactions":
+        return "interactions", "act on"
+    return "rods" if are_rods(here) else "springs", "join"
 
 
 def held(scenario: Tables) -> Iterator[Invalid]:
@@ -166,13 +156,15 @@ def held(scenario: Tables) -> Iterator[Invalid]:
 
 
 def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
-    """Where particles are coupled at all: by springs, by rods, by angles and dihedrals, by drag on a surface; all but the
-    first as springs that are neither damped nor given by mass."""
+    """Where particles are coupled at all: by springs, rods, angles and dihedrals, interactions, drag on a surface; all but
+    the first as springs that are neither damped nor given by mass."""
     yield from bond_tables(scenario)
     for place, names in rod_tables(scenario):
         yield place, names, SpringLaw(0.0)
     for place, hinges in _hinge_tables(scenario):
         yield place, (hinges.on, hinges.on), SpringLaw(hinges.stiffness)
+    for place, names in coupled(scenario):
+        yield place, names, SpringLaw(0.0)
     for j, force in enumerate(scenario.forces):
         for group in scenario.groups:
             if force.on_surfaces and acts_on(force, group):

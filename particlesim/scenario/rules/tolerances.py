@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
-from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, Options, method_for
+from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, GaussRadauMethod, Options, method_for
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.tables import Tables
 
@@ -27,6 +27,28 @@ def too_fine(scenario: Tables) -> Iterator[Invalid]:
                 (*path, "tolerance") if written else path,
                 allowed=f"a tolerance of {least:.2g} or more",
                 hint='precision = "double" holds 1.4e-14' if precision == "single" else None,
+            )
+
+
+def few_bodies(scenario: Tables) -> Iterator[Invalid]:
+    """What IAS15 is not made for: numbers that round more than it errs, and the ledger's work."""
+    for path, integrator in _places(scenario):
+        if not isinstance(method_for(integrator), GaussRadauMethod):
+            continue
+        if scenario.simulation.precision == "single":
+            yield Invalid(
+                "ias15 computes to the rounding of double precision",
+                ("simulation", "precision"),
+                ((path, "chosen here"),),
+                allowed="double",
+                hint='"rk45" and "dop853" work in single precision',
+            )
+        if scenario.output.work:
+            yield Invalid(
+                "work is not booked along the steps of ias15",
+                ("output", "work"),
+                ((path, "chosen here"),),
+                hint='"dop853" has small errors, too, and its work is booked',
             )
 
 

@@ -1,0 +1,188 @@
+"""How particles are arranged: pair distances, density around a centre, power of density waves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from particlesim.errors import UsageError
+
+Floats = npt.NDArray[np.float64]
+Box = Sequence[float] | None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over a length or a wave number: bin centres x [n], values y [n], and how many samples fell into each."""
+
+    x: Floats
+    y: Floats
+    samples: npt.NDArray[np.int64]
+
+
+def radial_distribution(
+    position: npt.ArrayLike, *, box: Box = None, reach: float | None = None, bins: int = 200
+) -> Curve:
+    """The radial distribution function g(r): pairs at a distance over those of an ideal gas of the same density.
+
+    position: [n, 3] in m. box: sizes of a periodic box [m], an infinite one along axes that are not periodic; nearest images
+    are taken. Without it the density is that of the particles' bounding box, and g falls with r, as there is nothing
+    outside. reach: largest r [m], at most half of the smallest periodic size (then also the default; else a quarter of the
+    smallest extent). Raises UsageError for fewer than two particles, a reach that is too long, or no volume.
+    Source: M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids, section 2.6.
+    """
+    from scipy.spatial import cKDTree
+
+    x = _places(position, least=2)
+    extent = np.ptp(x, axis=0)
+    sizes = np.full(3, np.inf) if box is None else np.asarray(box, float)
+    periodic = np.isfinite(sizes)
+    volume = float(np.prod(np.where(periodic, sizes, extent)))
+    if not volume > 0:
+        raise UsageError("a radial distribution needs particles that fill a volume", "these lie in a plane")
+    furthest = float(sizes[periodic].min()) / 2 if periodic.any() else float(extent.min()) / 4
+    reach = furthest if reach is None else reach
+    if not 0 < reach <= (furthest if periodic.any() else np.inf):
+        raise UsageError(
+            f"a radial distribution up to {reach:g} m is not possible",
+            f"nearest images reach to half of the box, {furthest:g} m",
+        )
+    edges = np.linspace(0, reach, bins + 1)
+    wrapped = np.where(periodic, np.mod(x, np.where(periodic, sizes, 1.0)), x)
+    # SciPy takes a size of 0 for an axis that is not periodic.
+    tree = cKDTree(wrapped, boxsize=np.where(periodic, sizes, 0.0))
+    within = tree.count_neighbors(tree, edges) - len(x)  # each pair twice, without the particles themselves
+    pairs = np.diff(within)
+    shells = 4 / 3 * np.pi * np.diff(edges**3)
+    ideal = len(x) * (len(x) - 1) / volume * shells
+    return Curve((edges[:-1] + edges[1:]) / 2, pairs / ideal, pairs // 2)
+
+
+def density_profile(
+    position: npt.ArrayLike,
+    mass: npt.ArrayLike | float = 1.0,
+    *,
+    center: npt.ArrayLike | None = None,
+    bins: int = 60,
+    inner: float | None = None,
+    outer: float | None = None,
+) -> Curve:
+    """Mean density [kg/m³] in spherical shells around a centre, over the radius [m] (geometric mean of the shell).
+
+    position: [n, 3] in m; mass: [n] or one number, in kg. center: [3] in m; the densest place unless given, found by
+    spheres that shrink (Power et al., MNRAS 338, 14 (2003)). Shells are even in the logarithm of the radius, between
+    `inner` and `outer`: the 1st and the 99.5th percentile of the radii unless given.
+    Raises UsageError for fewer than two particles, or radii in the wrong order.
+    """
+    x = _places(position, least=2)
+    m = np.broadcast_to(np.asarray(mass, float), len(x))
+    middle = densest_place(x, m) if center is None else np.asarray(center, float)
+    r = np.linalg.norm(x - middle, axis=1)
+    low = float(np.percentile(r, 1)) if inner is None else inner
+    high = float(np.percentile(r, 99.5)) if outer is None else outer
+    if not 0 < low < high:
+        raise UsageError(f"no shells between {low:g} and {high:g} m", "radii are above 0 and in order")
+    edges = np.geomspace(low, high, bins + 1)
+    held, _ = np.histogram(r, edges, weights=m)
+    samples, _ = np.histogram(r, edges)
+    return Curve(
+        np.sqrt(edges[:-1] * edges[1:]), held / (4 / 3 * np.pi * np.diff(edges**3)), samples.astype(np.int64)
+    )
+
+
+def densest_place(position: Floats, mass: Floats) -> Floats:
+    """The centre of mass within a sphere about itself that shrinks by 2.5 % until 1000 particles, or 1 %, are left [m]."""
+    center = np.average(position, axis=0, weights=mass)
+    radius = float(np.linalg.norm(position - center, axis=1).max())
+    least = max(10, min(1000, len(position) // 100))
+    x, m = position, mass
+    while radius > 0:
+        inside = np.linalg.norm(x - center, axis=1) <= radius
+        if inside.sum() < least:
+            break
+        x, m = x[inside], m[inside]
+        center = np.average(x, axis=0, weights=m)
+        radius *= 0.975
+    return np.asarray(center)
+
+
+def power_spectrum(
+    position: npt.ArrayLike,
+    mass: npt.ArrayLike | float = 1.0,
+    *,
+    box: Sequence[float],
+    mesh: int = 128,
+    shot_noise: bool = False,
+) -> Curve:
+    """The power spectrum P(k) = V ⟨|δ_k|²⟩ [m³] of the density contrast δ = ρ/ρ̄ − 1 in a periodic box, over k [1/m].
+
+    position: [n, 3] in m; mass: [n] or one number. The density is put on a mesh of `mesh`³ nodes by triangular clouds, whose
+    window is divided out; k goes up to the Nyquist wave number, and means are over shells of the width of the smallest one.
+    Particles placed at random have P = V Σm²/(Σm)², the shot noise, which is taken off unless `shot_noise`.
+    Raises UsageError for no particles, or a box that is not periodic along all axes.
+    Sources: R. W. Hockney, J. W. Eastwood, Computer Simulation Using Particles; Y. P. Jing, ApJ 620, 559 (2005).
+    """
+    from scipy import fft
+
+    x = _places(position, least=1)
+    m = np.broadcast_to(np.asarray(mass, float), len(x))
+    size = np.asarray(box, float)
+    if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
+        raise UsageError(
+            "a power spectrum needs a box that is periodic along all axes", "box = three sizes in m"
+        )
+    density = _cloud(np.mod(x / size, 1.0) * mesh, m, mesh)
+    waves = fft.rfftn(density / density.mean() - 1.0, workers=-1) / mesh**3
+    index = [np.fft.fftfreq(mesh, 1 / mesh), np.fft.fftfreq(mesh, 1 / mesh), np.fft.rfftfreq(mesh, 1 / mesh)]
+    # The cloud of width two cells to each side multiplies each wave by sinc³ along each axis.
+    window = [np.sinc(n / mesh) ** 3 for n in index]
+    power = np.abs(waves / window[0][:, None, None] / window[1][:, None] / window[2]) ** 2 * float(
+        size.prod()
+    )
+    lattice = np.meshgrid(
+        *(2 * np.pi * n / s for n, s in zip(index, size, strict=True)), indexing="ij", sparse=True
+    )
+    k = np.sqrt(lattice[0] ** 2 + lattice[1] ** 2 + lattice[2] ** 2)
+    # Waves of the half that is not stored are those that are, but for the planes at both ends of the last axis.
+    twice = np.full(power.shape, 2)
+    twice[..., 0] = 1
+    if mesh % 2 == 0:
+        twice[..., -1] = 1
+    width, last = 2 * np.pi / size.max(), np.pi * mesh / size.max()
+    edges = np.arange(0.5, last / width) * width
+    samples, _ = np.histogram(k, edges, weights=twice)
+    total, _ = np.histogram(k, edges, weights=twice * power)
+    where, _ = np.histogram(k, edges, weights=twice * k)
+    some = samples > 0
+    noise = 0.0 if shot_noise else float(size.prod() * (m**2).sum() / m.sum() ** 2)
+    return Curve(
+        where[some] / samples[some], total[some] / samples[some] - noise, samples[some].astype(np.int64)
+    )
+
+
+def _cloud(place: Floats, mass: Floats, mesh: int) -> Floats:
+    """Mass on the nodes of a periodic mesh by triangular clouds, place in cells [n, 3]."""
+    total = np.zeros(mesh**3)
+    node = np.rint(place).astype(np.int64)
+    d = place - node
+    weight = [0.5 * (0.5 - d) ** 2, 0.75 - d**2, 0.5 * (0.5 + d) ** 2]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                ix, iy, iz = ((node[:, a] + s - 1) % mesh for a, s in enumerate((i, j, k)))
+                share = mass * weight[i][:, 0] * weight[j][:, 1] * weight[k][:, 2]
+                total += np.bincount((ix * mesh + iy) * mesh + iz, share, mesh**3)
+    return total.reshape(mesh, mesh, mesh)
+
+
+def _places(position: npt.ArrayLike, least: int) -> Floats:
+    x: npt.NDArray[Any] = np.asarray(position, float)
+    if x.ndim != 2 or x.shape[1] != 3:
+        raise UsageError(f"positions have the shape {x.shape}", "[n, 3] is needed")
+    if len(x) < least:
+        raise UsageError(f"{len(x)} particles are too few", f"at least {least} are needed")
+    return x

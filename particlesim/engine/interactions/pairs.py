@@ -1,0 +1,267 @@
+"""Interactions of all pairs, summed directly: every particle looks at every other.
+
+A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over
+the sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; its two
+forces are opposite to rounding.
+
+Targets are taken in blocks, each with its sums in vectors, while sources go by one after the other: sums are vectorised
+without changing their order. A block is always whole, its first or last places filled with copies of others, and begins
+at a multiple of its size, so that every particle has one place in its block, whoever sums its forces.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from particlesim.compiler import compiled, kernel, on_stack, outlined
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
+from particlesim.engine.interactions.pair_blocks import (
+    BY_DIVIDER,
+    TARGETS,
+    energy_in,
+    force_in,
+    gathered,
+    pair_in,
+    particle_of,
+)
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, all_forces, tensor_bounds
+from particlesim.engine.state.columns import presence, type_of
+from particlesim.engine.step.records import as_precision
+from particlesim.errors import UsageError
+from particlesim.interactions import PairSet
+from particlesim.laws.pair import pair_potential
+from particlesim.laws.registry import has_law
+
+MOST_LOOKED_AT = 300_000_000
+"""Pairs that are looked at for the largest stable step: a second; of more particles, some, evenly spread."""
+WORTH_COMPILING = 100_000
+"""Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
+PAIRS_PER_SPRING = 4
+"""About how many pairs take as long as a spring."""
+
+
+class PairColumns(NamedTuple):
+    """An interaction of pairs: the record of its law; `spans` [k, 4], first and last row of targets and of their sources;
+    squares of the distances above which and below which it acts [m²], None where there is no such limit; what it keeps of
+    every particle, [n], and ids, None where the law does not read them; how many pairs there are."""
+
+    law: tuple[Any, ...]
+    spans: Any
+    least: Any
+    most: Any
+    a: Any
+    b: Any
+    ids: Any
+    pairs: int
+
+
+class DirectPairs(Interaction, PairColumns):
+    """An interaction of all pairs, each of which is looked at in every sum of forces."""
+
+    __slots__ = ()
+    follows: ClassVar[frozenset[str]] = frozenset(PairColumns._fields)
+
+    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        for k in range(len(self.spans)):
+            begin, end = max(first, self.spans[k, 0]), min(last, self.spans[k, 1])
+            for start in range(begin // TARGETS * TARGETS, end, TARGETS):
+                add_block(self, c, total, start, begin, end, self.spans[k, 2], self.spans[k, 3], t)
+
+    @property
+    def number(self) -> int:
+        return int(self.pairs)
+
+    @property
+    def effort(self) -> int:
+        return 2 * self.number // PAIRS_PER_SPRING
+
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(sum_pairs(self, c))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        total = np.zeros((3, c.x.size), c.x.dtype)
+        all_forces(self, c, total, t)
+        return float((total * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+
+    def linearise(self, c: Any, t: float) -> PairTensors:
+        return PairTensors(self, c, t)
+
+    def list_pairs(self, c: Any) -> tuple[Ints, Ints]:
+        """Both ends of all pairs, each pair once, whether they are near or far."""
+        found = [np.empty((2, 0), np.int64)]
+        for a, b, first, last in self.spans.tolist():
+            found.append(np.stack([part.ravel() for part in np.mgrid[a:b, first:last]]))
+        i, j = np.concatenate(found, axis=1)
+        once = i < j
+        return i[once], j[once]
+
+    def bounds(self, c: Any, w: Floats, t: float) -> tuple[Ints, Floats, Floats]:
+        """Rows of particles that are looked at, and largest stiffness [1/s²] and damping [1/s] of each; w is 1/m."""
+        n = len(w)
+        stride = max(1, -(-2 * self.number // MOST_LOOKED_AT))
+        rows = np.arange(0, n, stride)
+        out = np.zeros((14, len(rows)))
+        with compiled(worth=n * len(rows) > WORTH_COMPILING):
+            pair_bounds(self, c, w, rows, out, t)
+        return rows, *tensor_bounds(out)
+
+    def force_on(self, c: Any, row: int, t: float) -> Floats:
+        total = np.zeros((3, c.x.size), c.x.dtype)
+        one_force(self, c, total, row, t)
+        return np.asarray(total[:, row].astype(float))
+
+
+@outlined
+def add_block(
+    each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
+) -> None:
+    """Add the forces of sources [begin, end) on those particles of the block from `start` that are among [first, last)."""
+    lo, hi = max(start, first), min(start + TARGETS, last)
+    block, sums = gathered(each, c, start, lo, hi), on_stack(3, TARGETS, c.x.dtype)
+    gx, gy, gz = sums[0], sums[1], sums[2]
+    for i in range(TARGETS):
+        gx[i] = gy[i] = gz[i] = 0
+    for j in range(begin, end):
+        part = type_of(gx[0], presence(c.clock, j))
+        if part > 0:
+            other = particle_of(each, c, j)
+            for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
+                for i in some:
+                    fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products))
+                    gx[i] += weighed(c.clock, part, fx)
+                    gy[i] += weighed(c.clock, part, fy)
+                    gz[i] += weighed(c.clock, part, fz)
+    for i in range(lo, hi):
+        total[0, i] += gx[i - start]
+        total[1, i] += gy[i - start]
+        total[2, i] += gz[i - start]
+
+
+def weighed(clock: Any, part: Any, force: Any) -> Any:
+    """The force of a particle that is there for a part of the step, 1 without a clock."""
+    return force if clock is None else part * force
+
+
+@kernel
+def pair_bounds(each: Any, c: Any, w: Any, rows: Any, out: Any, t: Any) -> None:
+    """`add_bounds` for some particles with all their sources, into out [14, rows]."""
+    for q in range(rows.size):
+        i = rows[q]
+        for k in range(len(each.spans)):
+            if each.spans[k, 0] <= i < each.spans[k, 1]:
+                for j in range(each.spans[k, 2], each.spans[k, 3]):
+                    if j != i and presence(c.clock, j) > 0:
+                        add_bounds(each, c, w, i, j, t, out[:, q])
+
+
+@kernel
+def one_force(each: Any, c: Any, total: Any, row: Any, t: Any) -> None:
+    """Add the force on a single particle."""
+    type(each).add_forces(each, c, total, row, row + 1, t)
+
+
+@outlined
+def block_energy(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any) -> Any:
+    """Potential energy of particles [lo, hi), at most a block of them, with sources [begin, end) [J]."""
+    block, sums = gathered(each, c, lo, lo, hi), on_stack(1, TARGETS, np.float64)
+    u = sums[0]
+    for i in range(TARGETS):
+        u[i] = 0
+    for j in range(begin, end):
+        other = particle_of(each, c, j)
+        for i in range(TARGETS):
+            u[i] += float(energy_in(each, pair_in(block, i, other, 0.0), lo + i != j))
+    total = 0.0
+    for i in range(hi - lo):
+        total += u[i]
+    return total
+
+
+@kernel
+def sum_pairs(each: Any, c: Any) -> float:
+    """Potential energy of all pairs [J]: that of all targets with their sources counts every pair twice."""
+    total = 0.0
+    for k in range(len(each.spans)):
+        first, last, begin, end = each.spans[k, 0], each.spans[k, 1], each.spans[k, 2], each.spans[k, 3]
+        for lo in range(first, last, TARGETS):
+            total += block_energy(each, c, lo, min(lo + TARGETS, last), begin, end)
+    return 0.5 * total
+
+
+def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
+    """An interaction among the particles of an island.
+
+    Raises UsageError for two at one place, if they have no force there.
+    """
+    law = pairs.law
+    spans = spans_of(site, pairs)
+    if law.singular() and site.began:
+        with site.scenario.at_interaction(pairs.name):
+            refuse_coincident(site, pairs)
+    number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
+    if pairs.law.between is None:
+        number -= sum(site.state[name].count for name in pairs.groups) // 2
+    return DirectPairs(*(*what_acts(site, pairs, spans), number))
+
+
+def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
+    """The columns of an interaction that say what acts, from `law` to `ids`, however its forces are summed."""
+    law, dtype, grid = pairs.law, site.dtype, site.scenario.grid
+    record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
+    reach = law.reach()
+    least = None if law.everywhere() else dtype.type(0)
+    most = None if reach is None else dtype.type(reach**2)
+    own = np.zeros((2, site.whole.count), dtype)
+    for name in pairs.groups:
+        first, count = site.offset[name], site.state[name].count
+        own[:, first : first + count] = np.array(law.numbers_of(name))[:, None]
+    a, b = own if own.any() else (None, None)
+    return record, spans, least, most, a, b, site.whole.id[: site.whole.count] if law.random() else None
+
+
+def spans_of(site: Site, pairs: PairSet) -> Any:
+    """Rows of targets and of their sources, shape [k, 4]; groups that follow on each other are one stretch."""
+    stretches = [
+        (site.offset[name], site.offset[name] + site.state[name].count)
+        for name in sorted(pairs.groups, key=site.offset.__getitem__)
+    ]
+    if pairs.law.between is not None:
+        (a, b), (c, d) = stretches
+        return np.array([(a, b, c, d), (c, d, a, b)], np.int64)
+    joined: list[tuple[int, int]] = []
+    for first, last in stretches:
+        if joined and joined[-1][1] == first:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return np.array([(*targets, *sources) for targets in joined for sources in joined], np.int64)
+
+
+def refuse_coincident(site: Site, pairs: PairSet) -> None:
+    """Raise UsageError for two particles at the same place that act on each other."""
+    x = np.concatenate([site.state[name].position.astype(float) for name in pairs.groups])
+    group = np.repeat(np.arange(len(pairs.groups)), [site.state[name].count for name in pairs.groups])
+    index = np.concatenate([np.arange(site.state[name].count) for name in pairs.groups])
+    order = np.lexsort(x.T)
+    same = (x[order][1:] == x[order][:-1]).all(axis=1)
+    if pairs.law.between is not None:
+        same &= group[order][1:] != group[order][:-1]
+    if not same.any():
+        return
+    k = int(same.argmax())
+    (a, first), (b, second) = sorted((int(group[row]), int(index[row])) for row in order[k : k + 2])
+    names = [pairs.groups[g] for g in (a, b)]
+    who = f"particles {first} and {second} of {names[0]!r}"
+    if a != b:
+        who = f"particle {first} of {names[0]!r} and particle {second} of {names[1]!r}"
+    place = ", ".join(f"{value:g}" for value in x[order[k]])
+    raise UsageError(
+        f"{pairs.name}: {who} are at the same place ({place}), where the force between them has no value",
+        "move one of them, or give the interaction a softening" if hasattr(pairs.law, "softening") else None,
+    )

@@ -1,0 +1,96 @@
+"""Interactions between particles: they act on groups that exist, that can feel them, and that have what they need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from particlesim.integrators import method_for
+from particlesim.interactions import PairInteraction
+from particlesim.model.mistakes import Invalid, Path
+from particlesim.scenario.reach import group_tables, interacting, unmoved
+from particlesim.scenario.tables import Tables
+
+STOCHASTIC = ("velocity_verlet", "symplectic_euler")
+"""Methods that evaluate forces at the ends of steps alone, so that a kick belongs to one step."""
+
+
+def named_groups(scenario: Tables) -> Iterator[tuple[Path, str]]:
+    """Where interactions name groups."""
+    for k, each in enumerate(scenario.interactions):
+        for key in ("on", "between"):
+            for j, name in enumerate(getattr(each, key) or ()):
+                yield ("interactions", k, key, j), name
+
+
+def felt(scenario: Tables) -> Iterator[Invalid]:
+    """Interactions act on particles that can feel them, and that have what the law reads."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for at, name in named_groups(scenario):
+        path, group = tables[name]
+        each = scenario.interactions[int(at[1])]
+        if why := unmoved(each, group):
+            yield Invalid(why, at, (((*path, "dynamics"), "here"),))
+    for k, each in enumerate(scenario.interactions):
+        groups = interacting(each, scenario.groups)
+        for key, name in strangers(each, [group.name for group in groups]):
+            yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
+        if not groups:
+            yield Invalid(f"no group can feel {each.label}", ("interactions", k))
+        for group in groups:
+            path, _ = tables[group.name]
+            if missing := each.lacks(group.name):
+                key, what = missing
+                yield Invalid(
+                    f"the {what} is missing",
+                    ("interactions", k, key),
+                    ((path, "this group interacts"),),
+                    hint="give it, or name the groups that interact with on = [...]",
+                )
+            for attribute in sorted(each.needs()):
+                if not group.may_have(attribute):
+                    yield Invalid(
+                        f"{each.label} needs a {attribute}, and the particles of {group.name!r} have none",
+                        ("interactions", k),
+                        ((path, f"no {attribute} here"),),
+                        hint=f"give the group a {attribute}, or name the groups that interact with on = [...]",
+                    )
+
+
+def kicked(scenario: Tables) -> Iterator[Invalid]:
+    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not booked."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for k, each in enumerate(scenario.interactions):
+        if not each.random():
+            continue
+        here: Path = ("interactions", k)
+        for group in interacting(each, scenario.groups):
+            method = method_for(group.integrator or scenario.simulation.integrator)
+            if method.name not in STOCHASTIC:
+                yield Invalid(
+                    f"{each.label} has random kicks, one for each step, which {method.name} cannot take",
+                    here,
+                    ((tables[group.name][0], f"stepped by {method.name}"),),
+                    allowed=", ".join(STOCHASTIC),
+                )
+        if scenario.output.work:
+            yield Invalid(
+                f"the work of the random kicks of {each.label} cannot be booked",
+                ("output", "work"),
+                ((here, "a thermostat"),),
+            )
+
+
+def strangers(each: PairInteraction, groups: list[str]) -> Iterator[tuple[str, str]]:
+    """Groups in tables of an interaction that are not among its own: the key of the table, and the name."""
+    for key in type(each).model_fields:
+        value = getattr(each, key)
+        if isinstance(value, dict) and key in each.by_group:
+            yield from ((key, name) for name in value if name not in groups)
+
+
+def coupled(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
+    """Where interactions couple groups, and which: the first one with each."""
+    for k, each in enumerate(scenario.interactions):
+        names = [group.name for group in interacting(each, scenario.groups)]
+        for name in names[1:] or names:
+            yield ("interactions", k), (names[0], name)

@@ -1,0 +1,127 @@
+"""What trajectories tell: arrangements, displacements, temperatures and orbits against closed forms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulate import points, record
+
+import particlesim as ps
+from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
+from particlesim.analysis.orbits import orbital_elements
+from particlesim.analysis.structure import density_profile, power_spectrum, radial_distribution
+
+
+def test_an_ideal_gas_has_no_structure() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.uniform(0, 2, (4000, 3))
+    g = radial_distribution(x, box=(2, 2, 2), bins=20)
+    # Pairs in a shell scatter by their root.
+    assert (np.abs(g.y - 1) < 5 / np.sqrt(np.maximum(g.samples, 1)) + 1e-3).all()
+    assert g.samples.sum() == pytest.approx(4000 * 3999 / 2 * 4 / 3 * math.pi / 8, rel=5e-3)
+
+
+def test_a_lattice_has_its_shells() -> None:
+    side = np.arange(6.0)
+    x = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    g = radial_distribution(x, box=(6, 6, 6), reach=1.89, bins=19)
+    assert len(np.flatnonzero(g.samples)) == 3
+    assert g.samples.sum() == len(x) * (6 + 12 + 8) / 2
+
+
+def test_boxes_that_are_too_small_are_told() -> None:
+    with pytest.raises(ps.UsageError, match="half of the box"):
+        radial_distribution(np.random.default_rng(1).uniform(0, 1, (10, 3)), box=(1, 1, 1), reach=0.6)
+    with pytest.raises(ps.UsageError, match="too few"):
+        radial_distribution(np.zeros((1, 3)))
+    with pytest.raises(ps.UsageError, match="plane"):
+        radial_distribution(np.eye(3) * [1, 1, 0])
+
+
+def test_density_of_a_plummer_sphere() -> None:
+    # ρ = 3 M/(4π a³) (1 + r²/a²)^(-5/2); mass within r: M r³/(r² + a²)^(3/2) (Plummer 1911).
+    rng = np.random.default_rng(2)
+    n = 40_000
+    r = 1 / np.sqrt(rng.uniform(0, 1, n) ** (-2 / 3) - 1)
+    u = rng.normal(size=(n, 3))
+    x = r[:, None] * u / np.linalg.norm(u, axis=1)[:, None] + [1, 2, 3]
+    found = density_profile(x, 1 / n, center=(1, 2, 3), bins=15, inner=0.2, outer=4.0)
+    expected = 3 / (4 * math.pi) * (1 + found.x**2) ** -2.5
+    assert (np.abs(found.y / expected - 1) < 5 / np.sqrt(found.samples) + 0.02).all()
+    free = density_profile(x, 1 / n, bins=15, inner=0.2, outer=4.0)
+    assert np.abs(free.y / expected - 1).max() < 0.15
+
+
+def test_power_of_noise_and_of_a_wave() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.uniform(0, 1, (30_000, 3)) * (2.0, 2.0, 2.0)
+    raw = power_spectrum(x, box=(2, 2, 2), mesh=32, shot_noise=True)
+    noise = 8 / 30_000
+    half = len(raw.x) // 2  # aliases add near the Nyquist wave number
+    scatter = 5 / np.sqrt(raw.samples[:half] / 2)
+    assert (np.abs(raw.y[:half] / noise - 1) < scatter + 0.02).all()
+    side = (np.arange(64) + 0.5) / 64 * 2
+    grid = np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
+    k, size = 2 * math.pi / 2 * 3, 1e-3
+    grid[:, 0] += size * np.sin(
+        k * grid[:, 0]
+    )  # δ = −a k cos(k x): P = V (a k)²/4 at two of the waves of its shell
+    wave = power_spectrum(grid, box=(2, 2, 2), mesh=32, shot_noise=True)
+    row = int(np.argmax(wave.y))
+    assert wave.x[row] == pytest.approx(k, rel=0.05)
+    assert wave.y[row] * wave.samples[row] == pytest.approx(2 * 8 * (size * k) ** 2 / 4, rel=1e-2)
+
+
+def test_displacement_of_straight_flights(tmp_path: Path) -> None:
+    moving = points((0, 0, 0), (1, 0, 0), velocity=[(3, 0, 0), (0, 0, 4)])
+    with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
+        t = trajectory.times
+        assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_temperature_is_that_of_the_motion_about_the_centre() -> None:
+    rng = np.random.default_rng(4)
+    m = 6.6e-26
+    v = rng.normal(scale=math.sqrt(BOLTZMANN * 300 / m), size=(20_000, 3)) + np.array([500.0, 0, 0])
+    assert temperature(v, m) == pytest.approx(300, rel=5 * math.sqrt(2 / 3 / 20_000))
+
+
+def test_elements_come_back() -> None:
+    # From elements to a state by the usual rotations, and back.
+    a, e, i, node, peri, anomaly, mu = 2.0, 0.3, 0.4, 1.1, 5.2, 2.5, 3.0
+    p = a * (1 - e * e)
+    r = p / (1 + e * math.cos(anomaly))
+    flat = np.array([math.cos(anomaly), math.sin(anomaly), 0]) * r
+    fast = np.array([-math.sin(anomaly), e + math.cos(anomaly), 0]) * math.sqrt(mu / p)
+
+    def turn(angle: float, axis: int) -> np.ndarray:
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array(
+            [[c, -s, 0], [s, c, 0], [0, 0, 1]] if axis == 2 else [[1, 0, 0], [0, c, -s], [0, s, c]]
+        )
+
+    q = turn(node, 2) @ turn(i, 0) @ turn(peri, 2)
+    found = orbital_elements(q @ flat, q @ fast, mu)
+    for value, expected in zip(
+        (found.semi_major_axis, found.eccentricity, found.inclination, found.ascending_node),
+        (a, e, i, node),
+        strict=True,
+    ):
+        assert value[0] == pytest.approx(expected, rel=1e-13)
+    assert found.pericentre[0] == pytest.approx(peri, rel=1e-13)
+    assert found.true_anomaly[0] == pytest.approx(anomaly, rel=1e-13)
+    assert found.period[0] == pytest.approx(2 * math.pi * math.sqrt(a**3 / mu), rel=1e-13)
+
+
+def test_circles_in_the_plane_have_angles_too() -> None:
+    found = orbital_elements((0, 2, 0), (-1 / math.sqrt(2), 0, 0), 1.0)
+    assert found.eccentricity[0] < 1e-15
+    assert found.ascending_node[0] == found.pericentre[0] == 0
+    assert found.true_anomaly[0] == pytest.approx(math.pi / 2)
+    hyperbola = orbital_elements((1, 0, 0), (0, 2, 0), 1.0)
+    assert hyperbola.semi_major_axis[0] == -0.5
+    assert hyperbola.eccentricity[0] == 3
+    assert math.isinf(hyperbola.period[0])
