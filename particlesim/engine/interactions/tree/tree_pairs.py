@@ -37,7 +37,7 @@ from particlesim.process.threads import Team
 
 SPRINGS_PER_PARTICLE = 200
 """About how many springs take as long as the forces on a particle."""
-ENERGY_TOLERANCE = 0.1
+ENERGY_TOLERANCE = 0.3
 """Tolerance of a walk for the energy over that for forces: potentials are cut off one degree earlier, and energies are
 compared with each other."""
 
