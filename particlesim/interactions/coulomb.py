@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
 from particlesim.interactions.far import FarInteraction
-from particlesim.laws.pair import Pair, Terms, central_law
+from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import COULOMB_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import CoulombConstant, Metres, Number
@@ -72,7 +71,5 @@ class CoulombRecord(NamedTuple):
 @central_law(CoulombRecord)
 def coulomb(f: CoulombRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
-    inverse = 1 / np.sqrt(square)
-    u = f.k * (p.q1 * p.q2) * inverse
-    k = u * inverse * inverse
-    return u, k, -3 * k * inverse * inverse
+    k = over_cube(f.k * (p.q1 * p.q2), square, p)
+    return k * square, k, -3 * k / square

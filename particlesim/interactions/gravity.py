@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-import numpy as np
 from annotated_types import Ge, Gt
 
 from particlesim.interactions.far import FarInteraction
-from particlesim.laws.pair import Pair, Terms, central_law
+from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import GRAVITATIONAL_CONSTANT
 from particlesim.model.units import GravitationalConstant, Metres
 
@@ -54,7 +53,5 @@ class MutualGravityRecord(NamedTuple):
 @central_law(MutualGravityRecord)
 def mutual_gravity(f: MutualGravityRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
-    inverse = 1 / np.sqrt(square)
-    u = -f.g * (p.m1 * p.m2) * inverse
-    k = u * inverse * inverse
-    return u, k, -3 * k * inverse * inverse
+    k = over_cube(-f.g * (p.m1 * p.m2), square, p)
+    return k * square, k, -3 * k / square

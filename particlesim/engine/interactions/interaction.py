@@ -11,12 +11,13 @@ of particles (`by_chunks`: springs) come first; all others are added by every th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, Protocol, Self, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
+from particlesim.compiler.barrier import new_gate
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
 from particlesim.process.threads import Team
@@ -110,6 +111,11 @@ class Interaction:
         """How many interactions there are."""
         raise NotImplementedError
 
+    def renewed(self) -> Self:
+        """The same for a new interval between frames, or for one that is repeated: what it has found out is forgotten, so
+        that a run which is resumed there goes on with the same bits; with more room where it had too little."""
+        return self
+
     @property
     def effort(self) -> int:
         """About how many springs take as long."""
@@ -123,7 +129,7 @@ class Interaction:
         """The same with room for so many threads to work at it together."""
         return self
 
-    def begin(self, c: Any, team: Team) -> None:
+    def calibrate(self, c: Any, team: Team) -> None:
         """Find out once, before the first step, what steps need to know; what is found is among `changing`.
 
         Raises UsageError where it cannot be as was asked for.
@@ -187,11 +193,29 @@ class Interaction:
         return self
 
 
-class Site:
-    """Where interactions are laid out: the particles of an island at the start, as one state and group by group."""
+class Lone(NamedTuple):
+    """The share of a thread that is alone."""
 
-    def __init__(self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState]) -> None:
-        self.scenario, self.whole = scenario, whole
+    first: int
+    last: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def lone(count: int) -> Lone:
+    """The share of a thread that owns all of some particles."""
+    return Lone(0, count, 0, 1, new_gate())
+
+
+class Site:
+    """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
+    those of the start, where mistakes of the scenario are told."""
+
+    def __init__(
+        self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
+    ) -> None:
+        self.scenario, self.whole, self.began = scenario, whole, began
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}

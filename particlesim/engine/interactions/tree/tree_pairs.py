@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler.barrier import new_gate
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
-from particlesim.engine.interactions.pair_blocks import CHARGE, acts
+from particlesim.engine.interactions.pair_blocks import CHARGE
 from particlesim.engine.interactions.pair_tensors import PairTensors
 from particlesim.engine.interactions.pairs import DirectPairs, pairs_of
 from particlesim.engine.interactions.tree import calibration
@@ -31,6 +31,7 @@ from particlesim.engine.interactions.tree.field import (
     sum_field,
 )
 from particlesim.engine.interactions.tree.form import BothSigns, Form, Gradient, Height, OneSign, Plummer
+from particlesim.engine.state.columns import presence, type_of
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
 from particlesim.process.threads import Team
@@ -65,13 +66,13 @@ class TreePairs(Interaction, TreeColumns):
     follows: ClassVar[frozenset[str]] = frozenset(TreeColumns._fields) - {"size", "limits"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        load_sources(self, c, share.first, share.last, t)
+        load_sources(self, c, share.first, share.last)
         sum_field(self.tree, self.limits, self.size, c.x, c.y, c.z, self.w, share)
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         field = self.tree.field
         for i in range(first, last):
-            k = self.coupling * self.w[i]
+            k = self.coupling * weight_of(self, c, i)
             total[0, i] += k * field[0, i]
             total[1, i] += k * field[1, i]
             total[2, i] += k * field[2, i]
@@ -87,7 +88,7 @@ class TreePairs(Interaction, TreeColumns):
     def in_team(self, threads: int) -> Self:
         return self._replace(tree=for_threads(self.tree, threads))
 
-    def begin(self, c: Any, team: Team) -> None:
+    def calibrate(self, c: Any, team: Team) -> None:
         if self.limits[calibration.ERROR] == 0:
             self.w[:] = source_of(self, c)
             calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
@@ -131,11 +132,16 @@ class TreePairs(Interaction, TreeColumns):
         return self._replace(size=size, limits=limits)
 
 
-def load_sources(each: Any, c: Any, first: Any, last: Any, t: Any) -> None:
-    """Set w of particles [first, last): 0 of those that take no part, or are not there at time t."""
+def load_sources(each: Any, c: Any, first: Any, last: Any) -> None:
+    """Set w of particles [first, last), the part of it that counts in the present step."""
     for i in range(first, last):
-        w = c.m[i] if isinstance(each.tree.form.signs, OneSign) else c.further[CHARGE][i]
-        each.w[i] = w if (each.member[i] > 0) & acts(c.clock, i, t) else 0.0
+        each.w[i] = weight_of(each, c, i) * presence(c.clock, i)
+
+
+def weight_of(each: Any, c: Any, i: Any) -> Any:
+    """Mass or charge of particle i, 0 of one that takes no part."""
+    w = c.m[i] if isinstance(each.tree.form.signs, OneSign) else c.further[CHARGE][i]
+    return w if each.member[i] > 0 else type_of(w, 0)
 
 
 def source_of(each: TreePairs, c: Any) -> NDArray[np.float64]:
