@@ -19,7 +19,19 @@ from particlesim.layouts.surface import SurfaceFile
 from particlesim.model.variants import Tagged
 
 AnyLayout = Annotated[
-    Points | Random | Lattice | Cloth | Rope | Jelly | Net | Hair | Bridge | SurfaceFile | Plummer | Disc | File,
+    Points
+    | Random
+    | Lattice
+    | Cloth
+    | Rope
+    | Jelly
+    | Net
+    | Hair
+    | Bridge
+    | SurfaceFile
+    | Plummer
+    | Disc
+    | File,
     Tagged("type"),
 ]
 LAYOUTS: tuple[type[Layout], ...] = (

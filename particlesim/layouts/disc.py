@@ -1,9 +1,10 @@
 """A disc of stars on nearly circular ways: surface density ∝ exp(−R/R_d), thickness ∝ sech²(z/h), within a halo.
 
 Speeds are those of circles in a Plummer halo and in the disc itself, taken as if its mass within R were a sphere:
-v² = G M_h R²/(R² + a²)^(3/2) + G M(R)/R with M(R) = M (1 − (1 + x) exp(−x)), x = R/R_d. To each component is added a random part,
-a fraction of the circular speed.
-Source: K. C. Freeman, Astrophys. J. 160, 811 (1970); J. Binney, S. Tremaine, Galactic Dynamics, 2nd ed., sections 2.6 and 4.4.
+v² = G M_h R²/(R² + a²)^(3/2) + G M(R)/R with M(R) = M (1 − (1 + x) exp(−x)), x = R/R_d. To each component is added a
+random part, a fraction of the circular speed.
+Source: K. C. Freeman, Astrophys. J. 160, 811 (1970); J. Binney, S. Tremaine, Galactic Dynamics, 2nd ed., sections 2.6 and
+4.4.
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ class Disc(Layout):
         x = inverse(lambda x: x * np.exp(-x), streams["radius"].uniform(first, count), self.extent)
         turn = 2 * np.pi * streams["turn"].uniform(first, count)
         across, along = np.cos(turn), np.sin(turn)
-        upward = self.height * np.arctanh(np.clip(2 * streams["height"].uniform(first, count) - 1, -0.999, 0.999))
+        upward = self.height * np.arctanh(
+            np.clip(2 * streams["height"].uniform(first, count) - 1, -0.999, 0.999)
+        )
         speed = self.circular_speed(self.radius * x)
         e1, e2, axis = frame(self.axis)
         out = across * e1 + along * e2
