@@ -196,6 +196,11 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
 
 
 @outlined
+def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    return settled(colliders, p, q, h, tolerance, slack, sure)
+
+
+@outlined
 def _glide(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
@@ -203,12 +208,46 @@ def _glide(
     on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
     q, memory = advance(method, dynamics, forces, p, h, memory)
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
-    if calm:
-        slack = rounding(contacts, p)
-        r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
-        sweeps = 1
+    if calm > LIVELY:
+        slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
+        r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        if loose(contacts.continuous, on, r, slack):
+            r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
+        if any(on):
+            q, memory = r, restart(memory)
+    return q, memory, on, turn
+
+
+@outlined
+def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    return held(c, p, q, h, tolerance)
+
+
+@outlined
+def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    return wedged(c, d, p, q, h, tolerance)
+
+
+@outlined
+def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
+    """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
+    along the crease between two, or on each in turn. One that stays caught comes to rest where it was."""
+    turn, found = type_of(h, 1), False
+    for k, c in enumerate(contacts.continuous):
+        if on[k] & (not found):
+            lain, bend = _on_one(c, p, q, h, contacts.tolerance)
+            if not sunk(contacts.continuous, on, lain, slack):
+                r, turn, found = lain, bend, True
+    for k, c in enumerate(contacts.continuous):
+        for j, d in enumerate(contacts.continuous[:k]):
+            if on[k] & on[j] & (not found):
+                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
+                if presses and not sunk(contacts.continuous, on, crept, slack):
+                    r, turn, found = crept, bend, True
+    if not found:
+        sweeps = 0
         while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
-            r, more, turn = settled(contacts.continuous, p, r, h, contacts.tolerance, slack)
+            r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
         if sunk(contacts.continuous, on, r, slack):
