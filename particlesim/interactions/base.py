@@ -124,6 +124,10 @@ class PairInteraction(Model):
         """Whether its forces derive from a potential."""
         return has_law(pair_potential, self.record())
 
+    def feeds(self) -> bool:
+        """Whether it may bring energy from outside."""
+        return not self.conserves()
+
     def needs_velocity(self) -> bool:
         """Whether the law reads velocities, which particles without inertia do not have."""
         return False
@@ -162,7 +166,7 @@ class PairSet:
     @property
     def feeds(self) -> bool:
         """Whether it may bring energy from outside."""
-        return not self.law.conserves()
+        return self.law.feeds()
 
     def describe(self) -> str:
         """The set in a few words."""

@@ -64,7 +64,7 @@ def hint(more: str) -> str:
         ("[[attractors]]", '"attractor" is a type of [[forces]]'),
         ("[[magnets]]", 'the force of a "field"'),
         ("[[charges]]", 'of type "coulomb"'),
-        ("[[boids]]", "psim has [[interactions]]"),
+        ("[[boids]]", '"flocking" is a type of [[interactions]]'),
         ("[[joints]]", "[[rods]] keep distances"),
         ("[[contacts]]", "psim has no contact between particles"),
         ("[[forces]]\ntype = 'lift'", 'the force of a "field"'),
