@@ -5,7 +5,7 @@ from __future__ import annotations
 from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.pairs import pairs_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
-from particlesim.interactions import PairSet
+from particlesim.interactions import PairInteraction, PairSet
 
 WORTH_A_TREE = 4_000
 """Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
@@ -19,7 +19,11 @@ def by_method(site: Site, pairs: PairSet) -> Interaction:
 
 def by_tree(site: Site, pairs: PairSet) -> bool:
     """Whether far particles are to act by multipoles."""
-    law = pairs.law
+    return takes_tree(pairs.law, sum(site.state[name].count for name in pairs.groups))
+
+
+def takes_tree(law: PairInteraction, count: int) -> bool:
+    """Whether far particles act by multipoles where there are so many."""
     if law.method == "auto" and law.lacks_multipoles() is None:
-        return sum(site.state[name].count for name in pairs.groups) >= WORTH_A_TREE
+        return count >= WORTH_A_TREE
     return law.method == "tree"
