@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace
 from particlesim.engine.coupled.forces import island_forces
@@ -80,13 +81,21 @@ class Bookkeeper:
         self._book(opened, interactions, columns, ended, 0.0)
         self._island.book_breaking(interactions, now.interactions, columns)
 
-    def stored(self, now: Moment) -> float:
-        """The potential energy of all interactions [J]."""
-        return sum(each.energy(now.columns) or 0.0 for each in now.interactions)
+    def book_births(self, before: Moment, now: Moment, born: Sequence[int], begin: float) -> None:
+        """Book what the last `born` particles of every group bring in the step that begins at `begin` [s]; others are then
+        where they will be when those are born, on average."""
+        start = now.columns.clock.start
+        new = (start > begin) & np.isfinite(start)
+        ahead = float(start[new].mean()) - begin if new.any() else 0.0
+        change = _stored(now, ahead, ~new) - _stored(before, ahead, np.ones(before.columns.m.size, np.bool_))
+        self._island.book_births(self._joined.cut(now.columns), born, change)
 
-    def book_births(self, now: Moment, born: Sequence[int], stored: float) -> None:
-        """Book what the last `born` particles of every group bring; `stored` was there before [J]."""
-        self._island.book_births(self._joined.cut(now.columns), born, self.stored(now) - stored)
+    def book_deaths(self, before: Moment, dead: NDArray[np.bool_], now: Moment, end: float) -> None:
+        """Book what the `dead` have taken away by the time `end` [s] from the island as it was `before`; others
+        are then where they were when those died, on average."""
+        ahead = float(before.columns.clock.stop[dead].mean()) - end
+        change = _stored(now, ahead, np.ones(now.columns.m.size, np.bool_)) - _stored(before, ahead, ~dead)
+        self.books.add("deaths", change)
 
     def book_dead(self, now: Moment, end: float) -> None:
         """Book what those take away who are dead at the time `end` [s], but for what they have stored with others."""
@@ -106,3 +115,11 @@ class Bookkeeper:
         bonds, work, share = self._layout.alone(interactions)
         island_forces(self._layout.parts, bonds, columns, work, share, time)
         return np.array(work.force, float)
+
+
+def _stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:
+    """The potential energy of all interactions when those who move have gone on for a time `ahead` [J]."""
+    c = moment.columns
+    step = np.where(moves, ahead, 0.0)
+    places = {x: (getattr(c, x) + step * getattr(c, f"v{x}")).astype(c.x.dtype) for x in "xyz"}
+    return sum(each.energy(c._replace(**places)) or 0.0 for each in moment.interactions)

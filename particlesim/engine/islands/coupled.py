@@ -136,13 +136,13 @@ class CoupledIsland(BaseIsland):
                 self._joined
             )  # as after births, and as a run that is resumed here does
             return self._emit(first, last)
-        stored = 0.0 if self._books is None else self._books.stored(self._now())
+        before = self._now()
         place = self._joined.make_room(due)
         born = self._emit(first, last)
         self._lay_again(place)
         self.keep(first)
         if self._books is not None:
-            self._books.book_births(self._now(), due, stored)
+            self._books.book_births(before, self._now(), due, first * self.dt)
         return born
 
     def _deaths(self, last: int) -> Deaths | None:
@@ -151,16 +151,16 @@ class CoupledIsland(BaseIsland):
         dead = whole.stop[: whole.count] <= end
         if not dead.any():
             return None
-        stored = 0.0
+        before = self._now()
         if self._books is not None:
-            stored = self._books.stored(self._now())
-            self._books.book_dead(self._now(), end)
+            before = before.with_all_copied()
+            self._books.book_dead(before, end)
         found = [state.bury(end) for state in self.states]
         self._joined.close_ranks()
         self._lay_again(np.where(dead, -1, np.cumsum(~dead) - 1))
         self.kept_from = last
         if self._books is not None:
-            self._books.books.add("deaths", self._books.stored(self._now()) - stored)
+            self._books.book_deaths(before, dead, self._now(), end)
         return Deaths(
             *(np.concatenate([getattr(each, name) for each in found]) for name in ("ids", "times", "causes"))
         )
@@ -225,6 +225,7 @@ class CoupledIsland(BaseIsland):
     # ---- back to the beginning of an interval
 
     def keep(self, first: int) -> None:
+        self.layout.renew()
         self.kept_from = first
         now = self._now().arrays()
         if not self._kept:
@@ -244,6 +245,8 @@ class CoupledIsland(BaseIsland):
         self._now().take(Moment(columns, interactions).arrays())
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, Interactions, slice]:
+        for each in self.interactions:
+            each.renewed()
         columns, interactions = self._now().made_of([column.copy() for column in self._kept])
         self._stepper.copy(self.layout, self.layout.parts, interactions, columns, first, steps)
         return columns, interactions, slice(0, self.layout.count)

@@ -63,6 +63,13 @@ class Layout:
             self.work = self.work._replace(system=system)
             self._shares.clear()
 
+    def renew(self) -> None:
+        """Let interactions begin an interval anew, so that it does not depend on those before."""
+        renewed = tuple(each.renewed() for each in self.interactions)
+        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
+            self.interactions = renewed
+            self._shares.clear()
+
     def cooled(self, columns: Columns) -> Columns:
         """Columns of these particles with the laws by which they cool."""
         if columns.thermal is None or self._cooling is None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.islands.layout import Interactions
-from particlesim.engine.state.columns import Columns, changing, replaced
+from particlesim.engine.state.columns import Columns, changing, mapped, replaced
 
 
 class Moment(NamedTuple):
@@ -34,6 +34,10 @@ class Moment(NamedTuple):
     def copied(self) -> Moment:
         """The same with arrays of its own."""
         return self.made_of([array.copy() for array in self.arrays()])
+
+    def with_all_copied(self) -> Moment:
+        """The same with copies of all columns, also of those that steps do not change: burials move them."""
+        return Moment(mapped(np.copy, self.columns), self.copied().interactions)
 
     def take(self, arrays: Sequence[NDArray[Any]]) -> None:
         """Set all that steps change."""
