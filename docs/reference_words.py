@@ -15,6 +15,7 @@ from particlesim.checks.quantities import InUnitOfQuantity
 from particlesim.colliders import Collider, Plane
 from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
+from particlesim.colliders.solid import Solid
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import Flow
@@ -52,6 +53,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),
     (Collider, "[colliders](#colliders)"),
+    (Solid, "[shape of a collider](#colliders)"),
     (Orientation, "[orientation](#orientation)"),
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),

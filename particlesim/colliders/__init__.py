@@ -6,9 +6,11 @@ from particlesim.colliders.base import Collider
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.box import BoxCollider
 from particlesim.colliders.capsule import CapsuleCollider
+from particlesim.colliders.combination import DifferenceCollider, IntersectionCollider, UnionCollider
 from particlesim.colliders.cone import ConeCollider
 from particlesim.colliders.cylinder import CylinderCollider
 from particlesim.colliders.disc import DiscCollider
+from particlesim.colliders.height_field import HeightFieldCollider
 from particlesim.colliders.mesh import MeshCollider
 from particlesim.colliders.plane import Plane, PlaneCollider
 from particlesim.colliders.rectangle import RectangleCollider
@@ -26,7 +28,11 @@ AnyCollider = Annotated[
     | TorusCollider
     | RectangleCollider
     | DiscCollider
-    | MeshCollider,
+    | MeshCollider
+    | HeightFieldCollider
+    | UnionCollider
+    | IntersectionCollider
+    | DifferenceCollider,
     Tagged("type"),
 ]
 COLLIDERS: tuple[type[Collider], ...] = (
@@ -40,6 +46,10 @@ COLLIDERS: tuple[type[Collider], ...] = (
     RectangleCollider,
     DiscCollider,
     MeshCollider,
+    HeightFieldCollider,
+    UnionCollider,
+    IntersectionCollider,
+    DifferenceCollider,
 )
 
 __all__ = [
@@ -51,11 +61,15 @@ __all__ = [
     "Collider",
     "ConeCollider",
     "CylinderCollider",
+    "DifferenceCollider",
     "DiscCollider",
+    "HeightFieldCollider",
+    "IntersectionCollider",
     "MeshCollider",
     "Plane",
     "PlaneCollider",
     "RectangleCollider",
     "SphereCollider",
     "TorusCollider",
+    "UnionCollider",
 ]

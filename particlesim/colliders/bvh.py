@@ -1,11 +1,11 @@
 """A bounding volume hierarchy of triangles: which is nearest to a place, and which does a moving ball meet first.
 
-The tree is implicit. Triangles are sorted along a Z-curve (Morton codes of their middles) and cut into 2ᵐ leaves of equal size; the
-children of node k are 2k + 1 and 2k + 2, and each node has the box about its triangles. So a tree of 10⁵ triangles is some sorts
-and minima, and has no pointers.
+The tree is implicit. Triangles are sorted along a Z-curve (Morton codes of their middles) and cut into 2ᵐ leaves of equal
+size; the children of node k are 2k + 1 and 2k + 2, and each node has the box about its triangles. So a tree of 10⁵ triangles
+is some sorts and minima, and has no pointers.
 
-A coarse grid about the mesh holds lower bounds of the distance, signed: most particles are far from most of a surface, and need no
-more than a look at it.
+A coarse grid about the mesh holds lower bounds of the distance, signed: most particles are far from most of a surface, and
+need no more than a look at it. It also holds the nearest triangles, with which a search begins.
 
 Sources: C. Lauterbach et al., Fast BVH construction on GPUs, Computer Graphics Forum 28, 375 (2009); C. Ericson, Real-Time
 Collision Detection (2005), 5.1.5; J. A. Bærentzen, H. Aanæs, IEEE Trans. Vis. Comput. Graph. 11, 243 (2005): the sign of the
@@ -35,9 +35,9 @@ DEPTH = 64
 
 
 class BvhRecord(NamedTuple):
-    """Boxes of the nodes [k, 6] (low and high corner), corners of the triangles [t, 9], pseudonormals of each triangle's three
-    corners, three edges and face [t, 21]; triangles in a leaf. The grid: its low corner, the side of its cells, and lower bounds
-    of the distance [nx, ny, nz], negative inside [m], and the triangle nearest to the middle of each cell."""
+    """Boxes of the nodes [k, 6] (low and high corner), corners of the triangles [t, 9], pseudonormals of each triangle's
+    three corners, three edges and face [t, 21]; triangles in a leaf. The grid: its low corner, the side of its cells, lower
+    bounds of the distance [nx, ny, nz], negative inside [m], and the triangle nearest to the middle of each cell."""
 
     boxes: NDArray[np.float64]
     corners: NDArray[np.float64]
@@ -274,8 +274,8 @@ def _hint(tree: Any, x: Any, y: Any, z: Any) -> Any:
 
 @outlined
 def _search(tree: Any, x: Any, y: Any, z: Any, hint: Any) -> Any:
-    """The square of the distance of a place from the surface [m²], the nearest triangle and which of its parts, and the nearest
-    place on it. The search begins at the triangle `hint`."""
+    """The square of the distance of a place from the surface [m²], the nearest triangle and which of its parts, and the
+    nearest place on it. The search begins at the triangle `hint`."""
     boxes, corners = tree.boxes, tree.corners
     leaves = (boxes.shape[0] + 1) // 2
     waiting = on_stack(DEPTH, 1, np.int64)
@@ -315,8 +315,8 @@ def _search(tree: Any, x: Any, y: Any, z: Any, hint: Any) -> Any:
 
 @outlined
 def nearest_triangle(tree: Any, x: Any, y: Any, z: Any) -> Any:
-    """The distance of a place from the surface [m], on which side it is (1 outside, −1 inside), and the unit vector from its
-    nearest place, outwards."""
+    """The distance of a place from the surface [m], on which side it is (1 outside, −1 inside), and the unit vector from
+    its nearest place, outwards."""
     best, found, what, cx, cy, cz = _search(tree, x, y, z, _hint(tree, x, y, z))
     d = np.sqrt(best)
     at = 3 * what
@@ -336,8 +336,8 @@ def nearest_triangle(tree: Any, x: Any, y: Any, z: Any) -> Any:
 def touches(
     tree: Any, k: Any, w: Way, x: Any, y: Any, z: Any, begin: Any, end: Any, size: Any, side: Any, slack: Any
 ) -> Any:
-    """The first part of a way between `begin` and `end` at which triangle k is within `size` of the place, 2 if it is not: its
-    gap is a convex function of the place. `side`: on which side of the surface the way begins."""
+    """The first part of a way between `begin` and `end` at which triangle k is within `size` of the place, 2 if it is not:
+    its gap is a convex function of the place. `side`: on which side of the surface the way begins."""
     s = begin
     nx, ny, nz = tree.normals[k, 18], tree.normals[k, 19], tree.normals[k, 20]
     for _ in range(96):
@@ -403,7 +403,7 @@ def first_triangle(
 def _passes(
     boxes: Any, k: Any, x: Any, y: Any, z: Any, ex: Any, ey: Any, ez: Any, pad: Any, end: Any, bend: Any
 ) -> Any:
-    """Whether the straight way from a place by (ex, ey, ez), up to its part `end`, passes within `pad` of the box of a node."""
+    """Whether the straight way from a place by (ex, ey, ez), up to its part `end`, passes within `pad` of a node's box."""
     last = end if bend <= 0 else 1.0  # a part of a bent way is not that of its chord
     t0, t1 = 0.0, last
     for axis in range(3):

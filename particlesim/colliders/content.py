@@ -31,7 +31,9 @@ class SolidFromFile(Solid):
         return self._content is not None
 
 
-def files_in(solid: Any, where: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], SolidFromFile]]:
+def files_in(
+    solid: Any, where: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], SolidFromFile]]:
     """The shapes from files that a shape is made of, itself or its parts, and where they are stated."""
     if isinstance(solid, SolidFromFile):
         yield where, solid

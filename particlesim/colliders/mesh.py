@@ -12,7 +12,6 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import PrivateAttr, model_validator
 
-from particlesim.colliders.base import Collider
 from particlesim.colliders.bvh import BvhRecord, build, coarse, first_triangle, nearest_triangle
 from particlesim.colliders.content import SolidFromFile
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows
@@ -21,7 +20,7 @@ from particlesim.colliders.triangulation import Triangles
 from particlesim.colliders.way import Way, longest, place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.errors import UsageError
-from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, law, normal
+from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, gap_and_normal, law, normal
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number
@@ -94,7 +93,7 @@ class Mesh(TriangleSolid):
         if len(solid) == 0:
             raise UsageError(f"{self.path}: none of its triangles has an area", "is it flat?")
         if self.thickness is None:
-            require_solid(corners, solid, self.path)
+            require_solid(corners, faces, self.path)
         self._surface = Triangles(corners, solid)
         self._content = content
 
@@ -111,8 +110,10 @@ class Mesh(TriangleSolid):
 class MeshCollider(Mesh, SolidCollider):
     """The triangles of a file (OBJ, PLY or STL): a closed surface, or with a `thickness` a sheet of any form."""
 
+    costly: ClassVar[bool] = True
+
     @model_validator(mode="after")
-    def _sheets_have_two_sides(self) -> Collider:
+    def _sheets_have_two_sides(self) -> MeshCollider:
         if self.inside and self.thickness is not None:
             raise invalid(
                 "a sheet has no inside", at=("inside",), also=[(("thickness",), "makes it a sheet")]
@@ -125,11 +126,11 @@ class MeshCollider(Mesh, SolidCollider):
 
 
 def without_flat(corners: Floats, faces: Ints) -> tuple[Ints, int]:
-    """The triangles that have an area, and how many have none: as high as rounding of their corners."""
+    """The triangles that have an area, and how many have none: no higher than the rounding of a file in single precision."""
     a, b, c = corners[faces].transpose(1, 0, 2)
     double = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.sqrt(np.max([((u - v) ** 2).sum(axis=1) for u, v in ((a, b), (b, c), (c, a))], axis=0))
-    flat = double <= 1e-14 * longest * (longest + np.abs(corners).max())
+    flat = double <= FLAT * longest * np.ptp(corners, axis=0).max()
     return faces[~flat], int(flat.sum())
 
 
@@ -144,7 +145,8 @@ def require_solid(corners: Floats, faces: Ints, name: str) -> None:
         k = int(alone.argmax())
         x, y, z = corners[ends[k]].mean(axis=0)
         raise UsageError(
-            f"{name} is open: {int(alone.sum())} of its edges have a triangle on one side only, as at ({x:.4g}, {y:.4g}, {z:.4g})",
+            f"{name} is open: {int(alone.sum())} of its edges have a triangle on one side only, as at "
+            f"({x:.4g}, {y:.4g}, {z:.4g})",
             hint,
         )
     _, times = np.unique(there, return_counts=True)
@@ -164,6 +166,10 @@ def enclosed(corners: Floats, faces: Ints) -> float:
     """Volume that the triangles of a closed surface enclose [m³]; negative where their fronts look inwards."""
     a, b, c = (corners - corners.mean(axis=0))[faces].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+
+FLAT = 2e-7
+"""Height of a triangle in parts of the size of its mesh, up to which it has no area."""
 
 
 class MeshRecord(NamedTuple):
@@ -192,6 +198,12 @@ def mesh_gap(c: MeshRecord, p: Particle) -> float:
 def mesh_normal(c: MeshRecord, p: Particle) -> Vector:
     _, x, y, z = mesh_distance(c, p)
     return x, y, z
+
+
+@law(gap_and_normal, MeshRecord)
+def mesh_gap_and_normal(c: MeshRecord, p: Particle) -> tuple[float, Vector]:
+    d, x, y, z = mesh_distance(c, p)
+    return d - p.r, (x, y, z)
 
 
 @law(apart, MeshRecord)

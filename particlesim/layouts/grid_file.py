@@ -15,8 +15,8 @@ LARGEST = 1 << 28
 
 
 def read_grid(path: Path) -> Floats:
-    """The numbers of a file by its ending, float64: an array of two or three axes, or the rows of a picture from 0 (black) to 1
-    (white).
+    """The numbers of a file by its ending, float64: an array of two or three axes, or the rows of a picture from 0 (black)
+    to 1 (white).
 
     Raises UsageError when it is missing or malformed; ResourceError when it is too large.
     """
@@ -35,7 +35,9 @@ def _array(path: Path) -> Floats:
     try:
         values = np.load(path, allow_pickle=False, mmap_mode="r")
     except (ValueError, EOFError) as error:
-        raise UsageError(f"{path} is no array of NumPy: {error}", "numpy.save(name, array) writes one") from None
+        raise UsageError(
+            f"{path} is no array of NumPy: {error}", "numpy.save(name, array) writes one"
+        ) from None
     if values.dtype.kind not in "fiu" or values.ndim not in (2, 3):
         raise UsageError(
             f"{path} has {values.ndim} axes of {values.dtype}", "real numbers over two or three axes are read"
@@ -53,7 +55,9 @@ def _picture(path: Path) -> Floats:
             deep = picture.mode.startswith("I")
             values = np.asarray(picture if deep else picture.convert("L"), float)
     except (UnidentifiedImageError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise UsageError(f"{path} is no PNG picture: {error}", "is it what its ending says, and whole?") from None
+        raise UsageError(
+            f"{path} is no PNG picture: {error}", "is it what its ending says, and whole?"
+        ) from None
     return values / (65535.0 if deep else 255.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.pair_methods import takes_tree
+from particlesim.engine.interactions.methods import method_of as method_of_pairs
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
@@ -133,7 +133,7 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
         counts = [_number(tables[name], scenario) for name in each.groups]
-        if takes_tree(each.law, round(sum(counts))):
+        if method_of_pairs(each.law, round(sum(counts))) != "direct":
             continue
         pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
         method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
@@ -143,8 +143,8 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
         way = "fewer particles or fewer steps take less"
         if each.law.method == "direct" and each.law.lacks_multipoles() is None:
             way = 'method = "tree" lets far particles act together'
-        elif each.law.lacks_multipoles() is None:
-            way = "another method takes less"
+        elif each.law.reach() is not None:
+            way = 'method = "neighbours" looks at near ones alone'
         found.append(
             f"{each.name} sums {pairs:.2g} pairs one by one in every sum of forces, about {_time(step)} a step on one core "
             f"and {_time(step * scenario.grid.steps)} in all; {way}"

@@ -10,7 +10,8 @@ from particlesim.colliders.content import SolidFromFile, files_in
 from particlesim.errors import ResourceError, UsageError
 from particlesim.layouts.grid_file import read_grid
 from particlesim.layouts.mesh_formats import read_surface
-from particlesim.model.mistakes import Invalid, Path as Place
+from particlesim.model.mistakes import Invalid
+from particlesim.model.mistakes import Path as Place
 from particlesim.model.spelling import did_you_mean
 
 if TYPE_CHECKING:

@@ -102,7 +102,8 @@ class Task:
 def named_digests(scenario: Scenario) -> dict[str, str]:
     """Digests of the files that a scenario names, by those names; empty for what cannot be read."""
     return {
-        file.name: present_digest(file.path) for file in (
+        file.name: present_digest(file.path)
+        for file in (
             *layout_files(scenario),
             *collider_files(scenario),
             *reference_files(scenario),

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from particlesim.compiler import compiled, kernel, on_stack, outlined
-from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
     TARGETS,
@@ -86,7 +86,7 @@ class DirectPairs(Interaction, PairColumns):
 
     def power(self, c: Any, t: float) -> float:
         total = np.zeros((3, c.x.size), c.x.dtype)
-        all_forces(self, c, total, t)
+        all_forces(self, c, lone(c.x.size), total, t)
         return float((total * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
 
     def linearise(self, c: Any, t: float) -> PairTensors:

@@ -365,6 +365,9 @@ class CoupledIsland(BaseIsland):
 
     def keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+        renewed = tuple(each.renewed() for each in self.interactions)
+        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
+            self.interactions, self._shares = renewed, {}
         self.kept_from = first
         now = _changing(self.island_columns(), self.interactions)
         if not self._kept:
@@ -391,6 +394,8 @@ class CoupledIsland(BaseIsland):
 
         Nothing of the island changes.
         """
+        for each in self.interactions:
+            each.renewed()
         kept = [column.copy() for column in self._kept]
         columns, interactions = _with(self.island_columns(), self.interactions, kept)
         self._step_copy(self.parts, interactions, columns, first, steps)

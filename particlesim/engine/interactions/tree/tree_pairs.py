@@ -38,6 +38,9 @@ from particlesim.process.threads import Team
 
 SPRINGS_PER_PARTICLE = 200
 """About how many springs take as long as the forces on a particle."""
+ENERGY_TOLERANCE = 0.1
+"""Tolerance of a walk for the energy over that for forces: potentials are cut off one degree earlier, and energies are
+compared with each other."""
 
 
 class TreeColumns(NamedTuple):
@@ -95,7 +98,9 @@ class TreePairs(Interaction, TreeColumns):
         tree = self.tree._replace(
             form=self.tree.form._replace(wanted=Height()), height=np.zeros(len(w)), field=np.zeros((3, len(w)))
         )
-        field_of_all(tree, self.limits, self.size.copy(), c.x, c.y, c.z, w, Hand(0, 1, new_gate()))
+        limits = self.limits.copy()
+        limits[calibration.TOLERANCE] *= ENERGY_TOLERANCE**2
+        field_of_all(tree, limits, self.size.copy(), c.x, c.y, c.z, w, Hand(0, 1, new_gate()))
         return -0.5 * self.coupling * float((w * tree.height).sum())
 
     def linearise(self, c: Any, t: float) -> PairTensors:
