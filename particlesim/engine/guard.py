@@ -180,6 +180,7 @@ def _closed(structure: Island) -> bool:
         not any(each.feeds for each in structure.interactions)
         and not any(structure.motions)
         and not any(each.surface_velocity for colliders in structure.colliders for each in colliders)
+        and all(c.motion is None for colliders in structure.colliders for c in colliders)
         and all(
             not isinstance(group, Emitter) and all(_conserves(law) for law in forces)
             for group, forces in zip(structure.groups, structure.forces, strict=True)

@@ -18,7 +18,7 @@ from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.interactions import PairSet
-from particlesim.scenario.collider_files import open_colliders
+from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -146,7 +146,13 @@ def build_graph(scenario: Scenario) -> Graph:
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
     for k, motion in enumerate(scenario.motions):
         what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
-        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
+        if motion.collider is not None:
+            turn = "" if motion.spin is None else f"{motion.spin.rate:g} rad/s"
+            way = "" if motion.path is None and motion.waypoints is None else what
+            led = f"collider {motion.collider}: {' and '.join(each for each in (way, turn) if each)}"
+            act(Node("motion", motion.name or str(k), led), "leads", [])
+        else:
+            act(Node("motion", motion.name or str(k), what), "leads", [motion.on or ""])
     islands = _islands(scenario)
     recorder = Node(
         "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.methods import method_of as method_of_pairs
+from particlesim.engine.interactions.methods import chosen
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
@@ -133,7 +133,7 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
         counts = [_number(tables[name], scenario) for name in each.groups]
-        if method_of_pairs(each.law, round(sum(counts))) != "direct":
+        if chosen(each.law, round(sum(counts))) != "direct":
             continue
         pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
         method = method_of(tables[each.groups[0]], scenario.simulation.integrator)

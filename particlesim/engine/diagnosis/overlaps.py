@@ -48,7 +48,7 @@ def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> It
 
 def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:
     """How a group lies to a collider; up to `margin` [m] particles only touch it."""
-    shape = collider.shape()
+    shape = collider.body()
     number, deepest, most = 0, 0, -np.inf
     for first in range(0, state.count, PIECE):
         part = slice(first, min(first + PIECE, state.count))

@@ -22,8 +22,8 @@ WORTH_A_TREE = 4_000
 """Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
 
 
-def method_of(law: PairInteraction, count: int) -> str:
-    """The method by which an interaction is summed among some number of particles."""
+def chosen(law: PairInteraction, count: int) -> str:
+    """The method by which an interaction of so many particles is summed."""
     if law.method != "auto":
         return law.method
     if law.reach() is not None or law.touching():
@@ -37,4 +37,4 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
     Raises UsageError for two at one place, if they have no force there.
     """
     count = sum(site.state[name].count for name in pairs.groups)
-    return METHODS[method_of(pairs.law, count)](site, pairs)
+    return METHODS[chosen(pairs.law, count)](site, pairs)

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from particlesim.compiler import compiled, kernel, on_stack, outlined
-from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
     TARGETS,
@@ -26,7 +26,7 @@ from particlesim.engine.interactions.pair_blocks import (
     pair_in,
     particle_of,
 )
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, all_forces, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
@@ -85,9 +85,7 @@ class DirectPairs(Interaction, PairColumns):
         return not has_law(pair_potential, self.law)
 
     def power(self, c: Any, t: float) -> float:
-        total = np.zeros((3, c.x.size), c.x.dtype)
-        all_forces(self, c, lone(c.x.size), total, t)
-        return float((total * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)

@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import crossable, opposite
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.engine.step.resting import held, settled, wedged
+from particlesim.engine.step.resting import borne, settled, wedged
 from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to
 
 MAX_IMPACTS = 1024
@@ -123,14 +124,39 @@ def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> An
 
 
 def first_crossing(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end.
-    What a particle lies on it does not cross."""
+    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end,
+    and the particle there. What a particle lies on it does not cross."""
     if len(colliders) == 0:
-        return type_of(p.x, 1)
-    others = first_crossing(colliders[1:], on[1:], p, q, h, slack)
+        return type_of(p.x, 1), q
+    first, there = first_crossing(colliders[1:], on[1:], p, q, h, slack)
     if not crossable(colliders[0]):
-        return others
-    return others if on[0] else min(first_contact(colliders[0], p, q, h, slack), others)
+        return first, there
+    s = type_of(p.x, 1)
+    if not on[0]:
+        s = min(first_contact(colliders[0], p, q, h, slack), s)
+    place = met(colliders[0], p, q, h, s)
+    sooner = s < first
+    there = moved_to(
+        q,
+        place.x if sooner else there.x,
+        place.y if sooner else there.y,
+        place.z if sooner else there.z,
+        q.vx,
+        q.vy,
+        q.vz,
+        q.t,
+    )
+    return min(s, first), there
+
+
+def met(c: Any, p: Any, q: Any, h: Any, s: Any) -> Any:
+    """The particle after the part s of the way on which it meets a collider: its parabola in the frame of that."""
+    if isinstance(c.shape, MovingRecord):
+        local = ride(c.shape, p)
+        there = place_on(way_of(local, ride(c.shape, q), h), local, s)
+        there = moved_to(there, there.x, there.y, there.z, there.vx, there.vy, there.vz, p.t + h * s)
+        return alight(c.shape, there)
+    return place_on(way_of(p, q, h), p, s)
 
 
 def turned_away(colliders: Any, p: Any, q: Any) -> Any:
@@ -212,6 +238,11 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
 
 
 @outlined
+def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    return settled(colliders, p, q, h, tolerance, slack, sure)
+
+
+@outlined
 def _glide(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
@@ -221,12 +252,23 @@ def _glide(
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
-        r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
         if loose(contacts.continuous, on, r, slack):
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
         if any(on):
             q, memory = r, restart(memory)
     return q, memory, on, turn
+
+
+@outlined
+def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    _, r, turn = borne(c, p, q, h, tolerance, h - h, True)
+    return r, turn
+
+
+@outlined
+def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    return wedged(c, d, p, q, h, tolerance)
 
 
 @outlined
@@ -236,19 +278,19 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
-            lain, bend = held(c, p, q, h, contacts.tolerance)
+            lain, bend = _on_one(c, p, q, h, contacts.tolerance)
             if not sunk(contacts.continuous, on, lain, slack):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):
         for j, d in enumerate(contacts.continuous[:k]):
             if on[k] & on[j] & (not found):
-                crept, bend, presses = wedged(c, d, p, q, h, contacts.tolerance)
+                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
                 if presses and not sunk(contacts.continuous, on, crept, slack):
                     r, turn, found = crept, bend, True
     if not found:
         sweeps = 0
         while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
-            r, more, turn = settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
+            r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
         if sunk(contacts.continuous, on, r, slack):
@@ -302,8 +344,8 @@ def _crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     chord = straight(p, q, h)
     if not any(on):
         chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
-    s = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
-    return h * s, place_on(way_of(chord, q, h), p, s)
+    s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
+    return h * s, place
 
 
 @outlined

@@ -76,7 +76,7 @@ def without_friction(c: ColliderRecord) -> ColliderRecord:
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:
     """Whether they are planes, and meeting one after the other never brings a particle back into an earlier one."""
-    planes = [each for each in colliders if isinstance(each, Plane)]
+    planes = [each for each in colliders if isinstance(each, Plane) and each.motion is None]
     if len(planes) < len(colliders):
         return False
     normals = [unit(plane.normal) for plane in planes]

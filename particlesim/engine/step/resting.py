@@ -20,9 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
+    at_rest,
     belt_along,
     crossable,
     put_back,
@@ -73,8 +75,7 @@ def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, 
     the part of the step after which p turns around, 1 if it does not."""
     if len(colliders) == 0:
         return q, (), type_of(h, 1)
-    here = lies(colliders[0], p, q, h, slack, sure)
-    r, turn = held(colliders[0], p, q, h, tolerance)
+    here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
     q = moved_to(
         q,
         r.x if here else q.x,
@@ -87,6 +88,16 @@ def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, 
     )
     q, others, first = settled(colliders[1:], p, q, h, tolerance, slack, sure)
     return q, (here, *others), min(turn if here else type_of(h, 1), first)
+
+
+def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """Whether a step from p to q is rest on a collider, and what `held` says of it. One that moves is at rest in its own
+    frame."""
+    if isinstance(c.shape, MovingRecord):
+        here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
+        return here, alight(c.shape, r), turn
+    r, turn = held(c, p, q, h, tolerance)
+    return lies(c, p, q, h, slack, sure), r, turn
 
 
 def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
@@ -142,9 +153,11 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
 
 def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
-    turns around; and whether both of them press. Creases of surfaces that run are not this simple, and none."""
+    turns around; and whether both of them press. Creases of surfaces that run or move are not this simple, and none."""
     one = type_of(h, 1)
     if c.response.belt is not None or d.response.belt is not None:
+        return q, one, False
+    if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
         return q, one, False
     zero = one - one
     (deep, n), (low, m) = sunk(c, p, q), sunk(d, p, q)

@@ -30,7 +30,6 @@ from particlesim.engine.interactions.neighbours.record import (
     SLICES,
     STALE,
     TURN,
-    acts,
     lives,
     slice_of,
     within_sight,
@@ -38,7 +37,7 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.neighbours.search import find_candidates
 from particlesim.engine.interactions.neighbours.sort import over_slices, place_of, sort_members
 from particlesim.engine.interactions.neighbours.tree import grow_tree
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import presence, type_of
 
 
 @outlined
@@ -60,7 +59,11 @@ def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any) -> None:
                 x, y, z = c.x[i], c.y[i], c.z[i]
                 if near.wrap is not None:
                     x, y, z = x + near.wrap[0, k], y + near.wrap[1, k], z + near.wrap[2, k]
-                here = acts(c.clock, i, t)
+                part = presence(c.clock, i)
+                here = part > 0
+                if near.part is not None:
+                    changed = changed | (near.part[k] != part)
+                    near.part[k] = part
                 for number, goes_to in zip(
                     (x if here else nowhere, y if here else nowhere, z if here else nowhere),
                     places,
