@@ -39,7 +39,7 @@ def pressures(scenario: Tables) -> tuple[str, ...]:
     box = scenario.simulation.box
     if box is None or not all(box.periodic):
         return ()
-    carried = scenario.bonds or scenario.rod_sets or scenario.hinges
+    carried = bool(scenario.bonds or scenario.rod_sets or scenario.hinges)
     carried = carried or any(group.has_pins() for group in scenario.particles)
     moving = all(group.dynamics.type == "second_order" for group in scenario.groups)
     return ("pressure",) if moving and not carried else ()

@@ -81,14 +81,14 @@ def summed_over_images(x: Any, size: Any, periodic: Any) -> tuple[Any, float, An
     force, energy, virial = np.zeros_like(x), 0.0, np.zeros((3, 3))
     for steps in product((-1, 0, 1), repeat=3):
         for i, j in product(range(len(x)), repeat=2):
-            l = x[i] - x[j] - np.array(steps) * size * periodic
-            if (i == j) or (np.array(steps) * ~np.array(periodic)).any() or (l**2).sum() >= 2.5**2:
+            d = x[i] - x[j] - np.array(steps) * size * periodic
+            if (i == j) or (np.array(steps) * ~np.array(periodic)).any() or (d**2).sum() >= 2.5**2:
                 continue
-            p = Pair(*l, 0, 0, 0, 1, 1)
+            p = Pair(*d, 0, 0, 0, 1, 1)
             f = np.array(pair_force(law, p))
             force[i] += f
             energy += 0.5 * pair_potential(law, p)
-            virial += 0.5 * np.outer(l, f)
+            virial += 0.5 * np.outer(d, f)
     return force, energy, virial
 
 
@@ -134,7 +134,7 @@ def test_steepness_is_that_of_direct_sums() -> None:
 @pytest.mark.parametrize("method", ["direct", "neighbours"])
 def test_two_that_meet_across_the_boundary_are_the_shifted_pair(method: str) -> None:
     inside = np.array([[2.0, 3.0, 3.0], [3.2, 3.1, 3.0]])
-    across = inside + [[3.9, 0, 0], [-2.1, 0, 0]]  # the same pair, 3.9 further, the second in the next box
+    across = inside + np.array([[3.9, 0, 0], [-2.1, 0, 0]])  # the same pair, 3.9 further, the second in the next box
     velocity = [[0.5, 0.0, 0.1], [0.7, 0.0, -0.1]]
     a, b = (ps.run(boxed(x, velocity, method=method, every=20)) for x in (inside, across))
     np.testing.assert_allclose(b.final.velocity, a.final.velocity, atol=1e-12)
@@ -147,7 +147,7 @@ def test_two_that_meet_across_the_boundary_are_the_shifted_pair(method: str) -> 
 def test_crossing_the_boundary_keeps_energy_and_momentum(method: str) -> None:
     rng = np.random.default_rng(4)
     x = scattered(np.full(3, 6.0), 100)
-    v = rng.normal(size=x.shape) + [3.0, -2.0, 1.0]
+    v = rng.normal(size=x.shape) + np.array([3.0, -2.0, 1.0])
     result = ps.run(boxed(x, v, method=method, duration=4.0, every=100))
     energy = result.ledger["kinetic"] + result.ledger["potential.law"]
     # dt² of a leapfrog with a curvature of 10^4 1/s² in collisions; what jumps at a boundary would cost 1 of 800.

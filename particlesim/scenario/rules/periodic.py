@@ -60,7 +60,7 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
         elif reach > shortest / 2:
             key = ("cutoff",) if each.cutoff is not None else ()
             yield Invalid(
-                f"{each.label} reaches {reach:g} m, beyond half of the box, where a particle would meet two images of another",
+                f"{each.label} reaches {reach:g} m, beyond half of the box, where it would meet two images of a particle",
                 (*here, *key),
                 (((*BOX, "size", axis), f"half of it is {shortest / 2:g} m"),),
                 allowed=f"up to {shortest / 2:g} m, or a larger box",
