@@ -12,7 +12,7 @@ import pytest
 import particlesim as ps
 from particlesim.analysis.motion import mean_square_displacement
 from particlesim.engine.simulation import Simulation
-from particlesim.errors import ScenarioError
+from particlesim.errors import ScenarioError, UsageError
 from particlesim.interactions.lennard_jones import LennardJones
 from particlesim.laws.pair import Pair, pair_force, pair_potential
 
@@ -134,7 +134,9 @@ def test_steepness_is_that_of_direct_sums() -> None:
 @pytest.mark.parametrize("method", ["direct", "neighbours"])
 def test_two_that_meet_across_the_boundary_are_the_shifted_pair(method: str) -> None:
     inside = np.array([[2.0, 3.0, 3.0], [3.2, 3.1, 3.0]])
-    across = inside + np.array([[3.9, 0, 0], [-2.1, 0, 0]])  # the same pair, 3.9 further, the second in the next box
+    across = inside + np.array(
+        [[3.9, 0, 0], [-2.1, 0, 0]]
+    )  # the same pair, 3.9 further, the second in the next box
     velocity = [[0.5, 0.0, 0.1], [0.7, 0.0, -0.1]]
     a, b = (ps.run(boxed(x, velocity, method=method, every=20)) for x in (inside, across))
     np.testing.assert_allclose(b.final.velocity, a.final.velocity, atol=1e-12)
@@ -294,3 +296,55 @@ def test_planes_along_open_axes_are_allowed() -> None:
         [[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]], box={"size": [6.0] * 3, "periodic": [True, True, False]}
     )
     ps.from_table({**table.model_dump(exclude_unset=True), "planes": [{"normal": [0, 0, 1]}]})
+
+
+def test_pictures_and_plots_know_the_box(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from particlesim.analysis.plot import plot
+    from particlesim.render.scene.box_edges import BoxEdges
+    from particlesim.render.scene.trails import collect_trails
+    from particlesim.trajectory.box import Box
+
+    edges = BoxEdges(Box((1.0, 2.0, 3.0), (2.0, 4.0, 6.0), (True, True, True)))
+    assert set(map(tuple, edges.corners.tolist())) == set(product((1.0, 3.0), (2.0, 6.0), (3.0, 9.0)))
+    lengths = np.linalg.norm(edges._points[:, -1] - edges._points[:, 0], axis=1)
+    assert sorted(lengths) == pytest.approx([2.0] * 4 + [4.0] * 4 + [6.0] * 4)
+    start = [[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]]
+    result = ps.run(
+        boxed(start, [[9.0, 0, 0]] * 2, law={**LAW, "cutoff": 1.5}, every=20), tmp_path / "a.vtkhdf"
+    )
+    assert result.path is not None
+    with ps.open(result.path) as trajectory:
+        for quantity in ("rdf", "displacement", "pressure"):
+            plot(trajectory, quantity, tmp_path / f"{quantity}.png")
+        trails = collect_trails(trajectory, lambda frame: np.zeros(len(frame.position), np.int32))
+    assert trails.jumps is not None
+    step = np.abs(np.diff(trails.points[..., 0], axis=0))
+    np.testing.assert_array_equal(trails.jumps[1:], step > 1.0)  # 0.36 a frame, or almost the whole box back
+    assert trails.jumps.any()
+
+
+def test_large_particles_that_touch_are_refused_in_a_small_box() -> None:
+    scenario = {
+        "simulation": {"duration": 1.0, "dt": 0.01, "box": {"size": [4.0, 4.0, 4.0]}},
+        "particles": [
+            {
+                "name": "balls",
+                "mass": 1.0,
+                "radius": 1.1,
+                "layout": {"type": "points", "position": [[1, 1, 1], [3, 3, 3]]},
+            }
+        ],
+        "interactions": [{"type": "soft_sphere", "epsilon": 1.0}],
+    }
+    with pytest.raises(UsageError, match="touch over more than half of the box"):
+        Simulation(ps.from_table(scenario), threads=1)
+
+
+def test_forces_by_place_are_told() -> None:
+    from particlesim.preflight.advice import advice
+
+    table = boxed([[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]]).model_dump(exclude_unset=True)
+    spring = {"type": "point_spring", "stiffness": 1.0}
+    told = advice(ps.from_table({**table, "forces": [spring]}))
+    assert any("not at their images" in each for each in told)

@@ -64,8 +64,8 @@ class FrameSource(Protocol):
 
     Four optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
     in the legend; `groups`, the names that the integers of the field "group" stand for; `topology`, the springs
-    and surfaces by name (see `particlesim.trajectory.topology.Topology`); `box`, the periodic box that positions are in, which
-    is drawn (see `particlesim.trajectory.box.Box`).
+    and surfaces by name (see `particlesim.trajectory.topology.Topology`); `box`, the periodic box that positions are in,
+    which is drawn (see `particlesim.trajectory.box.Box`).
     """
 
     @property
