@@ -38,13 +38,14 @@ from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_
 
 
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
-    """Whether a step from p to q is rest on a collider: p touches it, its own velocity explains less than half of how deep
-    q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so are all that would follow; one
+    """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains less
+    than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so are all that would follow; one
     on an elastic collider does not end, unless there is none. Where it is `sure` that hops have died out, only touching
     counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
     deep, _ = sunk(c, p, q)
-    calm = (coasting >= type_of(h, 0.5) * deep - slack) & (c.response.bounce < 2)
+    _, n = gap_and_normal(c, p)
+    calm = (coasting >= type_of(h, 0.5) * deep - slack) & (h * along(n, p) >= -slack) & (c.response.bounce < 2)
     calm |= (abs(coasting) <= slack) | sure
     return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
 
@@ -122,11 +123,16 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     # A velocity that is nothing but rounding is none: what stops must be at rest.
     speed2, noise = square(before), tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
     calm = speed2 <= noise * noise
+    drag = response.friction.kinetic * push
     base = tuple(None if b is None else (a if calm else b) for a, b in zip(change, before, strict=True))
+    # A path that turns by more than friction can hold back does not stop where it turns: friction is against its end.
+    length2, ahead, most2 = square(base), _dot(after, base), drag * drag
+    stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
+    bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
+    base = tuple(None if b is None else (a if bends else b) for a, b in zip(after, base, strict=True))
     size = np.sqrt(square(base))
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
-    drag = response.friction.kinetic * push
     left = _dot(after, way) - drag
     firm = square(change) <= (response.friction.static * push) * (response.friction.static * push)
     slides = (left > 0) & ((not calm) | (not firm))
