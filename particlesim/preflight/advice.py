@@ -143,8 +143,8 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
         way = "fewer particles or fewer steps take less"
         if each.law.method == "direct" and each.law.lacks_multipoles() is None:
             way = 'method = "tree" lets far particles act together'
-        elif each.law.lacks_multipoles() is None:
-            way = "another method takes less"
+        elif each.law.reach() is not None:
+            way = 'method = "neighbours" looks at near ones alone'
         found.append(
             f"{each.name} sums {pairs:.2g} pairs one by one in every sum of forces, about {_time(step)} a step on one core "
             f"and {_time(step * scenario.grid.steps)} in all; {way}"

@@ -128,8 +128,9 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     assert isinstance(group, Particles)
     if group.pinned:
         size += CLOCK_BYTES
-    joined: list[tuple[str, ...]] = [bonds.groups for bonds in scenario.bonds]
-    joined += [each.groups for each in (*scenario.rod_sets, *pair_sets(scenario))]
+    joined: list[tuple[str, ...]] = [each.groups for each in scenario.bonds]
+    joined += [each.groups for each in scenario.rod_sets]
+    joined += [each.groups for each in pair_sets(scenario)]
     if any(group.name in names for names in joined):
         stages = method.evaluations if isinstance(method, RungeKutta) else 0
         size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes
