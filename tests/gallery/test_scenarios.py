@@ -40,6 +40,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("projectile", "projectile_drag", "fountain", "terminal_velocity", "buoyant_ball"),
         *("rain_on_dome", "bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
+        *("slope", "stairs", "conveyor"),
         *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
         *("cold_collapse", "galaxies"),
     }

@@ -1,9 +1,9 @@
 """Lasting contact: the step of a particle that lies on a collider, in closed form.
 
 A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then
-cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the free end, which is put back
-on the surface without rebound. Friction acts as a constant force of the step, with v the velocity along the surface relative to it,
-v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
+cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the free end, which is put back on
+the surface without rebound. Friction acts as a constant force of the step, with v the velocity along the surface relative to
+it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
 
 - what is at rest stays at rest, to the last bit, as long as |a h| ≤ μ_s J; beyond that it starts in the direction of a;
 - what slides loses μ_k J against its direction, and stops in mid-step where that is more than there is.
@@ -40,8 +40,8 @@ from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_
 
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
-    less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so are
-    all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops have
+    less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
+    are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops have
     died out, only touching counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
     deep, _ = sunk(c, p, q)
