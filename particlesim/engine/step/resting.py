@@ -41,8 +41,8 @@ from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
     less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
-    are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops have
-    died out, only touching counts."""
+    are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
+    have died out, only touching counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
     deep, _ = sunk(c, p, q)
     _, n = gap_and_normal(c, p)
@@ -221,7 +221,9 @@ def _full(n: Any, zero: Any) -> Any:
 
 def _at(q: Any, place: Any, velocity: Any) -> Any:
     """The particle at another place, with another velocity."""
-    return moved_to(q, *place, *velocity, q.t)
+    x, y, z = place
+    vx, vy, vz = velocity
+    return moved_to(q, x, y, z, vx, vy, vz, q.t)
 
 
 def _dot(a: Any, b: Any) -> Any:
