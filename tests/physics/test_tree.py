@@ -173,9 +173,7 @@ def _moved(threads: int, steps: int = 6) -> tuple[bytes, bytes]:
 
 
 def test_threads_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from particlesim.engine.islands import coupled
-
-    monkeypatch.setattr(coupled, "WORTH_THREADS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
     assert _moved(1) == _moved(2) == _moved(3)
 
 
