@@ -248,3 +248,13 @@ def test_the_inverse_root_is_as_exact_as_it_says() -> None:
     x = np.geomspace(1, 16, 2000)
     worst = max(abs(inverse_root(float(each)) * math.sqrt(each) - 1) for each in x)
     assert worst < 6e-11
+
+
+def test_cells_without_room_are_told_and_change_no_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    from particlesim.engine.interactions.tree import field
+
+    monkeypatch.setattr(field, "PARTICLES_PER_CELL", 10**6)
+    error, tree = compare(clusters(3000, np.random.default_rng(1)), {"accuracy": 1e-3, "softening": 0.01})
+    assert error < 1.3e-3
+    assert "no room" in tree.islands[0].interactions[0].summary()
+    tree.close()
