@@ -35,6 +35,10 @@ class Sequence(tuple):  # type: ignore[type-arg]
     """The turns of a `for` over `range`: start, stop, step."""
 
 
+class Lanes(Sequence):
+    """The turns of a `for` over `lanes`."""
+
+
 class NeedsKnown(Unsupported):
     """A part of a tuple was asked for by a number that only the machine knows."""
 

@@ -94,3 +94,21 @@ finally:
     assert "particles  at most 1 at once" in told
     assert "stable dt" not in told
     assert not {"particlesim.engine.world", "particlesim.engine.simulation"} & set(imported.split())
+
+
+def test_what_is_imported_is_old_for_the_garbage_collector(tmp_path: Path) -> None:
+    code = """
+import gc
+class Node: pass
+node = Node()
+node.self = node
+import weakref
+gone = weakref.ref(node)
+import particlesim as ps
+ps.load
+print(gc.isenabled(), gc.get_freeze_count(), len(gc.get_objects(0)) + len(gc.get_objects(1)) < 5000)
+del node
+gc.collect()
+print(gone())
+"""
+    assert run(code, tmp_path).splitlines() == ["True 0 True", "None"]

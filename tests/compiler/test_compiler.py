@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import linecache
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +17,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from particlesim.compiler import elementary, exact, kernel, on_stack, outlined, store
+from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, store
+from particlesim.compiler.kernel import write
 from particlesim.compiler.unit import CompileError, Unit
 
 _NUMBERS = itertools.count()
@@ -366,6 +368,27 @@ def test_room_on_the_stack() -> None:
 
     x = np.arange(8.0)
     assert sums(x) == 3 * x.sum()
+
+
+def test_lanes_are_not_written_out_before_they_are_vectorised() -> None:
+    def sums(x: Any, out: Any) -> None:
+        held = on_stack(1, 8, np.float64)[0]
+        for i in lanes(8):
+            held[i] = 0.0
+        for k in range(x.size):
+            for i in lanes(8):
+                held[i] += x[k] * (i + 1)
+        for i in lanes(8):
+            out[i] = held[i]
+
+    x, out = np.arange(5.0), np.zeros(8)
+    kernel(sums)(x, out)
+    assert np.array_equal(out, x.sum() * np.arange(1, 9))
+    text, _, _ = write(sums, (x, out))
+    marks = re.findall(r"br label %\S+, !llvm.loop (!\d+)", text)
+    assert len(set(marks)) == 3
+    assert all(f"{mark} = distinct !{{{mark}, !0}}" in text for mark in marks)
+    assert '!0 = !{!"llvm.loop.unroll.disable"}' in text
 
 
 # Errors

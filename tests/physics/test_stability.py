@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from contextlib import suppress
 from types import SimpleNamespace
@@ -185,6 +186,25 @@ def test_the_bound_is_above_the_largest_eigenvalue_and_near_it() -> None:
     root = np.sqrt(np.repeat(w, 3))
     largest = np.linalg.eigvalsh(root[:, None] * network(springs, blocks, 20).toarray() * root).max()
     assert largest <= bound([springs], w, damping=False) < 2.5 * largest
+    simulation.close()
+
+
+@pytest.mark.parametrize("direction", list(itertools.permutations((0.0, 0.5, math.sqrt(0.75)))))
+def test_the_bound_of_one_spring_is_its_own_whichever_way_it_points(direction: tuple[float, ...]) -> None:
+    # Row sums alone are above it, or, with a part of the tensor left out, below.
+    simulation = Simulation(
+        ps.from_table(
+            table(
+                1.0,
+                1e-3,
+                particles=[points((0, 0, 0), direction, name="two", mass=M1)],  # type: ignore[arg-type]
+                springs=[{"on": "two", "pairs": [[0, 1]], "stiffness": K, "rest_length": 1.0}],
+            )
+        )
+    )
+    model = linear.IslandModel(simulation.scenario, simulation.graph.islands[0], simulation.islands[0], 0.0)
+    springs = dict(model._couplings(simulation.islands[0]))["springs"]
+    assert bound([springs], model._mobility(), damping=False) == pytest.approx(2 * K / M1, rel=1e-9)
     simulation.close()
 
 

@@ -11,12 +11,13 @@ of particles (`by_chunks`: springs) come first; all others are added by every th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, Protocol, Self, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
+from particlesim.compiler.barrier import new_gate
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
 from particlesim.process.threads import Team
@@ -110,6 +111,11 @@ class Interaction:
         """How many interactions there are."""
         raise NotImplementedError
 
+    def renewed(self) -> Self:
+        """The same for a new interval between frames, or for one that is repeated: what it has found out is forgotten, so
+        that a run which is resumed there goes on with the same bits; with more room where it had too little."""
+        return self
+
     @property
     def effort(self) -> int:
         """About how many springs take as long."""
@@ -185,6 +191,21 @@ class Interaction:
     def with_changed(self, arrays: Sequence[NDArray[Any]]) -> Self:
         """The same with other such arrays."""
         return self
+
+
+class Lone(NamedTuple):
+    """The share of a thread that is alone."""
+
+    first: int
+    last: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def lone(count: int) -> Lone:
+    """The share of a thread that owns all of some particles."""
+    return Lone(0, count, 0, 1, new_gate())
 
 
 class Site:

@@ -26,11 +26,13 @@ from particlesim.engine.interactions.pair_blocks import (
     pair_in,
     particle_of,
 )
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
+from particlesim.laws.pair import pair_potential
+from particlesim.laws.registry import has_law
 
 MOST_LOOKED_AT = 300_000_000
 """Pairs that are looked at for the largest stable step: a second; of more particles, some, evenly spread."""
@@ -75,8 +77,15 @@ class DirectPairs(Interaction, PairColumns):
     def effort(self) -> int:
         return 2 * self.number // PAIRS_PER_SPRING
 
-    def energy(self, c: Any) -> float:
-        return float(sum_pairs(self, c))
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(sum_pairs(self, c))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)

@@ -9,7 +9,7 @@ from particlesim.bonds import BondSet, HingeSet
 from particlesim.engine.interactions.bonds import springs_of
 from particlesim.engine.interactions.hinges import hinges_of
 from particlesim.engine.interactions.interaction import Interaction, Ints, Site
-from particlesim.engine.interactions.pair_methods import by_method
+from particlesim.engine.interactions.methods import summed
 from particlesim.engine.interactions.triangles import triangles_of
 from particlesim.forces.sheet_drag import SurfaceSet
 from particlesim.interactions import PairSet
@@ -18,7 +18,7 @@ KINDS: dict[type, Callable[[Site, Any], Interaction]] = {
     BondSet: springs_of,
     HingeSet: hinges_of,
     SurfaceSet: triangles_of,
-    PairSet: by_method,
+    PairSet: summed,
 }
 """What stands in a graph's island, and what lays it out among the particles of the engine's."""
 

@@ -203,6 +203,7 @@ CHECKS = (
     references,
     needs,
     interactions.felt,
+    interactions.kicked,
     undifferentiable,
     times,
     kicks,
