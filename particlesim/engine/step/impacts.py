@@ -179,9 +179,10 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    colliders = contacts.continuous + contacts.discrete
+    # What a way may cross tells by one look whether the way is free, with its end.
+    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
     met = inside(colliders, nowhere(colliders), q)
-    if not any(crossable(c) for c in contacts.continuous):
+    if len(colliders) == len(contacts.continuous) + len(contacts.discrete):
         return met
     nothing = nowhere(contacts.continuous)
     return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
