@@ -52,7 +52,8 @@ Interaction = BondSet | HingeSet | SurfaceSet | PairSet
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. Independent particles have no interactions and no rods."""
+    """Groups that step together, with all that acts on them. Independent particles have no interactions and no
+    constraints (rods)."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
@@ -60,12 +61,12 @@ class Island:
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
-    rods: tuple[RodSet, ...] = ()
+    constraints: tuple[RodSet, ...] = ()
 
     @property
     def coupled(self) -> bool:
         """Whether its particles step together: they act on each other, or their method has one step for all."""
-        return bool(self.interactions or self.rods) or self.method.together
+        return bool(self.interactions or self.constraints) or self.method.together
 
     @property
     def changes(self) -> bool:

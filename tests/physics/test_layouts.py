@@ -447,7 +447,7 @@ def test_a_disc_turns_about_its_axis_on_circles() -> None:
         axis=(1, 2, 2),
         constant=1.5,
     )
-    x, v, attributes = disc.place(Streams(2, "disc"), 0, 20_000)
+    x, v, _ = disc.place(Streams(2, "disc"), 0, 20_000)
     axis = np.array([1, 2, 2]) / 3
     assert np.abs(axis @ x).max() < 1e-12
     r = np.linalg.norm(x, axis=0)

@@ -160,22 +160,20 @@ class NearPairs(Interaction, NearColumns):
 
 def bring_up(each: Any, c: Any, share: Any, t: Any) -> Any:
     """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed."""
-    return refresh(each.near, c, share, t, carried(each, c))
+    columns, seen = columns_read(each, c), each.seen
+    moving, fixed = _read(columns[3:6], seen[3:6]), _read(columns[6:], seen[6:])
+    return refresh(each.near, c, share, t, moving, fixed)
+
+
+def _read(columns: Any, rows: Any) -> Any:
+    """Columns that are read, and where what is in them goes."""
+    return tuple((column, row) for column, row in zip(columns, rows, strict=True) if row is not None)
 
 
 def look_in(each: Any, c: Any, share: Any, t: Any) -> None:
     """`bring_up` for others than forces, which are due afterwards."""
     bring_up(each, c, share, t)
     each.near.report[DUE] = 1
-
-
-def carried(each: Any, c: Any) -> Any:
-    """Columns, and where what is in them goes."""
-    return tuple(
-        (column, row)
-        for column, row in zip(columns_read(each, c)[3:], each.seen[3:], strict=True)
-        if row is not None
-    )
 
 
 def columns_read(each: Any, c: Any) -> Any:

@@ -261,9 +261,8 @@ def _glide(
 
 
 @outlined
-def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
-    _, r, turn = borne(c, p, q, h, tolerance, h - h, True)
-    return r, turn
+def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    return borne(c, p, q, h, tolerance, slack, True)
 
 
 @outlined
@@ -278,7 +277,7 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
-            lain, bend = _on_one(c, p, q, h, contacts.tolerance)
+            _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
             if not sunk(contacts.continuous, on, lain, slack):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):

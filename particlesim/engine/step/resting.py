@@ -153,7 +153,7 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
 
 def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
-    turns around; and whether both of them press. Creases of surfaces that run or move are not this simple, and none."""
+    turns around; and whether both of them press. Creases of surfaces that move or run are not this simple, and none."""
     one = type_of(h, 1)
     if c.response.belt is not None or d.response.belt is not None:
         return q, one, False
@@ -192,8 +192,10 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     speed = kept * side * left if slides else zero
     part = zero if calm else abs(before) / (abs(before) - left)
     half = type_of(h, 0.5) * h
-    shift = -half * side * kinetic if slides else half * part * before - _dot(
-        way, (q.x - p.x, q.y - p.y, q.z - p.z)
+    shift = (
+        -half * side * kinetic
+        if slides
+        else half * part * before - _dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
     )
     ends = tuple(x + shift * w for x, w in zip(ends, way, strict=True))
     stays = calm & (not slides)

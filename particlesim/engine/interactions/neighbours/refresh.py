@@ -188,13 +188,14 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
     find_candidates(near, share)
 
 
-def refresh(near: Any, c: Any, share: Any, t: Any, carried: Any = ()) -> Any:
+def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any = ()) -> Any:
     """Present places of all members, and lists that hold; returns whether anything has changed since the last time.
 
-    For each pair of columns in `carried`, what is in a row of the first goes to its place in the second.
+    For each pair of columns in `moving`, what is in a row of the first goes to its place in the second; for those in
+    `fixed`, which steps do not change, only when places are new.
     All threads of an island must call it, when all particles are in their places. It sets `report[TURN]` to 0.
     """
-    _gather(near, c, share, t, carried)
+    _gather(near, c, share, t, moving)
     if share.number == 0:
         near.report[TURN] = 0
         near.report[LIVED] += 1
@@ -204,6 +205,6 @@ def refresh(near: Any, c: Any, share: Any, t: Any, carried: Any = ()) -> Any:
         return changed > 0.0
     where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
     build(near, where, Crew(share.number, share.threads, share.gate), t)
-    _gather(near, c, share, t, carried)
+    _gather(near, c, share, t, (*moving, *fixed))
     meet(share.gate, share.threads)
     return True
