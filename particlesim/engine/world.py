@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
@@ -41,7 +42,7 @@ class World:
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
 
-    def _populate(self, block: int | None) -> list[IndependentIsland | CoupledIsland]:
+    def _populate(self, block: int | None) -> list[BaseIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
         states: dict[str, GroupState] = {}
         first_id = 0
@@ -55,7 +56,7 @@ class World:
             first_id += state.count
         # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
         ids = {group.name: (first_id + k, len(emitters)) for k, group in enumerate(emitters)}
-        islands: list[IndependentIsland | CoupledIsland] = []
+        islands: list[BaseIsland] = []
         extra = {} if block is None else {"block": block}
         for island in self.graph.islands:
             mine = [
