@@ -4,8 +4,8 @@
 
 A cloud of particles flies about a ball with dents of 81 920 triangles, in a box twice as wide, so that most of them are
 far from it, as from most of any surface; those that meet it bounce. With --warp, the interpreter of an environment with
-warp-lang and numpy answers as many queries (nearest point and sign, within the reach of a step and without a bound) at the same places, on
-the CPU. Both run on one thread.
+warp-lang and numpy answers as many queries (nearest point and sign, within the reach of a step and without a bound) at the
+same places, on the CPU. Both run on one thread.
 """
 
 from __future__ import annotations
