@@ -249,7 +249,7 @@ def _group_node(group: Group) -> Node:
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = collider.contact
+    what: str = collider.contact
     if what == "bounce":
         static, kinetic = collider.coefficients
         what = f"e = {collider.liveliness:g}"
