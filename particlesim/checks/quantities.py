@@ -19,6 +19,7 @@ from particlesim.model.units import (
     Newtons,
     NewtonSeconds,
     Number,
+    Pascals,
     Seconds,
     Unit,
     shown,
@@ -41,7 +42,7 @@ TOTALS = (
 )
 """Quantities that every simulation has; `scenario.ledger_columns` knows those that a scenario adds."""
 
-VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
+VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3 and spec.kind == "float")
 
 FIELD_QUANTITIES = tuple(
     name
@@ -61,6 +62,7 @@ _UNITS: dict[str, Any] = {
     "energy": Joules,
     "work": Joules,
     "balance": Joules,
+    "pressure": Pascals,
     "momentum": NewtonSeconds,
     "angular_momentum": JouleSeconds,
     "position": Metres,

@@ -48,6 +48,15 @@ FIELDS: dict[str, FieldSpec] = {
         *(FieldSpec(each.name, 1, each.unit, "float", each.doc) for each in ATTRIBUTES.values()),
         FieldSpec("age", 1, "s", "float", "Time since its birth."),
         FieldSpec("speed", 1, "m/s", "float", "Length of its velocity."),
+        FieldSpec(
+            "image",
+            3,
+            "",
+            "integer",
+            "How many boxes of a periodic box it has gone: along its path it is at position + "
+            "image times the size of the box.",
+            bits=32,
+        ),
         FieldSpec("group", 1, "", "integer", "Index of its group in the list of group names.", bits=32),
     )
 }
@@ -55,7 +64,7 @@ FIELDS: dict[str, FieldSpec] = {
 ALWAYS = ("position", "id")
 
 _AXES = ("x", "y", "z")
-_PREFIX = {"position": "", "velocity": "v", "force": "f", "acceleration": "a"}
+_PREFIX = {"position": "", "velocity": "v", "force": "f", "acceleration": "a", "image": "image_"}
 
 
 def component_names(name: str) -> tuple[str, ...]:
@@ -104,4 +113,6 @@ def ledger_unit(column: str) -> str:
         return "kg m²/s"
     if head in {"kinetic", "potential", "energy", "total", "work", "balance", "dissipated", "thermal"}:
         return "J"
+    if head == "pressure":
+        return "Pa"
     return ATTRIBUTES[head].unit if head in ATTRIBUTES else ""
