@@ -18,6 +18,7 @@ from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
+from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
@@ -132,6 +133,8 @@ def parts() -> Iterator[str]:
     yield prose("colliders")
     yield table(Collider)
     yield from (collider_section(shape) for shape in COLLIDERS)
+    yield "### Orientation"
+    yield summary(Orientation) + "\n\n" + table(Orientation)
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"

@@ -13,6 +13,7 @@ from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
 from particlesim.colliders import Collider, Plane
+from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import Flow
@@ -50,6 +51,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),
     (Collider, "[colliders](#colliders)"),
+    (Orientation, "[orientation](#orientation)"),
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),
     (Waypoint, "[waypoint](#waypoint)"),

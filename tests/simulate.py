@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import particlesim as ps
+from particlesim.engine.simulation import Simulation
 
 Table = dict[str, Any]
 EPS = float(np.finfo(float).eps)
@@ -42,6 +43,17 @@ def table(duration: float, dt: float, method: str = "velocity_verlet", **parts: 
 def simulate(duration: float, dt: float, method: str = "velocity_verlet", **parts: Any) -> ps.Result:
     """Run such a scenario in memory."""
     return ps.run(ps.from_table(table(duration, dt, method, **parts)))
+
+
+def energies(scenario: Table) -> NDArray[np.float64]:
+    """The energy at every frame of a scenario [J], whatever a run would say to it."""
+    simulation, found = Simulation(ps.from_table(scenario)), []
+    for step in (0, *simulation.scenario.grid.frame_steps()):
+        simulation.advance_to(step)
+        row = simulation.ledger()
+        found.append(row["kinetic"] + sum(row[name] for name in row if name.startswith("potential.")))
+    simulation.close()
+    return np.array(found)
 
 
 def record(

@@ -11,11 +11,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from particlesim.colliders.response import ColliderRecord, ResponseRecord
+from particlesim.colliders.friction import FallingRestitution, Friction
+from particlesim.colliders.response import ColliderRecord, FallingRecord, FrictionRecord, ResponseRecord
 from particlesim.laws.registry import ABSORB, PASS, STICK
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import Number
+from particlesim.model.units import MetresPerSecond, Number, Vector
 
 LIVELY = 0.9
 """Restitution above which projection out of a collider may add more energy than the bounce takes."""
@@ -33,8 +34,15 @@ class Collider(Model):
     """Name for messages and overrides."""
     on: tuple[Name, ...] | None = Field(default=None, min_length=1)
     """Groups it holds back; all unless given."""
-    restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
-    """Speed after over speed before the impact, along the normal: 1 elastic, 0 no rebound."""
+    restitution: Annotated[Number, Ge(0), Le(1)] | FallingRestitution = 1.0
+    """Speed after over speed before the impact, along the normal: 1 elastic, 0 no rebound; or a table, where it falls with
+    the speed of the impact."""
+    friction: Annotated[Number, Ge(0)] | Friction = 0.0
+    """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion. An impact takes at most μ times its
+    normal impulse along the surface; what lies holds on slopes up to atan μ, and slides on steeper ones under μ N."""
+    surface_velocity: Vector[MetresPerSecond] | None = None
+    """Velocity at which the surface runs along itself, as that of a conveyor belt; what points out of the surface counts for
+    nothing. It acts by friction or tangential_loss."""
     tangential_loss: Annotated[Number, Ge(0), Le(1)] = 0.0
     """Part of the velocity along the surface that an impact takes away. No friction: what lies on the surface loses it in
     every step, and slides by a distance that depends on dt."""
@@ -45,18 +53,47 @@ class Collider(Model):
 
     @model_validator(mode="after")
     def _bounces(self) -> Collider:
-        for name in ("restitution", "tangential_loss"):
+        for name in ("restitution", "friction", "surface_velocity", "tangential_loss"):
             if self.contact != "bounce" and getattr(self, name) != type(self).model_fields[name].default:
                 raise invalid(
                     f'{name} acts only with contact = "bounce"',
                     at=(name,),
                     also=[(("contact",), f"{self.contact} here")],
                 )
+        if self.rubs and self.detection == "discrete":
+            raise invalid(
+                'friction needs detection = "continuous": only there is it known how long a particle touches',
+                at=("friction",),
+                also=[(("detection",), "discrete here")],
+            )
+        if self.surface_velocity is not None and not self.rubs and self.tangential_loss == 0:
+            raise invalid(
+                "surface_velocity acts by friction or tangential_loss, and there is neither",
+                at=("surface_velocity",),
+                hint="friction = 0.5",
+            )
         return self
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self.friction != 0 and self.coefficients != (0, 0)
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """Coefficients of static and of kinetic friction."""
+        if isinstance(self.friction, Friction):
+            return self.friction.static, self.friction.kinetic
+        return self.friction, self.friction
+
+    @property
+    def liveliness(self) -> float:
+        """Restitution of slow impacts, the greatest."""
+        return self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
 
     def lifts(self) -> bool:
         """Whether particles may gain energy as they are lifted out of it."""
-        return self.contact == "bounce" and self.detection == "discrete" and self.restitution > LIVELY
+        return self.contact == "bounce" and self.detection == "discrete" and self.liveliness > LIVELY
 
     def shape(self) -> tuple[Any, ...]:
         """The shape as kernels take it."""
@@ -79,5 +116,13 @@ class Collider(Model):
             return ResponseRecord(1.0, 1.0, 0.0, STICK)  # nothing of the velocity is left
         if self.contact == "kill":
             return ResponseRecord(0.0, 0.0, 1.0, self.killed)  # the record keeps the velocity of the impact
-        loss = self.tangential_loss
-        return ResponseRecord(1 + self.restitution, loss, 1 - loss, PASS)
+        loss, falls = self.tangential_loss, self.restitution
+        return ResponseRecord(
+            1 + self.liveliness,
+            loss,
+            1 - loss,
+            PASS,
+            FrictionRecord(*self.coefficients) if self.rubs else None,
+            FallingRecord(falls.speed, falls.exponent) if isinstance(falls, FallingRestitution) else None,
+            self.surface_velocity,
+        )

@@ -25,13 +25,14 @@ from particlesim.laws.registry import (
     PASS,
     Particle,
     Vector,
+    apart,
     contact,
+    first_contact,
     gap,
     has_law,
     law,
     moved_to,
     normal,
-    passing,
     surface,
 )
 
@@ -71,8 +72,14 @@ class ColliderRecord(NamedTuple):
 
 
 def crossable(c: Any) -> bool:
-    """Whether a straight way between two legal places may cross a collider."""
-    return has_law(passing, c.shape)
+    """Whether a way between two legal places may cross a collider."""
+    return has_law(first_contact, c.shape)
+
+
+def opposite(c: Any, p: Any, q: Any) -> Any:
+    """Whether p and q are on opposite sides of a collider, such as a thin sheet."""
+    n, m = normal(c, p), normal(c, q)
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0
 
 
 @law(gap, ColliderRecord)
@@ -85,9 +92,14 @@ def collider_normal(c: ColliderRecord, p: Particle) -> Vector:
     return normal(c.shape, p)
 
 
-@law(passing, ColliderRecord)
-def collider_passing(c: ColliderRecord, p: Particle, q: Particle) -> float:
-    return passing(c.shape, p, q)
+@law(apart, ColliderRecord)
+def collider_apart(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    return apart(c.shape, p, q, h, slack)
+
+
+@law(first_contact, ColliderRecord)
+def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+    return first_contact(c.shape, p, q, h, slack)
 
 
 # Selects, not branches: the loop over a block must stay vectorised.

@@ -5,19 +5,21 @@ Gap of a particle of radius r, with d its distance from the centre: g = d − R 
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
 
-from particlesim.colliders.base import Collider
-from particlesim.laws.registry import Particle, Vector, gap, law, normal, passing, surface
+from particlesim.colliders.pose import UNTURNED
+from particlesim.colliders.solid import GRAIN, Solid, SolidCollider, is_convex
+from particlesim.colliders.triangulation import Triangles, arc, revolved
+from particlesim.laws.registry import Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
 
 
-class SphereCollider(Collider):
-    """A ball that particles stay out of, or a hollow one that they stay in."""
+class Sphere(Solid):
+    """A ball."""
 
     kind: ClassVar[str] = "sphere"
 
@@ -26,20 +28,31 @@ class SphereCollider(Collider):
     """Centre of the sphere."""
     radius: Annotated[Metres, Gt(0)]
     """Radius of the sphere."""
-    inside: bool = False
-    """Whether particles stay inside, as in a bowl, instead of outside."""
+
+    def geometry(self) -> Any:
+        return BallRecord(*self.center, self.radius)
+
+    def grain(self) -> float:
+        return GRAIN * self.radius
+
+    def farthest(self) -> float:
+        return max(map(abs, self.center)) + self.radius
+
+    def words(self) -> str:
+        x, y, z = self.center
+        return f"radius {self.radius:g} m at ({x:g}, {y:g}, {z:g})"
+
+    def triangles(self) -> Triangles:
+        profile = arc((0.0, 0.0), self.radius, -np.pi / 2, np.pi / 2, 48)
+        return revolved(profile).placed(self.center, UNTURNED)
+
+
+class SphereCollider(Sphere, SolidCollider):
+    """A ball that particles stay out of, or a hollow one that they stay in."""
 
     def shape(self) -> BallRecord | BowlRecord:
         """The sphere as kernels take it: solid or hollow."""
         return (BowlRecord if self.inside else BallRecord)(*self.center, self.radius)
-
-    def reach(self) -> float:
-        """The farthest coordinate of its surface."""
-        return max(map(abs, self.center)) + self.radius
-
-    def describe(self) -> str:
-        x, y, z = self.center
-        return f"{'inside of ' if self.inside else ''}radius {self.radius:g} m at ({x:g}, {y:g}, {z:g})"
 
 
 class BallRecord(NamedTuple):
@@ -113,10 +126,4 @@ def bowl_surface(c: BowlRecord, p: Particle) -> Vector:
     return c.x + d * x, c.y + d * y, c.z + d * z
 
 
-@law(passing, BallRecord)
-def ball_passing(c: BallRecord, p: Particle, q: Particle) -> float:
-    x, y, z = q.x - p.x, q.y - p.y, q.z - p.z
-    length2 = x * x + y * y + z * z
-    towards = (c.x - p.x) * x + (c.y - p.y) * y + (c.z - p.z) * z
-    zero = length2 - length2
-    return min(max(towards / length2, zero), zero + type(length2)(1)) if length2 > 0 else zero
+is_convex(BallRecord)

@@ -3,7 +3,15 @@
 `docs/compiler.md` teaches it. Kernels are ordinary functions: `k.python` is one that runs uncompiled.
 """
 
-from particlesim.compiler.intrinsics import atomic_add, atomic_load, exact, let_others_run, on_stack, outlined
+from particlesim.compiler.intrinsics import (
+    atomic_add,
+    atomic_load,
+    exact,
+    let_others_run,
+    on_stack,
+    outlined,
+    shared,
+)
 from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling, uncompiled
 
 __all__ = [
@@ -16,6 +24,7 @@ __all__ = [
     "let_others_run",
     "on_stack",
     "outlined",
+    "shared",
     "told_of_compiling",
     "uncompiled",
 ]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any, cast
 
 from particlesim.compiler.names import Names
-from particlesim.compiler.unit import Outline
+from particlesim.compiler.unit import Again, Outline, Part, Unit
 from particlesim.compiler.values import Array, Number, Unsupported, form_of, kinds_in, value_of
 from particlesim.compiler.writer import Writer
 
@@ -65,7 +66,7 @@ class Calls(Names):
         key = (function, form)
         made = self.unit.outlines.get(key)
         if made is None:
-            made = self._outline(function, form)
+            made = self._shared(key) if getattr(function, "shared", False) else self._outlined(key)
             self.unit.outlines[key] = made
         w = self.w
         given = ", ".join(
@@ -74,54 +75,84 @@ class Calls(Names):
         )
         results = kinds_in(made.result)
         if not results:
-            w.do(f"call void @{made.name}({given})")
+            w.do(f"call void {made.name}({given})")
             return value_of(made.result, iter(()))
-        shape = results[0] if len(results) == 1 else "{ " + ", ".join(results) + " }"
-        got = w.emit(f"call {shape} @{made.name}({given})")
+        got = w.emit(f"call {made.type} {made.name}({given})")
         if len(results) == 1:
             return value_of(made.result, iter([Number(got, results[0])]))
-        parts = [Number(w.emit(f"extractvalue {shape} {got}, {k}"), kind) for k, kind in enumerate(results)]
+        parts = [
+            Number(w.emit(f"extractvalue {made.type} {got}, {k}"), kind) for k, kind in enumerate(results)
+        ]
         return value_of(made.result, iter(parts))
 
-    def frame(self, writer: Writer, function: Any, arguments: list[Any], keywords: dict[str, Any]) -> Any:
-        """The frame of a function that is called here."""
-        return type(self)(self.unit, writer, function, arguments, keywords, self)
+    def frame(
+        self,
+        writer: Writer,
+        function: Any,
+        arguments: list[Any],
+        keywords: dict[str, Any],
+        unit: Unit | None = None,
+    ) -> Any:
+        """The frame of a function that is called here, in this unit or another."""
+        return type(self)(unit or self.unit, writer, function, arguments, keywords, self)
 
-    def _outline(self, function: Any, form: Any) -> Outline:
-        """A function of its own for arguments of one form."""
+    def _outlined(self, key: Any) -> Outline:
+        """A function of its own in this unit."""
         unit = self.unit
         unit.count += 1
-        name = f'"{function.__name__}.{unit.count}"'
+        made, body = self._written(key, unit)
+        made.name = f'@"{key[0].__name__}.{unit.count}"'
+        unit.bodies.append(_definition(made, body, "internal ", "noinline "))
+        return made
+
+    def _shared(self, key: Any) -> Outline:
+        """A function in a module of its own, which is the same for all units that call it.
+
+        It is named by what is in it, so that kernels find this one and no other.
+        """
+        unit = Unit()
+        while True:
+            try:
+                made, body = self._written(key, unit)
+                break
+            except Again:
+                unit = unit.fresh()
+        text = unit.module(_definition(made, body))
+        made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
+        self.unit.take_in(Part(unit.module(_definition(made, body)), made, unit))
+        return made
+
+    def _written(self, key: Any, unit: Unit) -> tuple[Outline, str]:
+        """A function for arguments of one form, still without a name, and the text of its body."""
+        function, form = key
         writer = Writer(unit.declared, unit.constants)
-        kinds = kinds_in(form)
-        arguments = value_of(form, iter([Number(f"%a{k}", kind) for k, kind in enumerate(kinds)]))
-        frame = self.frame(writer, function, list(arguments), {})
         if getattr(function, "exact", False):
             writer.fast = ""
-        result = frame.walk()
+        kinds = kinds_in(form)
+        arguments = value_of(form, iter([Number(f"%a{k}", kind) for k, kind in enumerate(kinds)]))
+        result = self.frame(writer, function, list(arguments), {}, unit).walk()
         registers: list[Any] = []
         result_form = form_of(result, registers)
         results = kinds_in(result_form)
+        values = [
+            f"{kind} {number.ref if kind == 'ptr' else writer.ref(number, kind)}"
+            for number, kind in zip(registers, results, strict=True)
+        ]
         shape = "void"
-        if not results:
+        if not values:
             writer.finish("ret void")
-        elif len(results) == 1:
+        elif len(values) == 1:
             shape = results[0]
-            writer.finish(f"ret {shape} {_operand(writer, registers[0], shape)}")
+            writer.finish(f"ret {values[0]}")
         else:
             shape = "{ " + ", ".join(results) + " }"
-            made = "undef"
-            for k, (number, kind) in enumerate(zip(registers, results, strict=True)):
-                made = writer.emit(
-                    f"insertvalue {shape} {made}, {kind} {_operand(writer, number, kind)}, {k}"
-                )
-            writer.finish(f"ret {shape} {made}")
-        parameters = ", ".join(f"{kind} %a{k}" for k, kind in enumerate(kinds))
-        unit.bodies.append(
-            f"define internal {shape} @{name}({parameters}) noinline nounwind {{\n{writer.text()}\n}}"
-        )
-        return Outline(name, result_form)
+            whole = "undef"
+            for k, value in enumerate(values):
+                whole = writer.emit(f"insertvalue {shape} {whole}, {value}, {k}")
+            writer.finish(f"ret {shape} {whole}")
+        return Outline("", shape, kinds, result_form), writer.text()
 
 
-def _operand(writer: Writer, number: Any, kind: str) -> str:
-    return str(number.ref) if kind == "ptr" else writer.ref(number, kind)
+def _definition(made: Outline, body: str, linkage: str = "", more: str = "") -> str:
+    parameters = ", ".join(f"{kind} %a{k}" for k, kind in enumerate(made.parameters))
+    return f"define {linkage}{made.type} {made.name or '@shared'}({parameters}) {more}nounwind {{\n{body}\n}}"

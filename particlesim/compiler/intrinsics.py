@@ -56,6 +56,12 @@ def outlined(function: F) -> F:
     return function
 
 
+def shared(function: F) -> F:
+    """Marks an outlined function that is compiled once for all kernels that call it: one that is given no laws."""
+    function.shared = True  # type: ignore[attr-defined]
+    return outlined(function)
+
+
 def on_stack(rows: int, columns: int, dtype: Any) -> NDArray[Any]:
     """An array of shape [rows, columns], both known, that lives as long as the kernel runs; its numbers are arbitrary.
 

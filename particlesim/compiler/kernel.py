@@ -214,11 +214,7 @@ def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) 
         w.do(f"store {held} {w.ref(w.cast(number, kind), held)}, ptr {place}")
     w.finish("ret void")
     body = f"define void @{ENTRY}(ptr noalias %arguments, ptr noalias %results) nounwind {{\n{w.text()}\n}}"
-    constants = [
-        f'{name} = private unnamed_addr constant [{len(text) // 3} x i8] c"{text}", align 64'
-        for text, name in unit.constants.items()
-    ]
-    return "\n\n".join([*unit.declared.values(), *constants, *unit.bodies, body]), form, unit
+    return unit.module(body), form, unit
 
 
 class Kernel:
@@ -279,14 +275,29 @@ def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]
         return None
     if kept is None:
         text, form, unit = write(function, arguments)
+        shared = [_shared(part.text) for part in unit.parts.values()]
         code = machine.object_code(text)
-        store.write(entry, code, form, unit)
+        store.write(entry, code, form, unit, [path for path, _ in shared])
+        codes = [*(made for _, made in shared), code]
     else:
-        code, form = kept
-    loaded = machine.Code(code, ENTRY)
+        codes, form = kept
+    loaded = machine.Code(codes, ENTRY)
     kinds = [kind for each in arguments for kind in _kinds(each)]
     pack = struct.Struct("".join(_FORMAT[kind] for kind in kinds)).pack
     return Compiled(_CALL(loaded.address), pack, kinds_in(form), form, loaded)
+
+
+def _shared(text: str) -> tuple[Any, bytes]:
+    """The code of a shared function, and where it is kept: on disk from another kernel that calls it, or made now."""
+    from particlesim.compiler import machine
+
+    path = store.shared(text, machine.identity())
+    kept = store.read_code(path)
+    if kept is not None:
+        return path, kept[1]
+    code = machine.object_code(text)
+    store.write_code(path, {}, code)
+    return path, code
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -66,12 +66,13 @@ def object_code(text: str) -> bytes:
 
 
 class Code:
-    """Machine code in memory; keeps what it needs alive."""
+    """Machine code in memory, of objects that may call those before them; keeps what it needs alive."""
 
-    def __init__(self, code: bytes, name: str) -> None:
+    def __init__(self, codes: list[bytes], name: str) -> None:
         with _LOCK:
             self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target(0))
-            self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+            for code in codes:
+                self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
             self.engine.finalize_object()
             self.address = self.engine.get_function_address(name)
         if not self.address:

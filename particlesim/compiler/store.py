@@ -2,7 +2,8 @@
 
 The name of a file is a digest of the kernel's name, its arguments, LLVM, and the processor. Inside is what else went in: the
 digests of the modules whose functions it holds, and the numbers that they took from their modules. All of it is compared
-before the code is used, so an edit compiles anew what it concerns and nothing else.
+before the code is used, so an edit compiles anew what it concerns and nothing else. Shared functions, which many kernels
+call, have files of their own, named by all that LLVM was given to compile.
 
 Machine code is trusted as programs are: the folder and its files belong to the user and nobody else may write there, or
 they are not used. Nothing is unpickled.
@@ -27,7 +28,7 @@ import numpy as np
 
 from particlesim.compiler.values import KnownForm, TupleForm
 
-VERSION = 1
+VERSION = 2
 
 problem: str | None = None
 """Why kernels are not kept on disk, or None when they are."""
@@ -144,23 +145,50 @@ def _module_digest(name: str) -> str | None:
         return None
 
 
-def read(entry: Entry | None) -> tuple[bytes, Any] | None:
-    """The code and the form of the result; None when nothing is kept, or what is kept does not hold any more."""
-    if entry is None:
+def shared(text: str, identity: str) -> Path | None:
+    """Where the code of a shared function is kept: under what its module says."""
+    home = folder()
+    if home is None:
+        return None
+    digest = hashlib.sha256(f"{VERSION} {identity} {text}".encode()).hexdigest()
+    return home / f"{digest[:32]}.shared"
+
+
+def read(entry: Entry | None) -> tuple[list[bytes], Any] | None:
+    """The code, after that of the shared functions it calls, and the form of the result; None when nothing is kept, or what
+    is kept does not hold any more."""
+    kept = read_code(entry.path if entry else None)
+    if entry is None or kept is None:
+        return None
+    facts, code = kept
+    try:
+        holds = (
+            facts["kernel"] == entry.name
+            and all(_module_digest(name) == digest for name, digest in facts["modules"].items())
+            and all(_number(module, name) == text for module, name, text in facts["numbers"])
+        )
+        codes = []
+        for name in facts["shared"] if holds else ():
+            part = read_code(entry.path.with_name(name))
+            if part is None:
+                return None
+            codes.append(part[1])
+        return ([*codes, code], _form(facts["result"])) if holds else None
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def read_code(path: Path | None) -> tuple[dict[str, Any], bytes] | None:
+    """What a file says of itself, and the code in it; None without a file that is whole and the user's own."""
+    if path is None:
         return None
     try:
-        with open(entry.path, "rb", opener=_opened) as file:
+        with open(path, "rb", opener=_opened) as file:
             if not _own(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
             head, code = file.readline(), file.read()
         facts = json.loads(head)
-        good = (
-            facts["kernel"] == entry.name
-            and facts["code"] == hashlib.sha256(code).hexdigest()
-            and all(_module_digest(name) == digest for name, digest in facts["modules"].items())
-            and all(_number(module, name) == text for module, name, text in facts["numbers"])
-        )
-        return (code, _form(facts["result"])) if good else None
+        return (facts, code) if facts["code"] == hashlib.sha256(code).hexdigest() else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -169,32 +197,40 @@ def _opened(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
 
 
-def write(entry: Entry | None, code: bytes, form: Any, unit: Any) -> None:
-    """Keep the code of a kernel; a disk that is full or read-only does without, and `problem` says so."""
+def write(entry: Entry | None, code: bytes, form: Any, unit: Any, shared: list[Path | None]) -> None:
+    """Keep the code of a kernel that calls the shared functions which are kept there."""
     result = _plain(form)
     if entry is None or result is Ellipsis or unit.nameless:
         return
     modules = {name: _module_digest(name) for name in sorted(unit.modules)}
     if None in modules.values():
         return
-    head = {
+    facts = {
         "kernel": entry.name,
-        "code": hashlib.sha256(code).hexdigest(),
         "modules": modules,
         "numbers": [[module, name, _number(module, name)] for module, name in sorted(unit.numbers)],
+        "shared": [path.name for path in shared if path],
         "result": result,
     }
+    write_code(entry.path, facts, code)
+
+
+def write_code(path: Path | None, facts: dict[str, Any], code: bytes) -> None:
+    """Keep code, and what is to be said of it; a disk that is full or read-only does without, and `problem` says so."""
+    if path is None:
+        return
+    head = json.dumps({**facts, "code": hashlib.sha256(code).hexdigest()}).encode()
     try:
-        with tempfile.NamedTemporaryFile(dir=entry.path.parent, prefix=".", delete=False) as file:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
             try:
-                file.write(json.dumps(head).encode() + b"\n" + code)
+                file.write(head + b"\n" + code)
                 file.flush()
-                Path(file.name).replace(entry.path)
+                Path(file.name).replace(path)
             except BaseException:
                 Path(file.name).unlink(missing_ok=True)
                 raise
     except OSError as error:
-        _trouble(f"{error.strerror} in {entry.path.parent}")
+        _trouble(f"{error.strerror} in {path.parent}")
 
 
 @functools.cache

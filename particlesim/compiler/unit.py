@@ -33,21 +33,36 @@ class CompileError(Exception):
 
 @dataclass
 class Outline:
-    """A function compiled by itself: its LLVM name and the form of its result."""
+    """A function compiled by itself: its LLVM name, its type and those of its parameters, and the form of its result."""
 
     name: str
+    type: str
+    parameters: list[str]
     result: Any
 
 
 @dataclass
+class Part:
+    """A shared function: the text of its module, and what went in."""
+
+    text: str
+    outline: Outline
+    unit: Unit
+
+
+@dataclass
 class Unit:
-    """All that is compiled together: one kernel, with the functions that it calls by themselves."""
+    """All that is compiled together: one kernel, or one shared function, with the functions that it calls by themselves.
+
+    `parts` are the shared functions that it calls, which are compiled by themselves.
+    """
 
     declared: dict[str, str] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
     bodies: list[str] = field(default_factory=list)
     outlines: dict[Any, Outline] = field(default_factory=dict)
     learned: dict[Any, Any] = field(default_factory=dict)
+    parts: dict[str, Part] = field(default_factory=dict)
     modules: set[str] = field(default_factory=set)
     numbers: set[tuple[str, str]] = field(default_factory=set)
     count: int = 0
@@ -61,3 +76,20 @@ class Unit:
     def fresh(self) -> Unit:
         """The same with nothing written yet."""
         return Unit(learned=self.learned)
+
+    def take_in(self, part: Part) -> None:
+        """Call a shared function: what went into it has gone into this unit."""
+        made, other = part.outline, part.unit
+        self.declared[made.name] = f"declare {made.type} {made.name}({', '.join(made.parameters)}) nounwind"
+        self.parts |= {made.name: part} | other.parts
+        self.modules |= other.modules
+        self.numbers |= other.numbers
+        self.nameless |= other.nameless
+
+    def module(self, function: str) -> str:
+        """The text of the module that holds this function and all that it calls."""
+        constants = [
+            f'{name} = private unnamed_addr constant [{len(text) // 3} x i8] c"{text}", align 64'
+            for text, name in self.constants.items()
+        ]
+        return "\n\n".join([*self.declared.values(), *constants, *self.bodies, function])

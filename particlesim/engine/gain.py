@@ -7,10 +7,12 @@ none is booked, as then nothing but losses can have been done), the gain is
 
 and it is held against
 
-    max(|K⁰ + Σ U_f⁰|, min(K⁰, K)) + Σ (max U_g − min U_g) + Σ |W_c|,
+    max(|K⁰ + Σ U_f⁰|, K⁰ + Σ (U_f⁰ − U_f), min(K⁰, K)) + Σ (max U_g − min U_g) + Σ |W_c|,
 
 over potentials U_f that have a zero of their own (springs, attraction) and U_g that have none and count by what has been
-exchanged so far (gravity), and causes c of work. So it does not matter where heights are measured from.
+exchanged so far (gravity), and causes c of work. The second of the three is the kinetic energy that is due at the present
+depth: large where a comet passes the sun, and where an error of it means little. So it does not matter where heights are
+measured from.
 """
 
 from __future__ import annotations
@@ -81,6 +83,7 @@ class Account:
         """The gain up to a step; `drift` is the part of all energies that rounding may feign."""
         kinetic = energies["kinetic"]
         joule, own, sums = kinetic - self._kinetic, self._kinetic, abs(kinetic)
+        due = self._kinetic  # at the present depth
         exchanged = turned = 0.0
         for k, now in enumerate(self._potentials(energies)):
             self._low[k], self._high[k] = min(self._low[k], now), max(self._high[k], now)
@@ -88,6 +91,7 @@ class Account:
             sums += max(abs(self._low[k]), abs(self._high[k]))
             if self._absolute[k]:
                 own += self._start[k]
+                due += self._start[k] - now
             else:
                 exchanged += self._high[k] - self._low[k]
                 turned += abs(now - self._now[k])
@@ -99,7 +103,7 @@ class Account:
         # of a fall from rest, is no gain.
         turned *= 2 / max(step - self._last, 1)
         self._last = step
-        scale = max(abs(own), min(self._kinetic, kinetic)) + exchanged
+        scale = max(abs(own), due, min(self._kinetic, kinetic)) + exchanged
         return Gain(joule, scale, turned + drift * sums)
 
 

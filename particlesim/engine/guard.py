@@ -37,10 +37,11 @@ class Guard:
 
     An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
-    method (`engine.shadow`) is no gain while its step is stable. Islands that start inside of a collider begin after a step,
-    which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at
-    least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that have grown a
-    thousandfold since the last frame: energy may come from a potential without a bottom.
+    method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since nothing is left
+    that would take it back. Islands that start inside of a collider begin after a step, which puts them on it; others begin
+    anew after a kick. Without a ledger, energies are taken at the start, at frames at least 256 steps apart, and at the end.
+    All islands are watched for speeds beyond that of light that have grown a thousandfold since the last frame: energy may
+    come from a potential without a bottom.
     """
 
     def __init__(self, world: World, columns: Sequence[str]) -> None:
@@ -73,8 +74,7 @@ class Guard:
 
     def wants(self, world: World) -> list[int]:
         """Islands whose energies are to be looked at now, though nobody else asks for them."""
-        steps, now = world.scenario.grid.steps, world.step
-        if steps < SELDOM or (now < steps and now - self._looked < SELDOM):
+        if world.step < world.scenario.grid.steps and world.step - self._looked < SELDOM:
             return []
         return [number for number, judged in enumerate(self._judged) if judged]
 
@@ -108,8 +108,12 @@ class Guard:
         if gain.ratio <= MOST_GAIN:
             return
         gain = gain._replace(noise=gain.noise + jitter(island.states, world.scenario.grid.dt))
-        if gain.ratio > MOST_GAIN and not self._swings(world, number, gain):
-            raise ran_away(world, number, "energy", gain.joule)
+        if gain.ratio <= MOST_GAIN:
+            return
+        swings = self._swings(world, number, gain)
+        if not swings or step == world.scenario.grid.steps:
+            hint = _too_long(world, number) if swings else None
+            raise ran_away(world, number, "energy", gain.joule, hint)
 
     def _swings(self, world: World, number: int, gain: Gain) -> bool:
         """Whether a gain is one that the method will take back."""
@@ -137,15 +141,23 @@ class Guard:
     def warnings(self, world: World) -> tuple[str, ...]:
         """A sentence for every island whose energy has swung by more than a tenth, though its steps are stable."""
         found = []
-        for part, island, structure in zip(self._swung, world.islands, world.graph.islands, strict=True):
+        for number, (part, island) in enumerate(zip(self._swung, world.islands, strict=True)):
             if part > MOST_GAIN:
                 names = " and ".join(repr(state.name) for state in island.states)
-                other = ", or velocity_verlet" if structure.method.order < 2 else ""
                 found.append(
-                    f"the energy of {names} swings by {100 * part:.3g} %: dt = {world.scenario.grid.dt:.6g} s is "
-                    f"stable for {structure.method.name}, but too long to be accurate; try a smaller dt{other}"
+                    f"the energy of {names} swings by {100 * part:.3g} %: {_too_long(world, number)}"
                 )
         return tuple(found)
+
+
+def _too_long(world: World, number: int) -> str:
+    """What to do about the energy of an island that swings."""
+    method = world.graph.islands[number].method
+    other = ", or velocity_verlet" if method.order < 2 else ""
+    return (
+        f"dt = {world.scenario.grid.dt:.6g} s is stable for {method.name}, but too long to be accurate; "
+        f"try a smaller dt{other}"
+    )
 
 
 def _swing_at_start(world: World, number: int) -> float:

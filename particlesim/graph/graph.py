@@ -233,5 +233,10 @@ def _group_node(group: Group) -> Node:
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = f"e = {collider.restitution:g}" if collider.contact == "bounce" else collider.contact
+    what = collider.contact
+    if what == "bounce":
+        static, kinetic = collider.coefficients
+        what = f"e = {collider.liveliness:g}"
+        if collider.rubs:
+            what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
     return f"{collider.describe()}, {what}, {collider.detection}"

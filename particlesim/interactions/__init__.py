@@ -6,10 +6,25 @@ from typing import Annotated
 from particlesim.interactions.base import PairInteraction, PairSet
 from particlesim.interactions.coulomb import Coulomb
 from particlesim.interactions.gravity import MutualGravity
+from particlesim.interactions.lennard_jones import LennardJones
+from particlesim.interactions.morse import Morse
+from particlesim.interactions.power_law import PairPowerLaw
+from particlesim.interactions.soft_sphere import SoftSphere
+from particlesim.interactions.yukawa import Yukawa
 from particlesim.model.variants import Tagged
 
-INTERACTIONS: tuple[type[PairInteraction], ...] = (MutualGravity, Coulomb)
+INTERACTIONS: tuple[type[PairInteraction], ...] = (
+    MutualGravity,
+    Coulomb,
+    PairPowerLaw,
+    LennardJones,
+    Morse,
+    Yukawa,
+    SoftSphere,
+)
 
-AnyInteraction = Annotated[MutualGravity | Coulomb, Tagged("type")]
+AnyInteraction = Annotated[
+    MutualGravity | Coulomb | PairPowerLaw | LennardJones | Morse | Yukawa | SoftSphere, Tagged("type")
+]
 
 __all__ = ["INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.laws.pair import pair_potential
+from particlesim.laws.pair import EnergyShifted, ForceShifted, pair_potential
 from particlesim.laws.registry import has_law
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
@@ -21,6 +21,7 @@ from particlesim.model.units import Metres
 
 PairMethod = Literal["auto", "direct"]
 """How forces of pairs may be summed."""
+Shift = Literal["none", "energy", "force"]
 
 
 class PairInteraction(Model):
@@ -34,6 +35,9 @@ class PairInteraction(Model):
     """Instead: two groups, of which every particle of the first interacts with every one of the second."""
     cutoff: Annotated[Metres, Gt(0)] | None = None
     """Distance beyond which there is no interaction; unless given, it has no end."""
+    shift: Shift = "none"
+    """What is taken from the law for a better end at the cutoff: its `energy` there, which leaves forces as they are, or its
+    `force`, so that both energy and force end at 0."""
     method: PairMethod = "auto"
     """How forces are summed: `direct` takes every pair, and `auto` what is fastest."""
 
@@ -41,6 +45,8 @@ class PairInteraction(Model):
     """The law in one line, with the symbols of the parameters."""
     energy: ClassVar[str]
     """Potential energy U of a pair in one line, or 'none: ' and the reason."""
+    by_group: ClassVar[tuple[str, ...]] = ()
+    """Keys that may be tables by group."""
 
     type: str
 
@@ -61,14 +67,47 @@ class PairInteraction(Model):
                 raise invalid(f"group {name!r} is named twice", at=("on", k))
         return self
 
+    @model_validator(mode="after")
+    def _shifts(self) -> PairInteraction:
+        if self.shift != "none" and self.cutoff is None:
+            raise invalid("a shift needs a cutoff", at=("shift",), allowed="cutoff = 2.5 (m), say")
+        return self
+
     @property
     def label(self) -> str:
         """Name for people and for the ledger."""
         return self.name or self.type
 
     def record(self) -> tuple[Any, ...]:
-        """The parameters as kernels take them."""
+        """The parameters as kernels take them, of a law without an end."""
         raise NotImplementedError
+
+    def cut_record(self) -> tuple[Any, ...]:
+        """The parameters of the law with its shift."""
+        if self.shift == "none" or self.cutoff is None:
+            return self.record()
+        shifted = EnergyShifted if self.shift == "energy" else ForceShifted
+        return shifted(self.record(), self.cutoff**2)
+
+    def in_steps(self, dt: float, seed: int) -> tuple[Any, ...]:
+        """The parameters for a run with steps of dt [s] and a seed, which laws with random forces need."""
+        return self.cut_record()
+
+    def random(self) -> bool:
+        """Whether its forces are random, and read the ids of particles."""
+        return False
+
+    def reach(self) -> float | None:
+        """Distance beyond which it does nothing [m]; None if it has no end."""
+        return self.cutoff
+
+    def numbers_of(self, group: str) -> tuple[float, float]:
+        """The two numbers `a` and `b` that the law keeps of every particle of a group."""
+        return 0.0, 0.0
+
+    def lacks(self, group: str) -> tuple[str, str] | None:
+        """The key that says nothing of a group, though it must, and what it is; None if nothing is missing."""
+        return None
 
     def conserves(self) -> bool:
         """Whether its forces derive from a potential."""
@@ -83,12 +122,18 @@ class PairInteraction(Model):
         return frozenset()
 
     def singular(self) -> bool:
-        """Whether the force has no value where two particles are at the same place."""
+        """Whether the force grows beyond all bounds as two particles come together."""
         return True
+
+    def everywhere(self) -> bool:
+        """Whether the law has a value where two particles are at the same place; elsewhere psim takes 0 there, as the force
+        has no direction."""
+        return False
 
     def describe(self) -> str:
         """The interaction in a few words."""
-        return self.formula if self.cutoff is None else f"{self.formula}, |l| < {self.cutoff:g} m"
+        reach = self.reach()
+        return self.formula if reach is None else f"{self.formula}, |l| < {reach:g} m"
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,9 @@ class Coulomb(PairInteraction):
     def singular(self) -> bool:
         return self.softening == 0
 
+    def everywhere(self) -> bool:
+        return self.softening > 0
+
 
 class CoulombRecord(NamedTuple):
     """k [N m²/C²], ε² [m²]."""
@@ -66,6 +69,6 @@ class CoulombRecord(NamedTuple):
 def coulomb(f: CoulombRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
     inverse = 1 / np.sqrt(square)
-    u = f.k * p.q1 * p.q2 * inverse
+    u = f.k * (p.q1 * p.q2) * inverse
     k = u * inverse * inverse
     return u, k, -3 * k * inverse * inverse

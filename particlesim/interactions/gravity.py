@@ -36,6 +36,9 @@ class MutualGravity(PairInteraction):
     def singular(self) -> bool:
         return self.softening == 0
 
+    def everywhere(self) -> bool:
+        return self.softening > 0
+
 
 class MutualGravityRecord(NamedTuple):
     """G [m³/(kg s²)], ε² [m²]."""
@@ -48,6 +51,6 @@ class MutualGravityRecord(NamedTuple):
 def mutual_gravity(f: MutualGravityRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
     inverse = 1 / np.sqrt(square)
-    u = -f.g * p.m1 * p.m2 * inverse
+    u = -f.g * (p.m1 * p.m2) * inverse
     k = u * inverse * inverse
     return u, k, -3 * k * inverse * inverse

@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.laws.registry import (
     GENERICS,
     ZERO_MATRIX,
@@ -105,6 +107,12 @@ def is_central(f: Any) -> bool:
     return has_law(central, f)
 
 
+def by_distance(u: float, slope: float, curvature: float, r: float) -> Terms:
+    """U, k and q from U and its first two derivatives by the distance r."""
+    k = -slope / r
+    return u, k, (-curvature - k) / (r * r)
+
+
 def square(p: Pair) -> float:
     """The squared distance of a pair [m²]."""
     return p.x * p.x + p.y * p.y + p.z * p.z
@@ -136,3 +144,34 @@ def _central_dx(f: Any, p: Pair) -> Matrix:
 
 def _no_dv(f: Any, p: Pair) -> Matrix:
     return ZERO_MATRIX
+
+
+class EnergyShifted(NamedTuple):
+    """A central law less the energy that it has at a distance, whose square this is [m²]."""
+
+    law: Any
+    square: float
+
+
+class ForceShifted(NamedTuple):
+    """A central law less the force, and then the energy, that it has at a distance, whose square this is [m²]."""
+
+    law: Any
+    square: float
+
+
+@central_law(EnergyShifted)
+def energy_shifted(f: EnergyShifted, p: Pair, s: float) -> Terms:
+    u, k, q = central(f.law, p, s)
+    end, _, _ = central(f.law, p, f.square)
+    return u - end, k, q
+
+
+@central_law(ForceShifted)
+def force_shifted(f: ForceShifted, p: Pair, s: float) -> Terms:
+    # F(r) − F(c) along l derives from U(r) − U(c) + (r − c) F(c)
+    u, k, q = central(f.law, p, s)
+    end, pull, _ = central(f.law, p, f.square)
+    r, c = np.sqrt(s), np.sqrt(f.square)
+    last = pull * c
+    return u - end + (r - c) * last, k - last / r, q + last / (r * s)

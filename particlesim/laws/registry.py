@@ -267,10 +267,19 @@ def surface(c: Any, p: Particle) -> Vector:
 
 
 @generic(0)
-def passing(c: Any, p: Particle, q: Particle) -> float:
-    """Where the way from p to q comes nearest to a collider: 0 at p, 1 at q. For shapes that a straight way between two
-    legal places may cross."""
-    return GENERICS[passing].laws[type(c)](c, p, q)
+def apart(c: Any, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    """Whether a step of h from p to q is sure not to touch a collider before its end: a quick look, without loops, that may
+    say no for nothing. Gaps above −`slack` [m] are rounding."""
+    return GENERICS[apart].laws[type(c)](c, p, q, h, slack)
+
+
+@generic(0)
+def first_contact(c: Any, p: Particle, q: Particle, h: float, slack: float) -> float:
+    """The part of a step of h from p to q after which it first overlaps a collider, 1 where it does not before its end.
+
+    For shapes that a way between two legal places may cross; they have a law for `apart` as well. The way of the step is
+    the parabola through both places with the velocity of p (`particlesim.colliders.way`)."""
+    return GENERICS[first_contact].laws[type(c)](c, p, q, h, slack)
 
 
 @generic(0)

@@ -61,7 +61,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
 def _projection(scenario: Scenario) -> list[str]:
     """Discrete detection lifts a particle out of the collider, which adds m g times the depth."""
     return [
-        f"{each.kind} {each.name or k} with discrete detection and restitution {each.restitution:g} can add energy: "
+        f"{each.kind} {each.name or k} with discrete detection and restitution {each.liveliness:g} can add energy: "
         'particles are lifted out of it; detection = "continuous" does not'
         for k, each in enumerate(scenario.all_colliders)
         if each.lifts()
@@ -78,7 +78,7 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
         and each.tangential_loss > 0
-        and each.restitution < 1
+        and each.liveliness < 1
         and (group is None or held_back(each, (group,)))
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from particlesim.render.scene.source import BallShape, FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, FrameSource, MeshShape, PlaneShape
 from particlesim.scenario.rendering import Camera, RenderSettings
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ __all__ = [
     "BallShape",
     "Camera",
     "FrameSource",
+    "MeshShape",
     "PlaneShape",
     "RenderReport",
     "RenderSettings",

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from particlesim.colliders import Plane, SphereCollider
+from particlesim.colliders.solid import Solid
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
-from particlesim.render.scene.source import BallShape, PlaneShape
+from particlesim.render.scene.source import BallShape, MeshShape, PlaneShape
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
@@ -53,6 +54,7 @@ def film(
             look_of(scenario),
             planes=plane_shapes(scenario),
             balls=ball_shapes(scenario),
+            meshes=mesh_shapes(scenario),
             title=scenario.title,
             frames=frames,
             overwrite=overwrite,
@@ -82,6 +84,17 @@ def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
 
 
 def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
-    """The solid spheres among the colliders of a scenario; hollow ones would hide what is in them, and are not drawn."""
+    """The solid spheres among the colliders of a scenario."""
     spheres = (each for each in scenario.colliders if isinstance(each, SphereCollider) and not each.inside)
     return tuple(BallShape(sphere.center, sphere.radius) for sphere in spheres)
+
+
+def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
+    """All other shapes among the colliders: containers and whatever is no ball."""
+    shapes = []
+    for each in scenario.colliders:
+        hollow = bool(getattr(each, "inside", False))
+        if isinstance(each, Solid) and (hollow or not isinstance(each, SphereCollider)):
+            surface = each.triangles()
+            shapes.append(MeshShape(surface.corners, surface.faces, hollow))
+    return tuple(shapes)

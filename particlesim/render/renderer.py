@@ -13,6 +13,7 @@ import numpy.typing as npt
 from particlesim.errors import UsageError
 from particlesim.process.threads import Team
 from particlesim.render.kernels import project, raster, shade
+from particlesim.render.kernels.background import paint_background
 from particlesim.render.kernels.multisample import (
     clear_samples,
     nearest_depth,
@@ -51,8 +52,9 @@ from particlesim.render.scene.lighting import (
     readable,
     tone_curve,
 )
+from particlesim.render.scene.props import Props
 from particlesim.render.scene.shadow_maps import depth_map
-from particlesim.render.scene.source import BallShape, Frame, FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, Frame, FrameSource, MeshShape, PlaneShape
 from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
 
@@ -83,6 +85,7 @@ class Renderer:
         *,
         planes: tuple[PlaneShape, ...] = (),
         balls: tuple[BallShape, ...] = (),
+        meshes: tuple[MeshShape, ...] = (),
         title: str = "",
         team: Team,
     ) -> None:
@@ -107,12 +110,14 @@ class Renderer:
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         solid = balls if settings.ground else ()
+        stage = meshes if settings.ground else ()
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
-        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid)
+        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, stage)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         self.balls = Balls.of(solid, self.center, self.scale)
+        self.props = Props(stage, self.center, self.scale)
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
@@ -137,7 +142,7 @@ class Renderer:
     @property
     def _multisampled(self) -> bool:
         """Whether there is more than particles, whose outlines meet."""
-        return bool(self.bodies) or len(self.balls.radius) > 0
+        return bool(self.bodies) or len(self.balls.radius) > 0 or self.props.number > 0
 
     def _cloth(self) -> dict[str, tuple[float, float, float]]:
         """Plain colours of surfaces, where nothing else is asked for."""
@@ -232,6 +237,7 @@ class Renderer:
         def band(b: int) -> None:
             row0 = b * BAND
             image = self._buffers(view.width).image
+            paint_background(row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, image)
             mine = [items[first[b] : first[b + 1]] for first, items in (spheres, triangles, tubes)]
             if self._multisampled:
                 self._paint_solids(act, row0, mine)
@@ -260,8 +266,8 @@ class Renderer:
         if not dots:
             raster.raster_spheres(cast.sphere, cast.box, spheres, row0, view, buffers.layers)
         shade.shade_band(
-            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
-            self.palette, buffers.layers, self._paths(act, row0), buffers.image,
+            row0, view, self.light, act.shadow, act.sky, cast.sphere, cast.color, self.palette,
+            buffers.layers, self._paths(act, row0), buffers.image,
         )  # fmt: skip
         if dots:
             self._paint_dots(act, row0, spheres, _NOTHING)
@@ -274,7 +280,7 @@ class Renderer:
         clear_samples(seen)
         dots = self.settings.look == "dots"
         if len(self.balls.radius):
-            particle = spheres < n - len(self.balls.radius)
+            particle = spheres < n - len(self.balls.radius) - self.props.number
             raster_balls(cast.sphere, cast.box, spheres[~particle], row0, view, act.planes, seen)
             spheres = spheres[particle]
         if not dots:
@@ -283,8 +289,8 @@ class Renderer:
         base, least = n + len(solids.corner), self._least_tube
         raster_tubes(cast.sphere, solids, least, base, cast.tube_box, tubes, row0, view, seen)
         shade_samples(
-            row0, view, act.planes, self.light, self.theme, act.shadow, act.sky, cast.sphere, cast.color,
-            self.palette, solids, least, seen, self._paths(act, row0), buffers.image,
+            row0, view, self.light, act.shadow, act.sky, cast.sphere, cast.color, self.palette,
+            solids, least, seen, self._paths(act, row0), buffers.image,
         )  # fmt: skip
         if dots:
             nearest_depth(seen, buffers.layers.near)
@@ -315,12 +321,14 @@ class Renderer:
         position = np.ascontiguousarray(frame.position)
         n = len(position)
         balls = self.balls
-        every = n + len(balls.radius)
+        last = n + len(balls.radius)
+        every = last + self.props.number
         radius, sized = self._radii(frame, n)
-        radius = np.concatenate([radius, balls.radius])
+        radius = np.concatenate([radius, balls.radius, np.zeros(self.props.number, np.float32)])
         world, sphere = np.empty((every, 3), np.float32), np.empty((every, 4), np.float32)
         box = np.empty((every, 4), np.int32)
-        world[n:] = balls.center
+        world[n:last] = balls.center
+        world[last:], normal = self.props.at(float(frame.time))
         chunks = -(-n // CHUNK)
         bad = [0] * chunks
 
@@ -333,10 +341,11 @@ class Renderer:
         project.to_view(world, radius, n, every, view, planes, 0.0, sphere, box)
         with self._lock:
             self.bad_positions += sum(bad)
-        hidden = np.concatenate([self.bodies.concealed(frame, sized), np.zeros(every - n, np.bool_)])
+        hidden = np.concatenate([self.bodies.concealed(frame, sized), np.arange(n, every) >= last])
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
+        solids, whole = self._with_props(solids, whole, world, last, normal, view)
         stone = np.full(every - n, len(self.palette) - 1, color.dtype)
         color = np.concatenate([self._painted(frame, color), stone])
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
@@ -345,6 +354,21 @@ class Renderer:
         least = self._least_tube
         box_tubes(world, sphere, solids.end, 0, len(tube_box), view, planes, solids.radius, least, tube_box)
         return Cast(world, sphere, box, color, hidden, solids, whole, triangle_box, tube_box)
+
+    def _with_props(
+        self, solids: Solids, whole: Array, world: Array, first: int, normal: Array, view: View
+    ) -> tuple[Solids, Array]:
+        """The surfaces with those of props, whose corners begin at row `first` and have these normals."""
+        props = self.props
+        if not props.number:
+            return solids, whole
+        added = solids._replace(
+            corner=np.concatenate([solids.corner, props.faces + np.int32(first)]),
+            shade=np.concatenate([solids.shade, props.shade + np.int32(len(solids.normal))]),
+            closed=np.concatenate([solids.closed, props.closed]),
+            normal=np.concatenate([solids.normal, normal]),
+        )
+        return added, np.concatenate([whole, props.seen(world[first:], view.eye)])
 
     def _radii(self, frame: Frame, n: int) -> tuple[Array, Array]:
         """Drawn radii [scene units], shape [n], and which particles have a size of their own."""
@@ -401,13 +425,14 @@ class Renderer:
         dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self._multisampled
         if not self.settings.shadows or not len(cast.world) or dots_alone:
             axes = _map_axes(light.direction)
-            return ShadowMap(flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
+            return ShadowMap(flat, flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
         reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
         reach = max(reach, 0.3) + 2 * self.radius / self.scale
         typical = 0.01 if self.bodies else max(self.radius / self.scale, 1e-3)
         size = 2048 if typical * 512 / reach < 2.5 and self.height > 600 else 1024
         axes = _map_axes(light.direction)
-        shadow = ShadowMap(depth_map(cast, axes, size, reach, self.team), axes, 0.5 * size / reach)
+        depth = depth_map(cast, axes, size, reach, self.team)
+        shadow = ShadowMap(depth, raster.least_around(depth), axes, 0.5 * size / reach)
         axes, scale = _map_axes(light.up), 0.5 * SKY_SIZE / reach
         depth = depth_map(cast, axes, SKY_SIZE, reach, self.team)
         blur = int(np.clip(round(1.2 * typical * scale), 2, 24))
@@ -449,7 +474,9 @@ def _without(cast: Cast, masks: list[Array]) -> Cast:
     """A cast without some of its triangles, each mask of shape [t]."""
     if not masks:
         return cast
-    whole, box = cast.whole & ~np.logical_or.reduce(masks), cast.triangle_box.copy()
+    gone = np.zeros(len(cast.whole), np.bool_)  # props stay
+    gone[: len(masks[0])] = np.logical_or.reduce(masks)
+    whole, box = cast.whole & ~gone, cast.triangle_box.copy()
     box[~whole] = NO_BOX
     return replace(cast, whole=whole, triangle_box=box)
 

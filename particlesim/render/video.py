@@ -16,7 +16,7 @@ from particlesim.errors import UsageError
 from particlesim.process.signals import Held, held_signals
 from particlesim.process.threads import Team
 from particlesim.render.renderer import Picture, Renderer
-from particlesim.render.scene.source import BallShape, Frame, FrameSource, PlaneShape
+from particlesim.render.scene.source import BallShape, Frame, FrameSource, MeshShape, PlaneShape
 from particlesim.render.timeline import timeline
 from particlesim.render.writers import Writer, open_writer
 from particlesim.scenario.rendering import RenderSettings
@@ -49,6 +49,7 @@ def render_frame(
     *,
     planes: Sequence[PlaneShape] = (),
     balls: Sequence[BallShape] = (),
+    meshes: Sequence[MeshShape] = (),
     title: str = "",
     threads: int | None = None,
 ) -> Picture:
@@ -64,7 +65,13 @@ def render_frame(
     index %= len(source)
     with Team(threads) as team:
         renderer = Renderer(
-            source, settings, planes=tuple(planes), balls=tuple(balls), title=title, team=team
+            source,
+            settings,
+            planes=tuple(planes),
+            balls=tuple(balls),
+            meshes=tuple(meshes),
+            title=title,
+            team=team,
         )
         return renderer.draw(source[index])
 
@@ -76,6 +83,7 @@ def render_video(
     *,
     planes: Sequence[PlaneShape] = (),
     balls: Sequence[BallShape] = (),
+    meshes: Sequence[MeshShape] = (),
     title: str = "",
     frames: slice | None = None,
     overwrite: bool = False,
@@ -103,7 +111,13 @@ def render_video(
     with held_signals() as signals, Team(threads) as team:
         # Camera, colours and trails are those of the whole trajectory: a picture is that of its video.
         renderer = Renderer(
-            source, settings, planes=tuple(planes), balls=tuple(balls), title=title, team=team
+            source,
+            settings,
+            planes=tuple(planes),
+            balls=tuple(balls),
+            meshes=tuple(meshes),
+            title=title,
+            team=team,
         )
         writer = open_writer(Path(out), settings, len(shown), overwrite)
         try:

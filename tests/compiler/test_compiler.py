@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from particlesim.compiler import elementary, exact, kernel, on_stack, outlined, store
-from particlesim.compiler.unit import CompileError
+from particlesim.compiler.unit import CompileError, Unit
 
 _NUMBERS = itertools.count()
 
@@ -474,6 +474,39 @@ def test_code_is_kept_until_what_went_in_changes(tmp_path: Path, monkeypatch: py
     assert run_program(tmp_path, monkeypatch) == "10.0 1"
 
 
+SHARED = """
+from particlesim.compiler import kernel, shared
+
+@shared
+def grow(x, by):
+    return x + by
+
+@kernel
+def once(x):
+    return grow(x, 1.0)
+
+@kernel
+def twice(x):
+    return grow(grow(x, 1.0), 2.0)
+
+def times(x):
+    return once(x) + twice(x)
+"""
+
+
+def test_shared_functions_are_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "module.py").write_text(SHARED)
+    assert run_program(tmp_path, monkeypatch) == "8.0 3"
+    assert run_program(tmp_path, monkeypatch) == "8.0 0"
+    (kept,) = (tmp_path / "cache" / "kernels").glob("*.shared")
+    damaged = bytearray(kept.read_bytes())
+    damaged[-100] ^= 1
+    kept.write_bytes(damaged)
+    assert run_program(tmp_path, monkeypatch) == "8.0 2", "a kernel without its shared function is made anew"
+    (tmp_path / "module.py").write_text(SHARED.replace("x + by", "x + by * by"))
+    assert run_program(tmp_path, monkeypatch) == "10.0 3"
+
+
 def test_a_folder_that_others_may_write_is_not_trusted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -507,11 +540,6 @@ def test_a_disk_that_is_full_does_without(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(Path, "replace", full)
     entry = store.Entry(tmp_path / "a.kernel", "a")
 
-    class Unit:
-        nameless = False
-        modules: tuple[str, ...] = ()
-        numbers: tuple[str, ...] = ()
-
-    store.write(entry, b"code", "double", Unit)
+    store.write(entry, b"code", "double", Unit(), [])
     assert "No space left on device" in str(store.problem)
     assert not list(tmp_path.iterdir())

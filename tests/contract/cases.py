@@ -10,8 +10,20 @@ from typing import Any
 import numpy as np
 
 from particlesim import testing
-from particlesim.colliders import Collider, PlaneCollider, SphereCollider
+from particlesim.colliders import (
+    BoxCollider,
+    CapsuleCollider,
+    Collider,
+    ConeCollider,
+    CylinderCollider,
+    DiscCollider,
+    PlaneCollider,
+    RectangleCollider,
+    SphereCollider,
+    TorusCollider,
+)
 from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.pose import Orientation
 from particlesim.expressions.operations import FUNCTIONS
 from particlesim.expressions.parser import parse
 from particlesim.flows import Flow
@@ -46,6 +58,7 @@ FLOW_CASES: dict[str, Flow] = {
 
 _CENTER = (0.2, -0.1, 0.3)
 _WIND = (UNIFORM, LAMB_OSEEN)
+TURN = Orientation(axis=(1.0, 2.0, -1.0), angle=40.0)
 
 FORCE_CASES: dict[str, Force] = {
     "gravity": Gravity(),
@@ -92,6 +105,21 @@ COLLIDER_CASES: dict[str, Collider] = {
     "plane_z": PlaneCollider(normal=(0, 0, 1), point=(0, 0, 0.1), contact="kill"),
     "sphere": SphereCollider(center=(0.1, -0.2, 0.3), radius=0.9, restitution=0.7, tangential_loss=0.3),
     "sphere_inside": SphereCollider(center=(0.1, -0.2, 0.3), radius=1.2, inside=True, contact="kill"),
+    "box": BoxCollider(size=(1.2, 0.8, 1.0), orientation=TURN, center=_CENTER, restitution=0.4),
+    "box_upright": BoxCollider(size=(1.4, 0.9, 1.0), center=_CENTER, detection="discrete"),
+    "box_inside": BoxCollider(size=(2.2, 1.8, 2.0), orientation=TURN, inside=True, restitution=0.9),
+    "capsule": CapsuleCollider(start=(-0.5, 0.1, 0.2), end=(0.6, -0.3, 0.4), radius=0.4),
+    "capsule_inside": CapsuleCollider(start=(0, -0.5, 0), end=(0, 0.6, 0), radius=1.1, inside=True),
+    "cylinder": CylinderCollider(start=(-0.5, 0.1, 0.2), end=(0.6, -0.3, 0.4), radius=0.5, contact="stick"),
+    "cylinder_inside": CylinderCollider(start=(0, -1, 0), end=(0.2, 1.1, 0.1), radius=1.2, inside=True),
+    "cone": ConeCollider(start=(-0.5, -0.6, 0.2), end=(0.4, 0.9, 0.1), radius=0.8),
+    "cone_cut": ConeCollider(start=(0, -0.6, 0), end=(0, 0.7, 0), radius=0.3, end_radius=0.8),
+    "cone_inside": ConeCollider(start=(0, -1, 0), end=(0, 1.5, 0), radius=1.5, end_radius=0.5, inside=True),
+    "torus": TorusCollider(center=_CENTER, axis=(0.3, 1, 0.2), radius=0.8, tube=0.3, contact="kill"),
+    "torus_inside": TorusCollider(radius=0.8, tube=0.5, inside=True, restitution=0.8),
+    "rectangle": RectangleCollider(size=(1.6, 1.1), orientation=TURN, center=_CENTER),
+    "rectangle_thick": RectangleCollider(size=(0.9, 1.1), thickness=0.2, restitution=0.3),
+    "disc": DiscCollider(center=_CENTER, normal=(0.3, 1, -0.4), radius=0.9),
 }
 
 COLLIDER_RECORDS: dict[str, Any] = {

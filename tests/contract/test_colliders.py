@@ -3,7 +3,6 @@ gains no energy."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any, get_args
 
 import numpy as np
@@ -14,7 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from particlesim.colliders import COLLIDERS, AnyCollider, Collider
-from particlesim.laws.registry import Particle, contact, gap, has_law, moved_to, normal, passing
+from particlesim.colliders.solid import Solid
+from particlesim.colliders.way import place_on, way_of
+from particlesim.laws.registry import Particle, apart, contact, first_contact, gap, has_law, moved_to, normal
 from particlesim.model.base import field_docs
 
 EPS = np.finfo(float).eps
@@ -43,16 +44,74 @@ def test_every_shape_is_documented(model: type[Collider]) -> None:
     assert [name for name in model.model_fields if name != "type" and not docs.get(name)] == []
 
 
+def smooth(collider: Collider, p: Particle) -> bool:
+    """Whether the gap is smooth about a particle: near an edge, or as far from two faces, its normal jumps."""
+    shape, n = collider.shape(), vector(normal(collider.shape(), p))
+    around = [vector(normal(shape, moved(p, side * 3e-3 * axis))) for axis in np.eye(3) for side in (-1, 1)]
+    return all(np.linalg.norm(n - m) < 0.1 for m in around)
+
+
 @CASES
 def test_the_normal_is_the_gradient_of_the_gap_and_a_unit_vector(collider: Collider) -> None:
     shape, h = collider.shape(), 1e-5
+    found = 0
     for p in PARTICLES:
         n = vector(normal(shape, p))
-        assert np.linalg.norm(n) == pytest.approx(1, abs=8 * EPS)
-        slope = [
-            (gap(shape, moved(p, h * axis)) - gap(shape, moved(p, -h * axis))) / (2 * h) for axis in np.eye(3)
-        ]
-        np.testing.assert_allclose(slope, n, atol=1e-8)  # h²/d² of a curved shape, and EPS/h
+        assert np.linalg.norm(n) == pytest.approx(1, abs=16 * EPS)
+        if smooth(collider, p):
+            found += 1
+            slope = [
+                (gap(shape, moved(p, h * axis)) - gap(shape, moved(p, -h * axis))) / (2 * h)
+                for axis in np.eye(3)
+            ]
+            # h² times the third derivative of a curved gap, 1/d² at a distance d of 0.05 and more; and EPS/h
+            np.testing.assert_allclose(slope, n, atol=5e-8)
+    assert found > len(PARTICLES) // 2
+
+
+@CASES
+def test_the_gap_is_the_distance_to_the_surface(collider: Collider) -> None:
+    # From the triangles of its picture, which deviate from round surfaces by no more than R (1 − cos(π/96)) = 5·10⁻⁴ R, and
+    # from a sheet by its round edges.
+    if not isinstance(collider, Solid):
+        return
+    shape, surface = collider.shape(), collider.triangles()
+    a, b, c = surface.corners[surface.faces].transpose(1, 0, 2)
+    near = 1e-3 * np.ptp(surface.corners, axis=0).max() + getattr(collider, "half", lambda: 0.0)()
+    for p in PARTICLES:
+        place = np.array(p[:3])
+        distance = distance_to_triangles(place, a, b, c).min()
+        assert abs(gap(shape, p._replace(r=0.0))) == pytest.approx(distance, abs=near)
+        if distance > 2 * near:
+            free = gap(shape, p._replace(r=0.0)) > 0
+            within = free == getattr(collider, "inside", False)
+            assert solid_angles(place, a, b, c).sum() / (4 * np.pi) == pytest.approx(float(within), abs=1e-6)
+
+
+def dots(a: Any, b: Any) -> Any:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def distance_to_triangles(p: Any, a: Any, b: Any, c: Any) -> Any:
+    """Distances of a point to triangles, from the feet on their planes and on their edges, shape [n]."""
+    n = np.cross(b - a, c - a)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    height = dots(p - a, n)
+    foot = p - height[:, None] * n
+    inside, edges = True, np.inf
+    for u, v in ((a, b), (b, c), (c, a)):
+        inside &= dots(np.cross(v - u, foot - u), n) >= 0
+        t = np.clip(dots(p - u, v - u) / dots(v - u, v - u), 0, 1)
+        edges = np.minimum(edges, np.linalg.norm(p - u - t[:, None] * (v - u), axis=1))
+    return np.where(inside, np.abs(height), edges)
+
+
+def solid_angles(p: Any, a: Any, b: Any, c: Any) -> Any:
+    """Signed solid angles of triangles from a point (van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 125 (1983))."""
+    a, b, c = a - p, b - p, c - p
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    above = dots(a, np.cross(b, c))
+    return 2 * np.arctan2(above, la * lb * lc + dots(a, b) * lc + dots(b, c) * la + dots(c, a) * lb)
 
 
 @CASES
@@ -72,10 +131,12 @@ def test_contact_puts_what_overlaps_on_the_surface_along_the_normal(collider: Co
             assert (q, what) == (p, 0)
             continue
         assert what == outcome
-        assert gap(record.shape, q) == pytest.approx(0, abs=16 * EPS)
-        np.testing.assert_allclose(
-            np.array(q[:3]) - p[:3], depth * vector(normal(record.shape, p)), atol=32 * EPS
-        )
+        n = vector(normal(record.shape, p))
+        np.testing.assert_allclose(np.array(q[:3]) - p[:3], depth * n, atol=32 * EPS)
+        if np.allclose(
+            vector(normal(record.shape, q)), n, atol=1e-9
+        ):  # not in a corner, where other walls are near
+            assert gap(record.shape, q) == pytest.approx(0, abs=32 * EPS)
 
 
 @CASES
@@ -101,19 +162,34 @@ def test_the_response_is_that_of_the_law_and_gains_no_energy(
 
 
 @CASES
-def test_a_way_comes_nearest_to_a_shape_where_it_says(collider: Collider) -> None:
-    # A shape without this law must have no dents to speak of: a way between two legal places stays legal.
-    shape = collider.shape()
-    for p, q in pairwise(PARTICLES):
-        q = q._replace(r=p.r)
-        s = np.linspace(0, 1, 201)
-        step = np.subtract(q[:3], p[:3])
-        gaps = np.array([gap(shape, moved(p, k * step)) for k in s])
-        if has_law(passing, shape):
-            there = gap(shape, moved(p, passing(shape, p, q) * step))
-            assert there <= gaps.min() + 4 * EPS
-        else:
-            assert gaps.min() >= min(gaps[0], gaps[-1]) - 16 * EPS
+@given(seed=st.integers(0, 2**32 - 1), bend=st.sampled_from([0.0, 0.5, 3.0]))
+@settings(max_examples=40)
+def test_a_way_is_free_up_to_its_first_contact(collider: Collider, seed: int, bend: float) -> None:
+    # Against 400 places on the parabola. A shape without this law has no dents to speak of: straight ways between two legal
+    # places stay legal.
+    shape, slack = collider.shape(), 1e-14
+    rng = np.random.default_rng(seed)
+    size = 0.0 if seed % 2 else 0.05
+    p = Particle(*rng.uniform(-2, 2, 3), *rng.normal(0, 1, 3), 1.0, size, 0.0, 0.0)
+    h = rng.uniform(0.1, 4)
+    c = bend * rng.normal(0, 1, 3)
+    q = moved(p, h * np.array(p[3:6]) + c)
+    way = way_of(p, q, h)
+    gaps = np.array([gap(shape, place_on(way, p, s)) for s in np.linspace(0, 1, 401)])
+    if not has_law(first_contact, shape):
+        if bend == 0:
+            assert gaps.min() >= min(gaps[0], gaps[-1]) - 64 * EPS
+        return
+    if gaps[0] < 0:
+        return
+    s = float(first_contact(shape, p, q, h, slack))
+    before = gaps[np.linspace(0, 1, 401) < s]
+    assert before.min(initial=0) >= -1e-8  # grain²/8R
+    if s < 1:
+        assert -1e-3 < gap(shape, place_on(way, p, s)) < 0
+    if apart(shape, p, q, h, slack):
+        assert s == 1
+        assert gaps[:-1].min() >= -1e-12
 
 
 def test_in_the_centre_of_a_ball_the_way_out_is_upwards() -> None:

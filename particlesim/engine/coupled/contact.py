@@ -57,7 +57,7 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
                 before[5, i],
                 begin,
             )
-            if overlapped(contacts, p, q):
+            if overlapped(contacts, p, q, hi):
                 k = q.m / hi
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from particlesim.colliders import Collider
+from particlesim.colliders.gaps import gaps_of
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Particles
-from particlesim.laws.registry import Particle, gap
 
 TOUCHING = 1e-6
 """Overlap that still counts as touching, as a part of the largest coordinate."""
@@ -53,7 +53,9 @@ def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:
     for first in range(0, state.count, PIECE):
         part = slice(first, min(first + PIECE, state.count))
         x, y, z, radius = (column[part].astype(float) for column in (*state.x, state.radius))
-        depth = -np.asarray(gap(shape, Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, radius, 0.0, 0.0)))
+        depth = np.empty(x.size)
+        gaps_of(shape, x, y, z, radius, 0.0, depth)
+        depth *= -1
         number += int((depth > margin).sum())
         row = int(depth.argmax())
         if depth[row] > most:

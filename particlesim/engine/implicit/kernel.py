@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import kernel, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
+from particlesim.engine.coupled.workspace import team_of
 from particlesim.engine.implicit.krylov import (
     INDEFINITE,
     SOLVED,
@@ -120,7 +121,7 @@ def evolve_implicit(
                 change(c, s, share, 1.0, reach)
             meet(share.gate, share.threads)
     if ended == SOLVED:
-        finish(method, parts, c, work, share, reach, t, end, h)
+        finish(method, c, work, share, reach, h)
     else:
         share.wild[8 * share.number] = 1
     if share.number == 0:
@@ -137,7 +138,7 @@ def solve(
         copy(s.residual, s.other, share.first, share.last)
         status, left, turns = conjugate_gradients(bonds, s, share, plain, size, goal, limit)
         if status == SOLVED and plain and only_internal(share.elements):
-            keep_momentum(s, share)
+            keep_momentum(s.residual, s.solution, s.inertia, s.free, s.partial, team_of(share))
         if status == INDEFINITE:
             copy(s.other, s.residual, share.first, share.last)
     if status == INDEFINITE:
@@ -150,39 +151,46 @@ def only_internal(elements: Any) -> Any:
     return all(type(each).internal for each in elements)
 
 
-@outlined
-def keep_momentum(s: Any, share: Any) -> None:
+@shared
+def keep_momentum(residual: Any, solution: Any, inertia: Any, free: Any, partial: Any, team: Any) -> None:
     """Move all particles of an island by what makes the sum of the residuals vanish, if all can move.
 
     Forces between them do not feel that: the momentum is kept to rounding, whatever the tolerance of the solution.
     """
-    for lo in range(share.first, share.last, share.chunk):
-        hi = min(lo + share.chunk, share.last)
+    for lo in range(team.first, team.last, team.chunk):
+        hi = min(lo + team.chunk, team.last)
         for axis in range(3):
             total = 0.0
             for i in range(lo, hi):
-                total += float(s.residual[axis, i])
-            s.partial[axis, lo // share.chunk] = total
-        inertia = 0.0
+                total += float(residual[axis, i])
+            partial[axis, lo // team.chunk] = total
+        whole = 0.0
         for i in range(lo, hi):
-            inertia += float(s.inertia[i]) if s.free[i] > 0 else np.inf
-        s.partial[3, lo // share.chunk] = inertia
-    meet(share.gate, share.threads)
-    inertia = summed(s, 3)
+            whole += float(inertia[i]) if free[i] > 0 else np.inf
+        partial[3, lo // team.chunk] = whole
+    meet(team.gate, team.threads)
+    whole = summed(partial, 3)
     for axis in range(3):
-        shift = type_of(s.residual[axis, 0], summed(s, axis) / inertia)
-        for i in range(share.first, share.last):
-            s.solution[axis, i] += shift
+        shift = type_of(residual[axis, 0], summed(partial, axis) / whole)
+        for i in range(team.first, team.last):
+            solution[axis, i] += shift
 
 
-@outlined
 def change(c: Any, s: Any, share: Any, taken: Any, reach: Any) -> None:
     """Add part of the solution to the velocities of a share, and put the particles where these lead."""
-    for k, (v, x) in enumerate(((c.vx, c.x), (c.vy, c.y), (c.vz, c.z))):
-        for i in range(share.first, share.last):
-            if s.free[i] > 0:
-                v[i] += type_of(reach, taken) * s.solution[k, i]
-                x[i] = s.base[k, i] + reach * v[i]
+    x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
+    _change(x, v, s.base, s.solution, s.free, share.first, share.last, type_of(reach, taken), reach)
+
+
+@shared
+def _change(
+    x: Any, v: Any, base: Any, solution: Any, free: Any, first: Any, last: Any, taken: Any, reach: Any
+) -> None:
+    for k, (place, speed) in enumerate(zip(x, v, strict=True)):
+        for i in range(first, last):
+            if free[i] > 0:
+                speed[i] += taken * solution[k, i]
+                place[i] = base[k, i] + reach * speed[i]
 
 
 def history(memory: Any, i: Any) -> Any:
@@ -243,32 +251,47 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
         s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
 
 
-def recollect(memory: Any, i: Any, before: Any, c: Any, h: Any) -> None:
+def recollect(memory: Any, i: Any, before: Any, columns: Any, h: Any) -> None:
     """Remember how far particle i came in the step that has been done."""
     if len(memory) == 0:
         return
-    for k, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+    for k, column in enumerate(columns):
         memory[k][i] = column[i] - before[k, i]
     memory[6][i] = h
 
 
-@outlined
-def finish(
-    method: Any, parts: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any
-) -> None:
+def finish(method: Any, c: Any, work: Any, share: Any, reach: Any, h: Any) -> None:
     """The new state of a share from the solved one."""
-    s, before = work.system, work.before
+    s = work.system
+    x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
+    _finish(x, v, c.memory, s.base, s.free, work.before, share.first, share.last, method.middle, reach, h)
+
+
+@shared
+def _finish(
+    x: Any,
+    v: Any,
+    memory: Any,
+    base: Any,
+    free: Any,
+    before: Any,
+    first: Any,
+    last: Any,
+    middle: Any,
+    reach: Any,
+    h: Any,
+) -> None:
     two = type_of(h, 2)
-    for k, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
-        for i in range(share.first, share.last):
-            if s.free[i] > 0:
-                x[i] = s.base[k, i] + reach * v[i]
-                if method.middle:
-                    x[i] = two * x[i] - before[k, i]
-                    v[i] = two * v[i] - before[3 + k, i]
-    for i in range(share.first, share.last):
-        if s.free[i] > 0:
-            recollect(c.memory, i, before, c, h)
+    for k, (place, speed) in enumerate(zip(x, v, strict=True)):
+        for i in range(first, last):
+            if free[i] > 0:
+                place[i] = base[k, i] + reach * speed[i]
+                if middle:
+                    place[i] = two * place[i] - before[k, i]
+                    speed[i] = two * speed[i] - before[3 + k, i]
+    for i in range(first, last):
+        if free[i] > 0:
+            recollect(memory, i, before, (*x, *v), h)
 
 
 @kernel

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
+from particlesim.engine.coupled.workspace import team_of
 from particlesim.engine.implicit.linear_system import LANES, multiply
 from particlesim.engine.implicit.multilevel import carry
 from particlesim.engine.state.columns import type_of
@@ -24,7 +25,7 @@ SOLVED, UNSOLVED, WILD, INDEFINITE = 0, 1, 2, 3
 """How a solver ended: the residual is small; too many iterations; it is not finite; the matrix is not positive definite."""
 
 
-@outlined
+@shared
 def dot(a: Any, b: Any, lo: Any, hi: Any, lanes: Any) -> float:
     """Σ aᵢ bᵢ over particles [lo, hi) of [3, n], in double precision and in a fixed order; `lanes` is scratch."""
     for j in range(LANES):
@@ -50,7 +51,7 @@ def dots(s: Any, row: Any, a: Any, b: Any, share: Any) -> None:
         s.partial[row, lo // share.chunk] = dot(a, b, lo, min(lo + share.chunk, share.last), s.lanes)
 
 
-@outlined
+@shared
 def copy(a: Any, b: Any, lo: Any, hi: Any) -> None:
     """b = a for particles [lo, hi)."""
     for axis in range(3):
@@ -59,7 +60,7 @@ def copy(a: Any, b: Any, lo: Any, hi: Any) -> None:
             v[i] = u[i]
 
 
-@outlined
+@shared
 def clear(a: Any, lo: Any, hi: Any) -> None:
     """a = 0 for particles [lo, hi)."""
     for axis in range(3):
@@ -68,30 +69,34 @@ def clear(a: Any, lo: Any, hi: Any) -> None:
             u[i] = 0
 
 
-def summed(s: Any, row: Any) -> float:
+def summed(partial: Any, row: Any) -> float:
     """The sum over all chunks, in order; all threads must have met."""
     total = 0.0
-    for k in range(s.partial.shape[1]):
-        total += s.partial[row, k]
+    for k in range(partial.shape[1]):
+        total += partial[row, k]
     return total
 
 
-@outlined
 def precondition(s: Any, r: Any, z: Any, share: Any) -> None:
     """z = M⁻¹ r for the particles of a share; r need not be in place, and z is not yet."""
-    lo, hi = share.first, share.last
-    xx, yy, zz = s.block[0, lo:hi], s.block[1, lo:hi], s.block[2, lo:hi]
-    xy, xz, yz = s.block[3, lo:hi], s.block[4, lo:hi], s.block[5, lo:hi]
+    _precondition(s.block, s.lattices, s.free, r, z, team_of(share))
+
+
+@shared
+def _precondition(block: Any, lattices: Any, free: Any, r: Any, z: Any, team: Any) -> None:
+    lo, hi = team.first, team.last
+    xx, yy, zz = block[0, lo:hi], block[1, lo:hi], block[2, lo:hi]
+    xy, xz, yz = block[3, lo:hi], block[4, lo:hi], block[5, lo:hi]
     rx, ry, rz = r[0, lo:hi], r[1, lo:hi], r[2, lo:hi]
     zx, zy, zw = z[0, lo:hi], z[1, lo:hi], z[2, lo:hi]
     for i in range(rx.size):
         zx[i] = xx[i] * rx[i] + xy[i] * ry[i] + xz[i] * rz[i]
         zy[i] = xy[i] * rx[i] + yy[i] * ry[i] + yz[i] * rz[i]
         zw[i] = xz[i] * rx[i] + yz[i] * ry[i] + zz[i] * rz[i]
-    carry(s, r, z, share)
+    carry(lattices, free, r, z, team)
 
 
-@outlined
+@shared
 def add_scaled(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
     """y += factor · x for particles [lo, hi)."""
     for axis in range(3):
@@ -101,7 +106,7 @@ def add_scaled(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
             u[i] += k * v[i]
 
 
-@outlined
+@shared
 def scale_and_add(y: Any, factor: Any, x: Any, lo: Any, hi: Any) -> None:
     """y = factor · y + x for particles [lo, hi)."""
     for axis in range(3):
@@ -116,7 +121,7 @@ def size2(s: Any, share: Any) -> Any:
     precondition(s, s.residual, s.near, share)
     dots(s, 0, s.residual, s.near, share)
     meet(share.gate, share.threads)
-    return summed(s, 0)
+    return summed(s.partial, 0)
 
 
 def conjugate_gradients(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, goal: Any, limit: Any) -> Any:
@@ -135,7 +140,7 @@ def conjugate_gradients(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, 
         multiply(bonds, s.springs, s, s.direction, s.product, plain, share)
         dots(s, 1, s.direction, s.product, share)
         meet(share.gate, share.threads)
-        curvature = summed(s, 1)
+        curvature = summed(s.partial, 1)
         if not curvature < np.inf:
             return WILD, size, iteration
         if not curvature > 0:
@@ -180,7 +185,7 @@ def stabilised(
     size = begin
     dots(s, 1, s.shadow, s.residual, share)
     meet(share.gate, share.threads)
-    rho = summed(s, 1)
+    rho = summed(s.partial, 1)
     for iteration in range(limit):
         if size <= goal:
             return SOLVED, size, iteration
@@ -189,7 +194,7 @@ def stabilised(
         _free_product(bonds, s, s.product, plain, share)
         dots(s, 1, s.shadow, s.product, share)
         meet(share.gate, share.threads)
-        step = rho / summed(s, 1)
+        step = rho / summed(s.partial, 1)
         add_scaled(s.solution, step, s.near, lo, hi)
         add_scaled(s.residual, -step, s.product, lo, hi)
         precondition(s, s.residual, s.near, share)
@@ -198,8 +203,8 @@ def stabilised(
         dots(s, 1, s.other, s.residual, share)
         dots(s, 2, s.other, s.other, share)
         meet(share.gate, share.threads)
-        square = summed(s, 2)
-        weight = summed(s, 1) / square if square > 0 else 0.0
+        square = summed(s.partial, 2)
+        weight = summed(s.partial, 1) / square if square > 0 else 0.0
         add_scaled(s.solution, weight, s.near, lo, hi)
         add_scaled(s.residual, -weight, s.other, lo, hi)
         size = size2(s, share)
@@ -207,7 +212,7 @@ def stabilised(
             return WILD, size, iteration
         dots(s, 1, s.shadow, s.residual, share)
         meet(share.gate, share.threads)
-        after = summed(s, 1)
+        after = summed(s.partial, 1)
         factor = after / rho * step / weight if rho * weight != 0 else 0.0
         rho = after
         add_scaled(s.direction, -weight, s.product, lo, hi)

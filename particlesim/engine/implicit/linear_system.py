@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
+from particlesim.engine.coupled.workspace import team_of
 from particlesim.engine.implicit.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.interactions.bond_layout import (
     FIRST,
@@ -299,20 +300,30 @@ def _stiff_piece(bond: Any, spring: Any, c: Any, s: Any, reach: Any, piece: Any)
             out, found = spring[row, first:last], s.pull[row, :n]
             for k in range(n):
                 out[k] = found[k]
-        _add_blocks(s, a, b, n, type_of(reach, -1))
+        _add_blocks(s.pull, s.block, s.anchor, s.free, s.residual, a, b, n, type_of(reach, -1))
     if piece[OWNS_SECOND]:
-        _add_blocks(s, b, a, n, type_of(reach, 1))
+        _add_blocks(s.pull, s.block, s.anchor, s.free, s.residual, b, a, n, type_of(reach, 1))
 
 
-@outlined
-def _add_blocks(s: Any, at: Any, other: Any, n: Any, sign: Any) -> None:
+@shared
+def _add_blocks(
+    pull: Any,
+    block: Any,
+    anchor: Any,
+    free: Any,
+    residual: Any,
+    at: Any,
+    other: Any,
+    n: Any,
+    sign: Any,
+) -> None:
     """Add the springs in `pull` to particles at … at + n − 1: q 1 + w wᵀ to the blocks, the gains to the residuals.
 
     Their other ends are other … other + n − 1; those that are held anchor the particles.
     """
-    wx, wy, wz, q = s.pull[0, :n], s.pull[1, :n], s.pull[2, :n], s.pull[3, :n]
-    xx, yy, zz = s.block[0, at : at + n], s.block[1, at : at + n], s.block[2, at : at + n]
-    xy, xz, yz = s.block[3, at : at + n], s.block[4, at : at + n], s.block[5, at : at + n]
+    wx, wy, wz, q = pull[0, :n], pull[1, :n], pull[2, :n], pull[3, :n]
+    xx, yy, zz = block[0, at : at + n], block[1, at : at + n], block[2, at : at + n]
+    xy, xz, yz = block[3, at : at + n], block[4, at : at + n], block[5, at : at + n]
     for k in range(n):
         xx[k] += q[k] + wx[k] * wx[k]
         yy[k] += q[k] + wy[k] * wy[k]
@@ -320,26 +331,34 @@ def _add_blocks(s: Any, at: Any, other: Any, n: Any, sign: Any) -> None:
         xy[k] += wx[k] * wy[k]
         xz[k] += wx[k] * wz[k]
         yz[k] += wy[k] * wz[k]
-    free, partner = s.free[at : at + n], s.free[other : other + n]
+    own, partner = free[at : at + n], free[other : other + n]
     for k in range(n):
         if not partner[k] > 0:
-            s.anchor[0, at + k] += q[k] + wx[k] * wx[k]
-            s.anchor[1, at + k] += q[k] + wy[k] * wy[k]
-            s.anchor[2, at + k] += q[k] + wz[k] * wz[k]
-            s.anchor[3, at + k] += wx[k] * wy[k]
-            s.anchor[4, at + k] += wx[k] * wz[k]
-            s.anchor[5, at + k] += wy[k] * wz[k]
+            anchor[0, at + k] += q[k] + wx[k] * wx[k]
+            anchor[1, at + k] += q[k] + wy[k] * wy[k]
+            anchor[2, at + k] += q[k] + wz[k] * wz[k]
+            anchor[3, at + k] += wx[k] * wy[k]
+            anchor[4, at + k] += wx[k] * wz[k]
+            anchor[5, at + k] += wy[k] * wz[k]
     for axis in range(3):
-        residual, gain = s.residual[axis, at : at + n], s.pull[5 + axis, :n]
+        out, gain = residual[axis, at : at + n], pull[5 + axis, :n]
         for k in range(n):
-            residual[k] += free[k] * (sign * gain[k])
+            out[k] += own[k] * (sign * gain[k])
 
 
 @outlined
 def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share: Any) -> None:
     """y = (D + G + B) x on the particles of a share; `plain` says that G is zero. All of x must be in place."""
-    lo, hi = share.first, share.last
-    d = s.inertia[lo:hi]
+    _times_own(s.inertia, s.own, x, y, plain, share.first, share.last)
+    for chunk in range(chunks_of(bonds)):
+        _times_chunk(bonds, springs, s.pull, x, y, chunk)
+    multiply_elements(share.elements, s.forms, x, y, share.first, share.last)
+
+
+@shared
+def _times_own(inertia: Any, own: Any, x: Any, y: Any, plain: Any, lo: Any, hi: Any) -> None:
+    """y = (D + G) x on particles [lo, hi)."""
+    d = inertia[lo:hi]
     ax, ay, az = x[0, lo:hi], x[1, lo:hi], x[2, lo:hi]
     bx, by, bz = y[0, lo:hi], y[1, lo:hi], y[2, lo:hi]
     if plain:
@@ -349,13 +368,10 @@ def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share
             bz[i] = d[i] * az[i]
     else:
         for row, out in enumerate((bx, by, bz)):
-            gx, gy, gz = s.own[3 * row, lo:hi], s.own[3 * row + 1, lo:hi], s.own[3 * row + 2, lo:hi]
-            own = x[row, lo:hi]
+            gx, gy, gz = own[3 * row, lo:hi], own[3 * row + 1, lo:hi], own[3 * row + 2, lo:hi]
+            same = x[row, lo:hi]
             for i in range(d.size):
-                out[i] = d[i] * own[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
-    for chunk in range(chunks_of(bonds)):
-        _times_chunk(bonds, springs, s.pull, x, y, chunk)
-    multiply_elements(share.elements, s.forms, x, y, lo, hi)
+                out[i] = d[i] * same[i] + gx[i] * ax[i] + gy[i] * ay[i] + gz[i] * az[i]
 
 
 def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:
@@ -364,7 +380,7 @@ def _times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any
             _times_piece(bond.table[piece], spring, pull, x, y)
 
 
-@outlined
+@shared
 def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
     a, b, n = piece[FIRST], piece[SECOND], piece[LENGTH]
     first, last = piece[OFFSET], piece[OFFSET] + n
@@ -386,20 +402,20 @@ def _times_piece(piece: Any, spring: Any, pull: Any, x: Any, y: Any) -> None:
     add_pulls(piece, pull, y)
 
 
-@outlined
-def invert(s: Any, lo: Any, hi: Any) -> None:
+@shared
+def invert(block: Any, inertia: Any, free: Any, lo: Any, hi: Any) -> None:
     """Turn the blocks of particles [lo, hi) into their inverses; 0 where a particle does not move.
 
     A block that is not positive definite (a force that pushes away) gives way to the inertia.
     """
     for i in range(lo, hi):
         good, inverse = inverse_of(
-            s.block[0, i], s.block[1, i], s.block[2, i], s.block[3, i], s.block[4, i], s.block[5, i]
+            block[0, i], block[1, i], block[2, i], block[3, i], block[4, i], block[5, i]
         )
-        instead = type_of(s.free[i], 1) / s.inertia[i]
+        instead = type_of(free[i], 1) / inertia[i]
         for k, entry in enumerate(inverse):
             otherwise = instead if k < 3 else instead - instead
-            s.block[k, i] = s.free[i] * (entry if good else otherwise)
+            block[k, i] = free[i] * (entry if good else otherwise)
 
 
 @outlined
@@ -427,12 +443,12 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
     for lo in range(share.first, share.last, share.chunk):
         add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
     add_springs(bonds, s.springs, c, s, reach)
-    gather_blocks(s, share)
+    gather_blocks(s.lattices, s.free, s.anchor, s.block, team_of(share))
     stiffen_elements(share.elements, s.forms, c, s, share.first, share.last, t, reach)
     for lo in range(share.first, share.last, share.chunk):
         hi = min(lo + share.chunk, share.last)
         s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)
-    invert(s, share.first, share.last)
+    invert(s.block, s.inertia, s.free, share.first, share.last)
     meet(share.gate, share.threads)
     general, coupled = False, False
     for k in range(share.threads):

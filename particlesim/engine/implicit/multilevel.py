@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.state.columns import type_of
 from particlesim.model.arrays import Floats, Ints
@@ -165,13 +165,11 @@ def inverse_of(xx: Any, yy: Any, zz: Any, xy: Any, xz: Any, yz: Any) -> Any:
     )
 
 
-def nodes_between(s: Any, level: Any, share: Any) -> Any:
+def nodes_between(g: Any, level: Any, team: Any) -> Any:
     """The nodes of a lattice that a thread owns."""
-    begin = s.lattices.first[level]
-    number = s.lattices.first[level + 1] - begin
-    return begin + number * share.number // share.threads, begin + number * (
-        share.number + 1
-    ) // share.threads
+    begin = g.first[level]
+    number = g.first[level + 1] - begin
+    return begin + number * team.number // team.threads, begin + number * (team.number + 1) // team.threads
 
 
 @outlined
@@ -198,21 +196,20 @@ def moments_of_nodes(g: Any, row: Any, lo: Any, hi: Any) -> None:
         below[node] = total
 
 
-@outlined
-def gather_blocks(s: Any, share: Any) -> None:
+@shared
+def gather_blocks(g: Any, free: Any, anchor: Any, block: Any, team: Any) -> None:
     """The blocks of all nodes from those of the particles, which must not be inverted yet; all threads go on together."""
-    g = s.lattices
     levels = g.first.size - 1
-    meet(share.gate, share.threads)
+    meet(team.gate, team.threads)
     for level in range(levels):
-        lo, hi = nodes_between(s, level, share)
+        lo, hi = nodes_between(g, level, team)
         if level == 0:
             for row in range(6):
-                moments_of_particles(g, s.free, s.anchor[row], s.block[row], row, lo, hi)
+                moments_of_particles(g, free, anchor[row], block[row], row, lo, hi)
         else:
             for row in range(12):
                 moments_of_nodes(g, row, lo, hi)
-        meet(share.gate, share.threads)
+        meet(team.gate, team.threads)
         slope = type_of(g.moment[0, 0], SPRINGS / (g.pitch[level] * g.pitch[level]))
         half = type_of(slope, INERTIA)
         for node in range(lo, hi):
@@ -230,22 +227,21 @@ def gather_blocks(s: Any, share: Any) -> None:
 
 
 @outlined
-def carry(s: Any, r: Any, z: Any, share: Any) -> None:
+def carry(g: Any, free: Any, r: Any, z: Any, team: Any) -> None:
     """z += Σ P D⁻¹ Pᵀ r for the particles of a share; all of r must be written, and need not be in place."""
-    g = s.lattices
     levels = g.first.size - 1
     if levels > 0:
-        meet(share.gate, share.threads)
+        meet(team.gate, team.threads)
         for level in range(levels):
-            lo, hi = nodes_between(s, level, share)
-            gather(s, r, level, lo, hi)
-            meet(share.gate, share.threads)
+            lo, hi = nodes_between(g, level, team)
+            gather(g, free, r, level, lo, hi)
+            meet(team.gate, team.threads)
         for step in range(levels):
-            lo, hi = nodes_between(s, levels - 1 - step, share)
-            spread(s, lo, hi)
-            meet(share.gate, share.threads)
-        for i in range(share.first, share.last):
-            if s.free[i] > 0:
+            lo, hi = nodes_between(g, levels - 1 - step, team)
+            spread(g, lo, hi)
+            meet(team.gate, team.threads)
+        for i in range(team.first, team.last):
+            if free[i] > 0:
                 zx, zy, zz = z[0, i], z[1, i], z[2, i]
                 for k in range(g.leaves.begin[i], g.leaves.begin[i + 1]):
                     node, w = g.leaves.item[k], g.leaves.weight[k]
@@ -256,15 +252,14 @@ def carry(s: Any, r: Any, z: Any, share: Any) -> None:
 
 
 @outlined
-def gather(s: Any, r: Any, level: Any, lo: Any, hi: Any) -> None:
+def gather(g: Any, free: Any, r: Any, level: Any, lo: Any, hi: Any) -> None:
     """Residuals of nodes [lo, hi) of a lattice from those below."""
-    g = s.lattices
     for node in range(lo, hi):
         x = y = z = type_of(g.residual[0, node], 0)
         for k in range(g.up.begin[node], g.up.begin[node + 1]):
             i, w = g.up.item[k], g.up.weight[k]
             if level == 0:
-                w = w * s.free[i]
+                w = w * free[i]
                 x += w * r[0, i]
                 y += w * r[1, i]
                 z += w * r[2, i]
@@ -276,9 +271,8 @@ def gather(s: Any, r: Any, level: Any, lo: Any, hi: Any) -> None:
 
 
 @outlined
-def spread(s: Any, lo: Any, hi: Any) -> None:
+def spread(g: Any, lo: Any, hi: Any) -> None:
     """Results of nodes [lo, hi): their own, and what comes from the lattice above."""
-    g = s.lattices
     for node in range(lo, hi):
         rx, ry, rz = g.residual[0, node], g.residual[1, node], g.residual[2, node]
         x = g.inverse[0, node] * rx + g.inverse[3, node] * ry + g.inverse[4, node] * rz

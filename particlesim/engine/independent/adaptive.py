@@ -217,9 +217,9 @@ def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
         return not still, r, outcome
     outcome = PASS
     p = at(d, k, STATE, d.clock[NOW, k])
-    inside = overlapped(program.contacts, p, q)
+    h = type_of(p.x, d.clock[TAKEN, k])
+    inside = overlapped(program.contacts, p, q, h)
     if inside:
-        h = type_of(p.x, d.clock[TAKEN, k])
         q, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
     return inside, q, outcome
 

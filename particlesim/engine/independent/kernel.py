@@ -64,7 +64,7 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        meets = overlapped(program.contacts, p, q)
+        meets = overlapped(program.contacts, p, q, hi)
         meets &= hi > 0
         room.marks[i] = meets
         found |= meets

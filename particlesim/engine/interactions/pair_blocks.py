@@ -17,7 +17,8 @@ CHARGE = [each.name for each in FURTHER].index("charge")
 
 
 class Block(NamedTuple):
-    """The particles of a block as rows of numbers: place, velocity, mass, radius and charge."""
+    """The particles of a block as rows of numbers: place, velocity, mass, radius, charge, what the interaction keeps of
+    each; and ids, None where the law does not read them."""
 
     x: Any
     y: Any
@@ -28,42 +29,74 @@ class Block(NamedTuple):
     m: Any
     r: Any
     q: Any
+    a: Any
+    b: Any
+    id: Any
 
 
-def particle_of(c: Any, i: Any) -> Any:
-    """What laws of pairs see of a particle, as a `Block` of single numbers."""
+def particle_of(each: Any, c: Any, i: Any) -> Any:
+    """What the law of an interaction sees of a particle, as a `Block` of single numbers."""
     x = c.x[i]
     charge = c.further[CHARGE] if len(c.further) > 0 else None
-    return Block(x, c.y[i], c.z[i], c.vx[i], c.vy[i], c.vz[i], c.m[i], load(c.r, i, x), load(charge, i, x))
+    return Block(
+        x,
+        c.y[i],
+        c.z[i],
+        c.vx[i],
+        c.vy[i],
+        c.vz[i],
+        c.m[i],
+        load(c.r, i, x),
+        load(charge, i, x),
+        load(each.a, i, x),
+        load(each.b, i, x),
+        None if each.ids is None else each.ids[i],
+    )
 
 
-def gathered(c: Any, lo: Any, hi: Any) -> Any:
+def gathered(each: Any, c: Any, lo: Any, hi: Any) -> Any:
     """Particles [lo, hi) as a whole block."""
-    room = on_stack(9, TARGETS, c.x.dtype)
-    block = Block(*[room[k] for k in range(9)])
+    room = on_stack(len(Block._fields) - 1, TARGETS, c.x.dtype)
+    numbers, ids = [room[k] for k in range(len(Block._fields) - 1)], None
     for i in range(TARGETS):
-        for row, number in zip(block, particle_of(c, min(lo + i, hi - 1)), strict=True):
+        one = particle_of(each, c, min(lo + i, hi - 1))
+        for row, number in zip(numbers, one[:-1], strict=True):
             row[i] = number
-    return block
+    if each.ids is not None:
+        ids = on_stack(1, TARGETS, np.int64)[0]
+        for i in range(TARGETS):
+            ids[i] = each.ids[min(lo + i, hi - 1)]
+    return Block(*(*numbers, ids))
+
+
+def pair_of(one: Any, other: Any, t: Any) -> Any:
+    """Two particles as laws see them."""
+    return Pair(
+        one.x - other.x,
+        one.y - other.y,
+        one.z - other.z,
+        one.vx - other.vx,
+        one.vy - other.vy,
+        one.vz - other.vz,
+        one.m,
+        other.m,
+        one.r,
+        other.r,
+        one.q,
+        other.q,
+        t,
+        one.a,
+        other.a,
+        one.b,
+        other.b,
+        0 if one.id is None else one.id,
+        0 if other.id is None else other.id,
+    )
 
 
 def pair_in(block: Any, i: Any, other: Any, t: Any) -> Any:
     """Particle i of a block and another one, as laws see them."""
-    return Pair(
-        block.x[i] - other.x,
-        block.y[i] - other.y,
-        block.z[i] - other.z,
-        block.vx[i] - other.vx,
-        block.vy[i] - other.vy,
-        block.vz[i] - other.vz,
-        block.m[i],
-        other.m,
-        block.r[i],
-        other.r,
-        block.q[i],
-        other.q,
-        t,
-    )
+    return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t)
 
 
 def acts(clock: Any, i: Any, t: Any) -> Any:

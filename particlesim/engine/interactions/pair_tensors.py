@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.interactions.bond_tensors import network
-from particlesim.engine.interactions.pair_blocks import force_in, particle_of, slopes_in
-from particlesim.laws.pair import Pair, is_central, pair_force_dv, pair_force_dx, square
+from particlesim.engine.interactions.pair_blocks import force_in, pair_of, particle_of, slopes_in
+from particlesim.laws.pair import is_central, pair_force_dv, pair_force_dx, square
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -66,31 +66,16 @@ class Ends(NamedTuple):
     j: Ints
 
 
-def pair_of(c: Any, i: Any, j: Any, t: Any) -> Pair:
+def pair_between(each: Any, c: Any, i: Any, j: Any, t: Any) -> Any:
     """Two particles as laws see them."""
-    one, other = particle_of(c, i), particle_of(c, j)
-    return Pair(
-        one.x - other.x,
-        one.y - other.y,
-        one.z - other.z,
-        one.vx - other.vx,
-        one.vy - other.vy,
-        one.vz - other.vz,
-        one.m,
-        other.m,
-        one.r,
-        other.r,
-        one.q,
-        other.q,
-        t,
-    )
+    return pair_of(particle_of(each, c, i), particle_of(each, c, j), t)
 
 
 @kernel
 def pair_jacobians(each: Any, c: Any, first: Any, second: Any, t: Any, out: Any) -> None:
     """Jacobians of pairs by place and by velocity, into out [2, 9, pairs]; 0 for those that are too far apart."""
     for q in range(first.size):
-        p = pair_of(c, first[q], second[q], t)
+        p = pair_between(each, c, first[q], second[q], t)
         for k, entry in enumerate(slopes_in(each, p, pair_force_dx)):
             out[0, k, q] = entry
         for k, entry in enumerate(slopes_in(each, p, pair_force_dv)):
@@ -107,7 +92,7 @@ def all_forces(each: Any, c: Any, total: Any, t: Any) -> None:
 def add_bounds(each: Any, c: Any, w: Any, i: Any, j: Any, t: Any, out: Any) -> None:
     """Take a pair into account for particle i: into out [14], sums of −(w₁ + w₂) (∂f/∂x + its transpose)/2 as xx, yy, zz,
     xy, xz, yz and the largest size of one; and the same of ∂f/∂v."""
-    p = pair_of(c, i, j, t)
+    p = pair_between(each, c, i, j, t)
     weight = -(w[i] + w[j])
     for k, generic in enumerate((pair_force_dx, pair_force_dv)):
         a = slopes_in(each, p, generic)

@@ -1,8 +1,8 @@
 """Interactions of all pairs, summed directly: every particle looks at every other.
 
 A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over the
-sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; the third law
-holds to rounding, as f(l) and f(−l) are computed one by one.
+sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; both forces are
+opposite to the last bit, but sums are rounded.
 
 Targets are taken in blocks, each with its sums in vectors, while sources go by one after the other: sums are vectorised
 without changing their order. A block is always whole, its last places filled with copies of its last particle.
@@ -38,13 +38,16 @@ PAIRS_PER_SPRING = 4
 
 class PairColumns(NamedTuple):
     """An interaction of pairs: the record of its law; `spans` [k, 4], first and last row of targets and of their sources;
-    squares of the distances above which and below which it acts [m²], None where there is no such limit; how many pairs
-    there are."""
+    squares of the distances above which and below which it acts [m²], None where there is no such limit; what it keeps of
+    every particle, [n], and ids, None where the law does not read them; how many pairs there are."""
 
     law: tuple[Any, ...]
     spans: Any
     least: Any
     most: Any
+    a: Any
+    b: Any
+    ids: Any
     pairs: int
 
 
@@ -101,13 +104,13 @@ class DirectPairs(Interaction, PairColumns):
 @outlined
 def add_block(each: Any, c: Any, total: Any, lo: Any, hi: Any, begin: Any, end: Any, t: Any) -> None:
     """Add the forces of sources [begin, end) on particles [lo, hi), at most a block of them."""
-    block, sums = gathered(c, lo, hi), on_stack(3, TARGETS, c.x.dtype)
+    block, sums = gathered(each, c, lo, hi), on_stack(3, TARGETS, c.x.dtype)
     gx, gy, gz = sums[0], sums[1], sums[2]
     for i in range(TARGETS):
         gx[i] = gy[i] = gz[i] = 0
     for j in range(begin, end):
         if acts(c.clock, j, t):
-            other = particle_of(c, j)
+            other = particle_of(each, c, j)
             for i in range(TARGETS):
                 fx, fy, fz = force_in(each, pair_in(block, i, other, t))
                 gx[i] += fx
@@ -140,12 +143,12 @@ def one_force(each: Any, c: Any, total: Any, row: Any, t: Any) -> None:
 @outlined
 def block_energy(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any) -> Any:
     """Potential energy of particles [lo, hi), at most a block of them, with sources [begin, end) [J]."""
-    block, sums = gathered(c, lo, hi), on_stack(1, TARGETS, np.float64)
+    block, sums = gathered(each, c, lo, hi), on_stack(1, TARGETS, np.float64)
     u = sums[0]
     for i in range(TARGETS):
         u[i] = 0
     for j in range(begin, end):
-        other = particle_of(c, j)
+        other = particle_of(each, c, j)
         for i in range(TARGETS):
             u[i] += float(energy_in(each, pair_in(block, i, other, 0.0), lo + i != j))
     total = 0.0
@@ -175,13 +178,25 @@ def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     if law.singular():
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
-    dtype = site.dtype
-    most = None if law.cutoff is None else dtype.type(law.cutoff**2)
-    least = dtype.type(0) if law.singular() else None
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
-    return DirectPairs(as_precision(law.record(), dtype), spans, least, most, number)
+    return DirectPairs(*(*what_acts(site, pairs, spans), number))
+
+
+def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
+    """The columns of an interaction that say what acts, from `law` to `ids`, however its forces are summed."""
+    law, dtype, grid = pairs.law, site.dtype, site.scenario.grid
+    record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
+    reach = law.reach()
+    least = None if law.everywhere() else dtype.type(0)
+    most = None if reach is None else dtype.type(reach**2)
+    own = np.zeros((2, site.whole.count), dtype)
+    for name in pairs.groups:
+        first, count = site.offset[name], site.state[name].count
+        own[:, first : first + count] = np.array(law.numbers_of(name))[:, None]
+    a, b = own if own.any() else (None, None)
+    return record, spans, least, most, a, b, site.whole.id[: site.whole.count] if law.random() else None
 
 
 def spans_of(site: Site, pairs: PairSet) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.compiler import kernel
+from particlesim.compiler import kernel, shared
 from particlesim.laws.registry import Particle, path
 
 
@@ -21,10 +21,15 @@ class Driven(NamedTuple):
 def drive(motions: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> None:
     """Put all driven particles where they are at time t, with their velocities."""
     for each in motions:
-        for k in range(each.rows.size):
-            i = each.rows[k]
-            p = Particle(each.x[k], each.y[k], each.z[k], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, t, 1.0)
-            x[i], y[i], z[i], vx[i], vy[i], vz[i] = path(each.law, p)
+        _lead(each, x, y, z, vx, vy, vz, t)
+
+
+@shared  # formulas are long, and driven from several places of several kernels
+def _lead(motion: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any, t: Any) -> None:
+    for k in range(motion.rows.size):
+        i = motion.rows[k]
+        p = Particle(motion.x[k], motion.y[k], motion.z[k], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, t, 1.0)
+        x[i], y[i], z[i], vx[i], vy[i], vz[i] = path(motion.law, p)
 
 
 @kernel

@@ -8,20 +8,21 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest` takes
 such particles through their step, in vectors.
 
-Whether a way crosses a collider, such as a ball, and comes out of it again is seen on the straight line from its beginning
-to its end.
+Whether a way crosses a collider, such as a ball or a thin sheet, and comes out of it again is seen on the parabola from
+its beginning to its end (`particlesim.colliders.way`).
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.colliders.response import crossable
+from particlesim.colliders.response import crossable, opposite
+from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
 from particlesim.engine.step.resting import settled
-from particlesim.laws.registry import PASS, contact, gap, moved_to, passing
+from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
@@ -30,8 +31,6 @@ MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
-MAX_CROSSINGS = 8
-"""Colliders in each other's shadow among which the first one that a way crosses is looked for."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
@@ -84,9 +83,18 @@ def ahead(colliders: Any, on: Any, p: Any) -> Any:
     return min(free, ahead(colliders[1:], on[1:], p))
 
 
-def below(colliders: Any, on: Any, p: Any) -> Any:
-    """The smallest gap to the colliders on which the particle lies [m]; positive where there are none."""
-    return ahead(colliders, tuple(not each for each in on), p)
+def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether the particle is deeper than `slack` in a collider on which it lies."""
+    if len(colliders) == 0:
+        return False
+    return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
+
+
+def inside(colliders: Any, on: Any, p: Any) -> Any:
+    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
+    if len(colliders) == 0:
+        return False
+    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
 
 
 def nowhere(colliders: Any) -> Any:
@@ -94,29 +102,51 @@ def nowhere(colliders: Any) -> Any:
     return tuple(False for _ in colliders)
 
 
-def crossing(colliders: Any, on: Any, p: Any, q: Any) -> Any:
-    """Where the straight way from p to q first is deepest inside a collider that it comes out of again: a part of the way,
-    1 where there is none. What a particle lies on it does not cross."""
+def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies."""
+    if len(colliders) == 0:
+        return True
+    others = all_apart(colliders[1:], on[1:], p, q, h, slack)
+    return others & (apart(colliders[0], p, q, h, slack) | on[0]) if crossable(colliders[0]) else others
+
+
+def first_crossing(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end.
+    What a particle lies on it does not cross."""
     if len(colliders) == 0:
         return type_of(p.x, 1)
-    rest = crossing(colliders[1:], on[1:], p, q)
+    others = first_crossing(colliders[1:], on[1:], p, q, h, slack)
     if not crossable(colliders[0]):
-        return rest
-    s = passing(colliders[0], p, q)
-    x, y, z = p.x + s * (q.x - p.x), p.y + s * (q.y - p.y), p.z + s * (q.z - p.z)
-    there = moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t)
-    inside = (s > 0) & (gap(colliders[0], there) < 0) & (not on[0])
-    return min(s if inside else type_of(s, 1), rest)
+        return others
+    return others if on[0] else min(first_contact(colliders[0], p, q, h, slack), others)
 
 
-def overlapped(contacts: Any, p: Any, q: Any) -> Any:
-    """Whether the step from p to q meets a collider; never for simple contacts."""
+def turned_away(colliders: Any, p: Any, q: Any) -> Any:
+    """Whether p and q, which are close to each other, are on different sides of a thin collider that q is inside of."""
+    if len(colliders) == 0:
+        return False
+    others = turned_away(colliders[1:], p, q)
+    if not crossable(colliders[0]):
+        return others
+    return others | ((gap(colliders[0], q) < 0) & opposite(colliders[0], p, q))
+
+
+def straight(p: Any, q: Any, h: Any) -> Any:
+    """The particle p with the velocity that leads straight to q in a time h: the way of what glides."""
+    k = type_of(h, 1) / h
+    return moved_to(p, p.x, p.y, p.z, k * (q.x - p.x), k * (q.y - p.y), k * (q.z - p.z), p.t)
+
+
+def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    inside = (nearest(contacts.continuous, q) < 0) | (nearest(contacts.discrete, q) < 0)
+    colliders = contacts.continuous + contacts.discrete
+    met = inside(colliders, nowhere(colliders), q)
     if not any(crossable(c) for c in contacts.continuous):
-        return inside
-    return inside | (crossing(contacts.continuous, nowhere(contacts.continuous), p, q) < 1)
+        return met
+    nothing = nowhere(contacts.continuous)
+    return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
 
 
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -124,10 +154,10 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     is nothing to trace."""
     slack = rounding(contacts, p)
     r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
-    calm = any(on) & (turn >= 1) & (below(contacts.continuous, on, r) >= -slack)
-    calm &= (ahead(contacts.continuous, on, r) >= 0) & (nearest(contacts.discrete, r) >= 0)
+    calm = any(on) & (turn >= 1) & (not sunk(contacts.continuous, on, r, slack))
+    calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r)
     if any(crossable(c) for c in contacts.continuous):
-        calm &= crossing(contacts.continuous, on, p, r) >= 1
+        calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
     return r, calm
 
 
@@ -141,6 +171,11 @@ def respond(contacts: Any, p: Any) -> Any:
 def rounding(contacts: Any, p: Any) -> Any:
     """Gaps that are nothing but rounding errors [m]."""
     return contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r + contacts.reach)
+
+
+def farther(contacts: Any, p: Any, q: Any) -> Any:
+    """Rounding errors of gaps along the way from p to q [m]."""
+    return max(rounding(contacts, p), rounding(contacts, q))
 
 
 @outlined
@@ -170,11 +205,11 @@ def _glide(
         slack = rounding(contacts, p)
         r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
         sweeps = 1
-        while turn >= 1 and below(contacts.continuous, on, r) < -slack and sweeps < MAX_SWEEPS:
+        while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
             r, more, turn = settled(contacts.continuous, p, r, h, contacts.tolerance, slack)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
-        if below(contacts.continuous, on, r) < -slack:
+        if sunk(contacts.continuous, on, r, slack):
             r = moved_to(r, p.x, p.y, p.z, r.vx, r.vy, r.vz, r.t)
         if any(on):
             q, memory = r, restart(memory)
@@ -219,22 +254,41 @@ def _time_of_impact(
     return late
 
 
-def _end(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
-) -> Any:
-    """When the first impact in (0, h] is sure to have been: h, or where the particle is deepest inside the first collider
-    that it crosses."""
+def _crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
+    """When a step of h from p to q first crosses a collider, h where it does not, and where that is."""
     if not any(crossable(c) for c in contacts.continuous):
-        return h
-    end = h
-    for _ in range(MAX_CROSSINGS):
-        q, _, on, _ = _glide(method, dynamics, forces, contacts, p, end, memory, calm)
-        middle = end * crossing(contacts.continuous, on, p, q)
-        q, _, on, _ = _glide(method, dynamics, forces, contacts, p, middle, memory, calm)
-        if not (middle < end and ahead(contacts.continuous, on, q) < 0):
-            break
-        end = middle
-    return end
+        return h, q
+    chord = straight(p, q, h)
+    if not any(on):
+        chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
+    s = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
+    return h * s, place_on(way_of(chord, q, h), p, s)
+
+
+@outlined
+def _reached(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    late: Any,
+    place: Any,
+    memory: Any,
+    calm: Any,
+) -> Any:
+    """The particle in the collider that it crosses at the time `late`, and whether its method brought it there.
+
+    A step to that time may lead elsewhere than the parabola, by its error of third order: beside the collider, or behind it.
+    Then the parabola is right, as no way may lead through anything.
+    """
+    q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
+    there = moved_to(q, place.x, place.y, place.z, q.vx, q.vy, q.vz, q.t)
+    exact = ahead(contacts.continuous, on, q) < 0
+    if turned_away(contacts.continuous, there, q):
+        exact = False
+    x, y, z = q.x if exact else there.x, q.y if exact else there.y, q.z if exact else there.z
+    return moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t), exact
 
 
 @outlined
@@ -264,10 +318,13 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 left = left - tau
                 impacts += 1
                 continue
-            late = _end(method, dynamics, forces, contacts, p, left, memory, calm)
+            late, place = _crossing(contacts, on, p, q, left)
             if not (late < left or ahead(contacts.continuous, on, q) < 0):
                 p, memory = q, after
                 break
+            exact = True
+            if late < left:
+                q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, calm)
             if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
@@ -276,14 +333,17 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 # From now on it lies where it touches.
                 calm, stalls = True, 0
                 continue
-            tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, calm)
+            tau = late
+            if exact:
+                tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, calm)
             # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
             half = type_of(h, 0.5)
             top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, calm)
             low = ahead(contacts.continuous, on, top) <= rounding(contacts, p)
             stalls = stalls + 1 if low or tau < h / 1048576 else 0
             impacts += 1
-            q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+            if exact:
+                q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
             p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
             left = left - tau

@@ -25,6 +25,8 @@ from particlesim.colliders.response import (
     ResponseRecord,
     along,
     belt_along,
+    crossable,
+    opposite,
     put_back,
     rebound,
     sliding,
@@ -39,8 +41,34 @@ def lies(c: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
     """Whether a step from p to q is rest on a collider. Any hop of p is shorter than the step, and so are all that would
     follow; one on an elastic collider does not end, unless there is none."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    here = (gap(c, p) <= slack) & (gap(c, q) < 0) & (coasting >= -slack)
+    here = (gap(c, p) <= slack) & (sunk(c, p, q)[0] < 0) & (coasting >= -slack)
     return here & ((c.response.bounce < 2) | (coasting <= slack)) & (c.response.outcome == PASS)
+
+
+def sunk(c: Any, p: Any, q: Any) -> Any:
+    """Gap and normal of a collider for the end q of a step from p, which touches it: those of the side that p is on. A free
+    step may well lead through a thin sheet on which a particle lies, and there is no other side for it."""
+    g, n = gap(c, q), normal(c, q)
+    if not crossable(c):
+        return g, n
+    m = normal(c, p)
+    depth = gap(c, p) + m[0] * (q.x - p.x) + m[1] * (q.y - p.y) + m[2] * (q.z - p.z)
+    behind = opposite(c, p, q) & (depth < 0)
+    return depth if behind else g, tuple(a if behind else b for a, b in zip(m, n, strict=True))
+
+
+def lifted(c: Any, p: Any, q: Any) -> Any:
+    """The place of q put back on the side of a collider that p is on."""
+    if not crossable(c):
+        return put_back(c.shape, q, gap(c, q), normal(c, q))
+    g, n = sunk(c, p, q)
+    x, y, z = put_back(c.shape, q, gap(c, q), normal(c, q))
+    behind = opposite(c, p, q)
+    return (
+        q.x - g * n[0] if behind else x,
+        q.y - g * n[1] if behind else y,
+        q.z - g * n[2] if behind else z,
+    )
 
 
 def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
@@ -68,11 +96,11 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around."""
     response, one = c.response, type_of(h, 1)
     zero = one - one
-    g, n = gap(c, q), normal(c, q)
+    _, n = sunk(c, p, q)
     approach = along(n, q)
     push = max(-approach, zero)
     if response.friction is None:
-        there = _at(q, put_back(c.shape, q, g, n), (q.vx, q.vy, q.vz))
+        there = _at(q, lifted(c, p, q), (q.vx, q.vy, q.vz))
         dull = ResponseRecord(one, response.loss, response.keep, response.outcome, None, None, response.belt)
         after = rebound(dull, n, approach, q)
         hit = approach < 0
@@ -104,11 +132,13 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
     there = _at(q, ends, (q.vx, q.vy, q.vz))
-    ends = put_back(c.shape, there, gap(c, there), normal(c, there))
+    ends = lifted(c, p, there)
     if response.belt is None:
         rests = calm & (not slides)
         ends = tuple(old if rests else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
-    slid = tuple(None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True))
+    slid = tuple(
+        None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
+    )
     turns = not (slides | calm | firm)
     return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from particlesim.compiler import kernel
 from particlesim.render.kernels.project import BAND
-from particlesim.render.kernels.records import Array, Float32s, Ints, Layers, View
+from particlesim.render.kernels.records import BLOCK, Array, Float32s, Ints, Layers, View
 
 
 @kernel
@@ -76,6 +76,32 @@ def raster_depth(discs: Float32s, row0: int, scale: float, depth: Float32s) -> N
                     d = z - sqrt(h2) * inv
                     if d < depth[y, x]:
                         depth[y, x] = d
+
+
+def least_around(depth: Float32s) -> Float32s:
+    """The least depth among the texels that points in each block of a map are tested against: those of the block, one
+    before it and two behind."""
+    blocks = -(-len(depth) // BLOCK)
+    across, least = np.empty((len(depth), blocks), np.float32), np.empty((blocks, blocks), np.float32)
+    least_of_blocks(depth, across, least)
+    return least
+
+
+@kernel
+def least_of_blocks(depth: Float32s, across: Float32s, least: Float32s) -> None:
+    """Write `least`; `across` [rows, blocks] is scratch."""
+    size, blocks = len(depth), len(least)
+    for y in range(size):
+        for b in range(blocks):
+            low = depth[y, b * BLOCK]
+            for x in range(max(b * BLOCK - 1, 0), min((b + 1) * BLOCK + 2, size)):
+                low = min(low, depth[y, x])
+            across[y, b] = low
+    for b in range(blocks):
+        least[b, :] = across[b * BLOCK, :]
+        for y in range(max(b * BLOCK - 1, 0), min((b + 1) * BLOCK + 2, size)):
+            for k in range(blocks):
+                least[b, k] = min(least[b, k], across[y, k])
 
 
 def sky_moments(depth: Float32s, base: float, k: int, mean: Float32s, square: Float32s) -> None:

@@ -31,6 +31,10 @@ def axes_of(rows: npt.ArrayLike) -> Axes:
     return triple(right), triple(up), triple(forward)
 
 
+BLOCK = 8
+"""Texels along a side of the blocks of a shadow map."""
+
+
 class View(NamedTuple):
     """A pinhole camera: `axes` rows are right, up and forward; `focal` is in (super)samples."""
 
@@ -76,10 +80,11 @@ class Backdrop(NamedTuple):
 
 
 class ShadowMap(NamedTuple):
-    """Distance from the light's plane to the nearest sphere, [size, size]; a map of size 1 casts no
-    shadow."""
+    """Distance from the light's plane to the nearest sphere, [size, size], and the `least` of it in and closely around each
+    block of BLOCK × BLOCK texels; a map of size 1 casts no shadow."""
 
     depth: Float32s
+    least: Float32s
     axes: Axes
     scale: float
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from math import exp, floor, sqrt
+from math import floor, sqrt
 
 import numpy as np
 
-from particlesim.compiler import kernel
+from particlesim.compiler import kernel, on_stack
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
+    BLOCK,
     Array,
-    Backdrop,
     Float32s,
     Layers,
     Light,
     Paths,
-    Planes,
     ShadowMap,
     SkyMap,
     Triple,
@@ -23,6 +22,9 @@ from particlesim.render.kernels.records import (
 )
 
 RGB = Triple
+
+TILE = 128
+"""Samples of a row that are in work together: their numbers stay in the first-level cache."""
 
 
 def row_of(array: Float32s, k: int) -> Triple:
@@ -59,15 +61,24 @@ def _on_map(map_: ShadowMap | SkyMap, size: int, x: float, y: float, z: float) -
 
 
 def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
-    """Share of the key light that reaches a point: 4 × 4 depth tests weighed by a bilinear filter of width
-    3."""
-    depth, size = shadow.depth, len(shadow.depth)
+    """Share of the key light that reaches a point."""
+    size = len(shadow.depth)
     u, v, deep = _on_map(shadow, size, x, y, z)
     if not (1.0 <= u < size - 3 and 1.0 <= v < size - 3):
         return 1.0
-    i, j = int(u), int(v)
+    return light_at(shadow, u, v, deep)
+
+
+def light_at(shadow: ShadowMap, u: float, v: float, deep: float) -> float:
+    """Share of the key light in a column and row of its map: 4 × 4 depth tests weighed by a bilinear filter of width 3.
+
+    Most points have nothing over them far and wide, which a single test tells.
+    """
+    depth = shadow.depth
+    i, j, d = int(u), int(v), np.float32(deep)
+    if shadow.least[j // BLOCK, i // BLOCK] >= d:
+        return 1.0
     fu, fv = u - i, v - j
-    d = np.float32(deep)
     total = 0.0
     for q in range(4):
         row = j - 1 + q
@@ -79,99 +90,37 @@ def light_share(shadow: ShadowMap, x: float, y: float, z: float) -> float:
 
 
 def open_sky(sky: SkyMap, x: float, y: float, z: float) -> float:
-    """Share of the sky that a point sees.
-
-    With mean μ and mean square s of the heights around, and the point at height h < μ, a share
-    f = (μ − h)² / (s − 2 h μ + h²) stands above it (Chebyshev; exact for two heights) at a mean distance
-    H = (s − 2 h μ + h²) / (μ − h). What stands far above darkens little.
-    """
+    """Share of the sky that a point sees."""
     size = len(sky.mean)
     if size < 2:
         return 1.0
     u, v, deep = _on_map(sky, size, x, y, z)
     if not (0.0 <= u < size - 1 and 0.0 <= v < size - 1):
         return 1.0
+    return sky_at(sky, u, v, -deep - sky.base)
+
+
+def sky_at(sky: SkyMap, u: float, v: float, h: float) -> float:
+    """Share of the sky that a point at height h sees in a column and row of its map.
+
+    With mean μ > h and mean square s of the heights around, a share f = (μ − h)² / (s − 2 h μ + h²) stands above it
+    (Chebyshev; exact for two heights) at a mean distance H = (s − 2 h μ + h²) / (μ − h). What stands far above darkens
+    little.
+    """
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
     w00, w01, w10, w11 = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
     m, s = sky.mean, sky.square
     mu = w00 * m[j, i] + w01 * m[j, i + 1] + w10 * m[j + 1, i] + w11 * m[j + 1, i + 1]
-    sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
-    h = -deep - sky.base
     rise = mu - h
     if rise <= 5e-4:
         return 1.0
+    sq = w00 * s[j, i] + w01 * s[j, i + 1] + w10 * s[j + 1, i] + w11 * s[j + 1, i + 1]
     spread = max(sq - 2.0 * h * mu + h * h, rise * rise)
     away = spread / rise / sky.reach
     sure = min((rise - 5e-4) / (0.03 * sky.reach), 1.0)  # the moments carry rounding errors
     shaded: float = 0.9 * sure * rise * rise / spread / (1.0 + 0.25 * away * away)
     return 1.0 - shaded
-
-
-def _lines(x: float, footprint: float, width: float) -> float:
-    """Coverage of lines of `width` at the integers, averaged over `footprint`: the integral's difference
-    quotient."""
-    w = max(footprint, 1e-4)
-    a, b = x + 0.5 * width + 0.5 * w, x + 0.5 * width - 0.5 * w
-    ia = floor(a) * width + min(a - floor(a), width)
-    ib = floor(b) * width + min(b - floor(b), width)
-    return (ia - ib) / w
-
-
-def _grid(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> float:
-    """Opacity of the grid at a point of plane k; `along`, `down`: how the point moves by one sample right
-    and down."""
-    u, v = row_of(planes.u, k), row_of(planes.v, k)
-    inv = 1.0 / planes.spacing
-    gu, gv = dot(p, u) * inv, dot(p, v) * inv
-    fu, fv = (abs(dot(along, u)) + abs(dot(down, u))) * inv, (abs(dot(along, v)) + abs(dot(down, v))) * inv
-    fine = max(_lines(gu, fu, 0.016), _lines(gv, fv, 0.016))
-    bold = max(_lines(0.2 * gu, 0.2 * fu, 0.0042), _lines(0.2 * gv, 0.2 * fv, 0.0042))
-    return min(0.42 * fine + 0.5 * bold, 1.0)
-
-
-def _backdrop(backdrop: Backdrop, view: View, x: int, y: int) -> RGB:
-    """A vertical gradient that darkens a little towards the corners."""
-    sx, sy = (x + 0.5) / view.width - 0.5, (y + 0.5) / view.height
-    s = sy * sy * (3.0 - 2.0 * sy)
-    dim = 1.0 - 0.35 * (sx * sx + (sy - 0.5) * (sy - 0.5))
-    t, b = backdrop.top, backdrop.bottom
-    return (
-        (t[0] + (b[0] - t[0]) * s) * dim,
-        (t[1] + (b[1] - t[1]) * s) * dim,
-        (t[2] + (b[2] - t[2]) * s) * dim,
-    )
-
-
-def _hit(planes: Planes, eye: Triple, ray: Triple) -> tuple[int, float]:
-    """The drawn plane that the ray from the camera meets first (−1: none) and the ray's parameter."""
-    best, t_best = -1, np.inf
-    for k in range(len(planes.point)):
-        n, p = row_of(planes.normal, k), row_of(planes.point, k)
-        slope = dot(n, ray)
-        if not planes.facing[k] or slope > -1e-7:
-            continue
-        t = (n[0] * (p[0] - eye[0]) + n[1] * (p[1] - eye[1]) + n[2] * (p[2] - eye[2])) / slope
-        if t < t_best:
-            best, t_best = k, t
-    return best, t_best
-
-
-def _plane_share(planes: Planes, k: int, p: Triple, along: Triple, down: Triple) -> tuple[float, float]:
-    """Coverage of plane k at its point p (it ends where an undrawn plane cuts it) and darkening near the
-    others."""
-    cover, crease = 1.0, 1.0
-    for j in range(len(planes.point)):
-        if j == k:
-            continue
-        n, q = row_of(planes.normal, j), row_of(planes.point, j)
-        away = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
-        step = abs(dot(n, along)) + abs(dot(n, down))
-        if not planes.facing[j]:
-            cover = min(cover, away / max(step, 1e-7) + 0.5)
-        else:
-            crease *= 1.0 - 0.4 * exp(-9.0 * max(away, 0.0))
-    return min(max(cover, 0.0), 1.0), crease
 
 
 def shaded(light: Light, albedo: Triple, key: float, ambient: float, up: float, shine: float) -> RGB:
@@ -183,52 +132,6 @@ def shaded(light: Light, albedo: Triple, key: float, ambient: float, up: float, 
         albedo[1] * (k[1] * key + ambient * (b[1] + up * (s[1] - b[1]))) + shine * k[1],
         albedo[2] * (k[2] * key + ambient * (b[2] + up * (s[2] - b[2]))) + shine * k[2],
     )
-
-
-def behind(
-    view: View,
-    planes: Planes,
-    light: Light,
-    backdrop: Backdrop,
-    shadow: ShadowMap,
-    sky: SkyMap,
-    x: int,
-    y: int,
-    ray: Triple,
-) -> RGB:
-    """Colour of planes and background in a sample with a ray of the scene."""
-    dx, dy, dz = ray
-    r, g, b = _backdrop(backdrop, view, x, y)
-    k, t = _hit(planes, view.eye, ray)
-    if k < 0:
-        return r, g, b
-    n, e = row_of(planes.normal, k), view.eye
-    p = (e[0] + t * dx, e[1] + t * dy, e[2] + t * dz)
-    far = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
-    fade = exp(-(max(sqrt(far) - 1.2, 0.0) ** 2) * 0.16)
-    if fade < 0.004:
-        return r, g, b
-    # The point p = e + t d stays on the plane when the ray turns: dp = t (dd − d (n·dd) / (n·d)).
-    inv = 1.0 / dot(n, ray)
-    a, s = view.axes, t / view.focal
-    na, nd = dot(n, a[0]) * inv, dot(n, a[1]) * inv
-    along = (s * (a[0][0] - dx * na), s * (a[0][1] - dy * na), s * (a[0][2] - dz * na))
-    down = (s * (a[1][0] - dx * nd), s * (a[1][1] - dy * nd), s * (a[1][2] - dz * nd))
-    cover, crease = _plane_share(planes, k, p, along, down)
-    cover *= fade
-    if cover <= 0.0:
-        return r, g, b
-    direction = light.direction
-    lambert = max(dot(n, direction), 0.0)
-    if lambert > 0.0:
-        lambert *= light_share(shadow, p[0] + 2e-3 * n[0], p[1] + 2e-3 * n[1], p[2] + 2e-3 * n[2])
-    ambient = crease * open_sky(sky, p[0], p[1], p[2])
-    up = 0.5 + 0.5 * dot(n, light.up)
-    line = _grid(planes, k, p, along, down)
-    ground, grid = backdrop.ground, backdrop.line
-    rgb = (r, g, b)
-    r, g, b = mix(ground[0], ground[1], ground[2], grid, line)
-    return mix(rgb[0], rgb[1], rgb[2], shaded(light, (r, g, b), lambert, ambient, up, 0.0), cover)
 
 
 def shade_sphere(
@@ -295,9 +198,7 @@ def shade_sphere(
 def shade_band(
     row0: int,
     view: View,
-    planes: Planes,
     light: Light,
-    backdrop: Backdrop,
     shadow: ShadowMap,
     sky: SkyMap,
     sphere: Float32s,
@@ -307,8 +208,8 @@ def shade_band(
     paths: Paths,
     image: Float32s,
 ) -> None:
-    """Write the band's samples, `image` [rows, width, 3], linear light: planes, trails, second and first
-    sphere."""
+    """Blend trails, second and first sphere over the background in the band's samples, `image` [rows, width, 3], in linear
+    light."""
     inv = 1.0 / view.focal
     near_depth, near_id, far_id = layers.near, layers.near_id, layers.far_id
     trail_alpha, trail_depth, trail_color = paths.alpha, paths.depth, paths.color
@@ -318,26 +219,18 @@ def shade_band(
         for x in range(view.width):
             vx = (x + 0.5 - 0.5 * view.width) * inv
             near, far = near_id[y, x], far_id[y, x]
+            trail = float(trail_alpha[y, x]) if trails else 0.0
+            if near < 0 and trail <= 0.0:
+                continue
             cr, cg, cb, cover = 0.0, 0.0, 0.0, 0.0
             if near >= 0:
                 cr, cg, cb, cover = shade_sphere(
                     view, light, shadow, sky, ball_of(sphere, near), row_of(palette, color[near]), vx, vy
                 )
-            trail = float(trail_alpha[y, x]) if trails else 0.0
             over = trail > 0.0 and trail_depth[y, x] < near_depth[y, x]
             r, g, b = 0.0, 0.0, 0.0
             if cover < 1.0:
-                r, g, b = behind(
-                    view,
-                    planes,
-                    light,
-                    backdrop,
-                    shadow,
-                    sky,
-                    x,
-                    row0 + y,
-                    to_world(view, vx, vy, 1.0),
-                )
+                r, g, b = image[y, x, 0], image[y, x, 1], image[y, x, 2]
                 if trail > 0.0 and not over:
                     r, g, b = mix(r, g, b, row_of(palette, trail_color[y, x]), trail)
                 if far >= 0:
@@ -440,16 +333,28 @@ def develop(image: Float32s, rows: int, samples: int, exposure: float, curve: Fl
     The dither, a fixed pattern of half a step (interleaved gradient noise), keeps dark gradients free of
     bands.
     """
-    top = len(curve) - 1
+    top, width = len(curve) - 1, out.shape[1]
     share = 0.25 * exposure / (samples * samples)
+    room = on_stack(2, TILE, np.float64)
+    value, noise = room[0], room[1]
+    # One thing after another for some samples of a row: loops without branches, which become vector instructions.
     for y in range(rows):
-        for x in range(out.shape[1]):
-            noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)
-            noise -= floor(noise)
+        for start in range(0, width, TILE):
+            n = min(TILE, width - start)
+            for x in range(n):
+                place = 0.06711056 * (start + x) + 0.00583715 * y
+                pattern = 52.9829189 * (place - np.floor(place))
+                noise[x] = pattern - np.floor(pattern)
             for c in range(3):
-                total = 0.0
+                for x in range(n):
+                    value[x] = 0.0
                 for q in range(samples):
                     for p in range(samples):
-                        total += image[y * samples + q, x * samples + p, c]
-                value = curve[int(sqrt(min(max(total * share, 0.0), 1.0)) * top)]
-                out[y, x, c] = int(min(value + noise, 255.0))
+                        for x in range(n):
+                            value[x] += image[y * samples + q, (start + x) * samples + p, c]
+                for x in range(n):
+                    value[x] = sqrt(min(max(value[x] * share, 0.0), 1.0)) * top
+                for x in range(n):
+                    value[x] = curve[int(value[x])]
+                for x in range(n):
+                    out[y, start + x, c] = int(min(value[x] + noise[x], 255.0))

@@ -9,11 +9,9 @@ from particlesim.render.kernels.multisample import SUBSAMPLES
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
     Array,
-    Backdrop,
     Float32s,
     Light,
     Paths,
-    Planes,
     Samples,
     ShadowMap,
     SkyMap,
@@ -24,7 +22,6 @@ from particlesim.render.kernels.records import (
 from particlesim.render.kernels.shade import (
     RGB,
     ball_of,
-    behind,
     dot,
     light_share,
     mix,
@@ -219,9 +216,7 @@ def _together(samples: Samples, y: int, x: int, s: int, q: int, first: int, last
 def shade_samples(
     row0: int,
     view: View,
-    planes: Planes,
     light: Light,
-    backdrop: Backdrop,
     shadow: ShadowMap,
     sky: SkyMap,
     sphere: Float32s,
@@ -233,8 +228,8 @@ def shade_samples(
     paths: Paths,
     image: Float32s,
 ) -> None:
-    """Write the band's samples, `image` [rows, width, 3]: each thing that a sample sees is lit once, and weighed by the
-    number of points in which it is seen."""
+    """Blend things over the background in the band's samples, `image` [rows, width, 3]: each thing that a sample sees is
+    lit once, and weighed by the number of points in which it is seen."""
     inv = 1.0 / view.focal
     triangles, tubes = len(sphere), len(sphere) + len(solids.corner)
     trails = len(paths.alpha) > 0
@@ -274,8 +269,7 @@ def shade_samples(
                 empty = 0.0
                 for s in range(SUBSAMPLES):
                     empty += 0.0 if done >> s & 1 else 1.0 / SUBSAMPLES
-                ray = to_world(view, vx, vy, 1.0)
-                cr, cg, cb = behind(view, planes, light, backdrop, shadow, sky, x, row0 + y, ray)
+                cr, cg, cb = image[y, x, 0], image[y, x, 1], image[y, x, 2]
                 if trail > 0.0:
                     cr, cg, cb = mix(cr, cg, cb, row_of(palette, paths.color[y, x]), trail)
                 r, g, b = r + empty * cr, g + empty * cg, b + empty * cb

@@ -9,7 +9,8 @@ import numpy as np
 
 from particlesim.render.kernels.records import Array, View, axes_of, triple
 from particlesim.render.scene.extents import Survey
-from particlesim.render.scene.source import BallShape, PlaneShape
+from particlesim.render.scene.props import extent
+from particlesim.render.scene.source import BallShape, MeshShape, PlaneShape
 from particlesim.scenario.rendering import Camera
 
 FILL = 0.84
@@ -61,10 +62,12 @@ def choose_viewpoint(
     planes: tuple[PlaneShape, ...],
     aspect: float,
     balls: tuple[BallShape, ...] = (),
+    meshes: tuple[MeshShape, ...] = (),
 ) -> Viewpoint:
     """Complete the camera. `radius`: drawn radius [m]; `aspect`: width over height."""
     up = np.array(camera.up, float)
-    points = np.concatenate([scene.points, room_corners(planes, scene), ball_poles(balls, scene)])
+    stage = among(extent(meshes, 0.0), scene)
+    points = np.concatenate([scene.points, room_corners(planes, scene), ball_poles(balls, scene), stage])
     if not len(points):
         points = np.zeros((1, 3))
     low, high = points.min(axis=0), points.max(axis=0)
@@ -166,6 +169,11 @@ def ball_poles(balls: tuple[BallShape, ...], scene: Survey) -> Array:
     points = np.concatenate(
         [np.empty((0, 3)), *(np.array(ball.center) + ball.radius * ends for ball in balls)]
     )
+    return among(points, scene)
+
+
+def among(points: Array, scene: Survey) -> Array:
+    """Those of some points that lie among the particles, or not far from them, shape [k, 3]."""
     return points[(np.abs(points - scene.center) <= 1.5 * scene.half_extent).all(axis=1)]
 
 

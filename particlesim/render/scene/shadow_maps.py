@@ -46,8 +46,10 @@ def depth_map(cast: Cast, axes: Axes, size: int, reach: float, team: Team) -> Ar
         discs = np.empty((len(mine), 4), np.float32)
         project.gather(disc, mine, discs)
         raster.raster_depth(discs, b * BAND, scale, depth)
-        depth_of_triangles(disc, solids.corner, triangle_box, _of_band(triangles, b), b * BAND, depth)
-        depth_of_tubes(disc, solids.end, wide, tube_box, _of_band(tubes, b), b * BAND, depth)
+        if len(mine := _of_band(triangles, b)):
+            depth_of_triangles(disc, solids.corner, triangle_box, mine, b * BAND, depth)
+        if len(mine := _of_band(tubes, b)):
+            depth_of_tubes(disc, solids.end, wide, tube_box, mine, b * BAND, depth)
 
     team.each(band, len(spheres[0]) - 1)
     return depth

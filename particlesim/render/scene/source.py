@@ -1,8 +1,8 @@
-"""What the renderer draws: planes, balls, and a source of recorded frames."""
+"""What the renderer draws: planes, balls, other shapes, and a source of recorded frames."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -26,6 +26,24 @@ class BallShape:
 
     center: tuple[float, float, float]
     radius: float
+
+
+Pose = tuple[tuple[float, float, float], npt.NDArray[Any]]
+"""Where the origin of a shape's frame is [m], and the rotation [3, 3] from its axes to those of the world."""
+
+
+@dataclass(frozen=True)
+class MeshShape:
+    """Any other shape: corners [m], shape [n, 3], and triangles [m, 3] with their fronts outwards.
+
+    Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
+    is at a time [s].
+    """
+
+    corners: npt.NDArray[Any]
+    triangles: npt.NDArray[Any]
+    hollow: bool = False
+    pose: Callable[[float], Pose] | None = None
 
 
 class Frame(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.interactions import PairInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import group_tables, interacting, unmoved
 from particlesim.scenario.tables import Tables
@@ -27,10 +28,20 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
             yield Invalid(why, at, (((*path, "dynamics"), "here"),))
     for k, each in enumerate(scenario.interactions):
         groups = interacting(each, scenario.groups)
+        for key, name in strangers(each, [group.name for group in groups]):
+            yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
         if not groups:
             yield Invalid(f"no group can feel {each.label}", ("interactions", k))
         for group in groups:
             path, _ = tables[group.name]
+            if missing := each.lacks(group.name):
+                key, what = missing
+                yield Invalid(
+                    f"the {what} is missing",
+                    ("interactions", k, key),
+                    ((path, "this group interacts"),),
+                    hint="give it, or name the groups that interact with on = [...]",
+                )
             for attribute in sorted(each.needs()):
                 if not group.may_have(attribute):
                     yield Invalid(
@@ -39,6 +50,14 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
                         ((path, f"no {attribute} here"),),
                         hint=f"give the group a {attribute}, or name the groups that interact with on = [...]",
                     )
+
+
+def strangers(each: PairInteraction, groups: list[str]) -> Iterator[tuple[str, str]]:
+    """Groups in tables of an interaction that are not among its own: the key of the table, and the name."""
+    for key in type(each).model_fields:
+        value = getattr(each, key)
+        if isinstance(value, dict) and key in each.by_group:
+            yield from ((key, name) for name in value if name not in groups)
 
 
 def coupled(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:

@@ -1,0 +1,33 @@
+"""What a scenario may say of how a surface rebounds and rubs: restitution by speed, static and kinetic friction."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from particlesim.model.base import Model
+from particlesim.model.units import MetresPerSecond, Number
+
+
+class Friction(Model):
+    """Coulomb friction: what lies still holds up to μ_s N, what slides feels μ_k N."""
+
+    static: Annotated[Number, Ge(0)]
+    """Coefficient of static friction μ_s."""
+    kinetic: Annotated[Number, Ge(0)]
+    """Coefficient of kinetic friction μ_k, also that of impacts."""
+
+
+class FallingRestitution(Model):
+    """Restitution that falls with the speed of the impact: e = value up to `speed`, value (v/speed)^(−exponent) above.
+
+    Source: impacts that deform plastically have e ∝ v^(−1/4) (Johnson, Contact Mechanics, 1985, section 11.5).
+    """
+
+    value: Annotated[Number, Ge(0), Le(1)]
+    """Restitution of slow impacts."""
+    speed: Annotated[MetresPerSecond, Gt(0)]
+    """Normal speed above which it falls."""
+    exponent: Annotated[Number, Gt(0), Le(1)] = 0.25
+    """How fast it falls: 1/4 where impacts deform plastically. Up to 1, where what is left no longer grows."""

@@ -1,0 +1,124 @@
+"""Solids: bodies with an inside and an outside, from which particles stay out, or which they fill as a container.
+
+A solid's record has the laws `gap` and `normal` of what stays outside of it. As a container it has −g of a point, less the
+radius of the particle. A particle that is a ball reaches into no corner of a container: there it touches two walls.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+from particlesim.colliders.base import Collider
+from particlesim.colliders.triangulation import Triangles
+from particlesim.colliders.way import (
+    concave_apart,
+    convex_apart,
+    convex_contact,
+    lipschitz_apart,
+    marched_contact,
+)
+from particlesim.laws.registry import Particle, Vector, apart, first_contact, further, gap, law, normal
+from particlesim.model.base import Model
+
+
+class Solid(Model):
+    """A shape that a collider may have, and of which others are put together."""
+
+    kind: ClassVar[str]
+    """What the shape is called."""
+    convex: ClassVar[bool] = True
+    """Whether it has no dents."""
+
+    def geometry(self) -> Any:
+        """The solid as kernels take it."""
+        raise NotImplementedError
+
+    def grain(self) -> float:
+        """A ten-thousandth of its smallest radius of curvature [m]: the shortest step of a search along a way."""
+        raise NotImplementedError
+
+    def farthest(self) -> float:
+        """The farthest coordinate of its surface [m]."""
+        raise NotImplementedError
+
+    def words(self) -> str:
+        """Where it is and how large."""
+        raise NotImplementedError
+
+    def triangles(self) -> Triangles:
+        """Its surface for pictures."""
+        raise NotImplementedError
+
+
+GRAIN = 1e-4
+"""Shortest step of a search along a way, in units of the smallest radius of a shape."""
+
+
+class SolidCollider(Collider):
+    """A solid that particles stay out of, or a container that they stay in."""
+
+    inside: bool = False
+    """Whether particles stay inside, as in a container, instead of outside."""
+
+    def shape(self) -> Any:
+        solid: Any = self
+        if not self.inside:
+            return solid.geometry()
+        return (HollowConvexRecord if solid.convex else HollowRecord)(solid.geometry(), solid.grain())
+
+    def reach(self) -> float:
+        solid: Any = self
+        return float(solid.farthest())
+
+    def describe(self) -> str:
+        solid: Any = self
+        return f"{'inside of ' if self.inside else ''}{solid.words()}"
+
+
+def is_convex(record: type) -> None:
+    """Ways towards shapes with this record are searched as those of convex ones."""
+    law(apart, record)(convex_apart)
+    law(first_contact, record)(convex_contact)
+
+
+class HollowRecord(NamedTuple):
+    """The inside of a solid, and the shortest step of a search [m]."""
+
+    shape: Any
+    grain: float
+
+
+class HollowConvexRecord(NamedTuple):
+    """The inside of a convex solid, and the shortest step of a search [m]."""
+
+    shape: Any
+    grain: float
+
+
+AnyHollow = HollowRecord | HollowConvexRecord
+
+
+def point_of(p: Particle) -> Particle:
+    """A particle of no size in its place."""
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r - p.r, p.T, p.t, p.w, *further(p))
+
+
+def hollow_gap(c: AnyHollow, p: Particle) -> float:
+    return -gap(c.shape, point_of(p)) - p.r
+
+
+def hollow_normal(c: AnyHollow, p: Particle) -> Vector:
+    x, y, z = normal(c.shape, point_of(p))
+    return -x, -y, -z
+
+
+def hollow_contact(c: AnyHollow, p: Particle, q: Particle, h: float, slack: float) -> float:
+    return marched_contact(c, p, q, h, slack, c.grain)
+
+
+for _record in (HollowRecord, HollowConvexRecord):
+    law(gap, _record)(hollow_gap)
+    law(normal, _record)(hollow_normal)
+    law(first_contact, _record)(hollow_contact)
+law(apart, HollowRecord)(lipschitz_apart)
+law(apart, HollowConvexRecord)(concave_apart)

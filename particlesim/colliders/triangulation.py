@@ -1,0 +1,90 @@
+"""Surfaces of shapes as triangles, for pictures: corners [n, 3] in metres, and triangles [m, 3], fronts outwards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from particlesim.model.arrays import Floats, Ints
+from particlesim.model.vectors import Vector3
+
+SIDES = 96
+"""Corners around an axis."""
+
+
+class Triangles(NamedTuple):
+    """A surface: corners [m], shape [n, 3], and the rows of the corners of every triangle, shape [m, 3]."""
+
+    corners: Floats
+    faces: Ints
+
+    def placed(self, center: Vector3, rotation: Sequence[Vector3]) -> Triangles:
+        """Turned and moved from the frame of its shape into the world: x = c + R y."""
+        return Triangles(np.asarray(center) + self.corners @ np.asarray(rotation).T, self.faces)
+
+
+def joined(parts: Sequence[Triangles]) -> Triangles:
+    """Several surfaces as one."""
+    first = np.cumsum([0, *(len(part.corners) for part in parts)])
+    return Triangles(
+        np.concatenate([np.empty((0, 3)), *(part.corners for part in parts)]),
+        np.concatenate(
+            [np.empty((0, 3), np.int64), *(part.faces + k for part, k in zip(parts, first, strict=False))]
+        ),
+    )
+
+
+def cuboid(size: Vector3) -> Triangles:
+    """A box about the origin."""
+    sign = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    faces = []
+    for axis in range(3):
+        for side in (-1, 1):
+            corners = np.flatnonzero(sign[:, axis] == side)
+            a, b, c, d = (int(k) for k in corners)
+            ring = (a, b, d, c)
+            out = np.cross(sign[ring[1]] - sign[ring[0]], sign[ring[2]] - sign[ring[0]])[axis] * side
+            ring = ring if out > 0 else ring[::-1]
+            faces += [(ring[0], ring[1], ring[2]), (ring[0], ring[2], ring[3])]
+    return Triangles(0.5 * np.asarray(size) * sign, np.array(faces, np.int64))
+
+
+def revolved(profile: Sequence[tuple[float, float]], sides: int = SIDES, closed: bool = False) -> Triangles:
+    """What a line of points (distance from the y axis, height) sweeps out around that axis.
+
+    The line goes upwards on the outside. `closed` joins its end with its beginning, as for a ring.
+    """
+    points = np.asarray(profile, float)
+    points[np.abs(points[:, 0]) < 1e-12 * np.abs(points).max(), 0] = 0.0  # on the axis
+    turn = 2 * np.pi * np.arange(sides) / sides
+    x, z = np.cos(turn), -np.sin(turn)  # upwards and then around: fronts outwards
+    corners = np.stack(
+        [
+            points[:, None, 0] * x,
+            np.broadcast_to(points[:, None, 1], (len(points), sides)),
+            points[:, None, 0] * z,
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    index = np.arange(len(points) * sides).reshape(-1, sides)
+    low, high = (index, np.roll(index, -1, axis=0)) if closed else (index[:-1], index[1:])
+    a, b, c, d = low, np.roll(low, -1, axis=1), np.roll(high, -1, axis=1), high
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return without_slivers(Triangles(corners, faces))
+
+
+def arc(
+    center: tuple[float, float], radius: float, first: float, last: float, parts: int
+) -> list[tuple[float, float]]:
+    """Points on a part of a circle, by angles from the horizontal [rad]."""
+    angles = np.linspace(first, last, parts + 1)
+    return [(center[0] + radius * float(np.cos(a)), center[1] + radius * float(np.sin(a))) for a in angles]
+
+
+def without_slivers(surface: Triangles) -> Triangles:
+    """Without triangles two of whose corners are in the same place."""
+    t = surface.corners[surface.faces]
+    flat = [np.abs(t[:, k] - t[:, k - 1]).max(axis=1) == 0 for k in range(3)]
+    return Triangles(surface.corners, surface.faces[~(flat[0] | flat[1] | flat[2])])

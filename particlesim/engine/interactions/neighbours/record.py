@@ -1,0 +1,219 @@
+"""What neighbour lists are made of: arrays with room, brought along by whoever calls the kernels.
+
+The particles of an interaction, its *members*, are kept in an order in which neighbours in space are neighbours in memory
+(`sort`). Eight in a row are a *group*; a tree of boxes stands on the groups (`tree`); every group has a list of
+*candidates*, all members within the cutoff and the skin of any of its eight (`search`). `refresh` brings all of it up to
+the present places.
+
+An interaction between two sets has two *sections* of whole groups; then only members of the other section are candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+GROUP = 8
+"""Members of a group: as many as double precision has lanes in vectors of 512 bits."""
+SLICES = 32
+"""Parts into which passes over members are cut for threads; results do not depend on it, as long as it is fixed."""
+DIGIT = 8
+"""Bits that a pass of the sort looks at."""
+BLOCK = 4096
+"""Candidates for which a thread asks for room at a time."""
+ROOM = 24
+"""Candidates per member to have room for at first: those of a liquid with a cutoff of some diameters."""
+IMAGE_SHIFT = 27
+"""Bits of a candidate that are its place; the image is above them."""
+MOST = 1 << IMAGE_SHIFT
+FAR = 1e30
+"""Where members stand that do not act [m]: the dead, those not yet born, the filling of the last group. Whoever is as far
+away, or where no number tells, is nobody's neighbour."""
+
+STALE, OVERFLOW, BUILDS, USES = range(4)
+"""In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, and used."""
+POOL, NEXT, TURN, SKIP = 8, 16, 24, 32
+"""In `report`, on cache lines of their own: room given away, counters of work that threads take, a flag of the sort."""
+
+LOW, HIGH, LEAST, LARGEST, MOVED, MOVED_HIGH = 0, 3, 6, 7, 8, 11
+"""Columns of `slots`: lowest and highest place of members, smallest and largest radius, lowest and highest displacement."""
+FURTHEST, FURTHEST_DRIFTED = 14, 15
+"""Columns of `slots`: the square of the largest displacement, and of the largest about a common one."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Neighbours(NamedTuple):
+    """Members and their lists. `room` is the number of places, whole groups; those that no member takes are far away.
+
+    `members` [m]: rows of the members in the island, the first section first; `split`: how many are in the first of two
+    sections, None for one. `cutoff` and `skin` [m]; with `radii` the surfaces, not the centres, of two members
+    are to be within the cutoff. `box`: periods of the three axes, None each where open; None: no axis is periodic.
+
+    `order` [room]: row at every place, −1 for none; `place` [n]: place of every row, −1 for rows that are no members. `x`
+    [3, room]: present positions, those of the state plus `wrap` [3, room], None without a box; `base` [3, room]: positions
+    when the lists were built; `radii` [room]: radii, or None.
+
+    `boxes` [6, nodes]: lowest and highest corner of every node; `spread` [nodes]: largest radius in it, or None; `levels`:
+    where each level begins, the groups first, and the end.
+
+    `begin`, `count` [groups]: where candidates of a group are in `candidates`, and how many; `imaged` [groups]: whether
+    images are among them. A candidate is a place; in periodic boxes with the number of its image above IMAGE_SHIFT bits;
+    `images` [3, 27]: displacement of every image.
+
+    `keys`, `index` [2, m], `counts`, `slots`, `report`: scratch and reports.
+    """
+
+    members: Any
+    split: Any
+    cutoff: Any
+    skin: Any
+    box: Any
+    order: Any
+    place: Any
+    x: Any
+    base: Any
+    wrap: Any
+    radii: Any
+    boxes: Any
+    spread: Any
+    levels: Any
+    begin: Any
+    count: Any
+    imaged: Any
+    candidates: Any
+    images: Any
+    keys: Any
+    index: Any
+    counts: Any
+    slots: Any
+    report: Any
+
+
+def new_neighbours(
+    members: Ints,
+    particles: int,
+    cutoff: float,
+    skin: float,
+    *,
+    split: int | None = None,
+    box: Sequence[float | None] | None = None,
+    radii: bool = False,
+    dtype: Any = np.float64,
+    room: int = 0,
+) -> Neighbours:
+    """Lists of members, not yet built, in an island of some particles; `room`: candidates to have room for, at least.
+
+    Raises ValueError for more members than a list can name, and for a box that is too small for its images.
+    """
+    m = len(members)
+    sections = (m,) if split is None else (split, m - split)
+    groups = sum(-(-each // GROUP) for each in sections)
+    places = GROUP * groups
+    if places >= MOST:
+        raise ValueError(f"neighbour lists have at most {MOST - 1} particles, not {m}")
+    if box is not None and all(length is None for length in box):
+        box = None
+    lengths = () if box is None else tuple(None if each is None else float(each) for each in box)
+    if any(each is not None and each < cutoff + skin for each in lengths):
+        raise ValueError("a period of the box is shorter than the cutoff and the skin")
+    levels = level_starts(groups)
+    nodes = levels[-1]
+    boxes = np.empty((6, nodes))
+    boxes[:3], boxes[3:] = np.inf, -np.inf
+    digits = np.arange(27)
+    steps = np.stack([digits % 3, digits // 3 % 3, digits // 9])
+    images = (steps - 3 * (steps == 2)) * np.array([[each or 0.0] for each in lengths or (0.0,) * 3])
+    return Neighbours(
+        np.ascontiguousarray(members, np.int64),
+        split,
+        float(cutoff),
+        float(skin),
+        lengths or None,
+        np.full(places, -1, np.int32),
+        np.full(particles, -1, np.int32),
+        np.full((3, places), FAR, dtype),
+        np.full((3, places), FAR, dtype),
+        None if box is None else np.zeros((3, places), dtype),
+        np.zeros(places, dtype) if radii else None,
+        boxes,
+        np.zeros(nodes) if radii else None,
+        levels,
+        np.zeros(groups, np.int64),
+        np.zeros(groups, np.int64),
+        np.zeros(groups, np.uint8),
+        np.zeros(max(room, ROOM * m + 64 * BLOCK), np.uint32),
+        images,
+        np.zeros((2, m), np.int64),
+        np.zeros((2, m), np.int32),
+        np.zeros((SLICES, 1 << DIGIT), np.int64),
+        np.zeros((SLICES, 16)),
+        new_report(),
+    )
+
+
+def new_report() -> Ints:
+    """A report that asks for lists."""
+    report = np.zeros(40, np.int64)
+    report[STALE] = 1
+    return report
+
+
+def level_starts(groups: int) -> Ints:
+    """Where the levels of a tree on some groups begin, up to the one of at most eight nodes, and where that ends.
+
+    Every level has room for whole families of eight.
+    """
+    starts, width = [0], max(groups, 1)
+    while True:
+        starts.append(starts[-1] + -(-width // 8) * 8)
+        if width <= 8:
+            return np.array(starts, np.int64)
+        width = -(-width // 8)
+
+
+def enlarged(near: Neighbours) -> Neighbours:
+    """The same with room for what did not fit, to be built anew; itself where all did."""
+    if not near.report[OVERFLOW]:
+        return near
+    room = max(2 * near.candidates.size, int(near.report[POOL]))
+    return near._replace(candidates=np.zeros(room, np.uint32), report=new_report())
+
+
+def candidates_of(near: Neighbours, g: int) -> tuple[Ints, Ints]:
+    """Places of the candidates of a group, and the numbers of their images; not for kernels."""
+    first = int(near.begin[g])
+    entries = near.candidates[first : first + int(near.count[g])].astype(np.int64)
+    return entries & MOST - 1, entries >> IMAGE_SHIFT
+
+
+def forget(near: Neighbours) -> None:
+    """Have the lists built anew at their next use."""
+    near.report[STALE] = 1
+
+
+def slice_of(count: Any, k: Any) -> Any:
+    """First and last of part k of SLICES about equal ones."""
+    return count * k // SLICES, count * (k + 1) // SLICES
+
+
+def lives(clock: Any, i: Any, t: Any) -> Any:
+    """Whether particle i is alive at time t or will be born."""
+    return True if clock is None else clock.stop[i] > t
+
+
+def within_sight(x: Any, y: Any, z: Any) -> Any:
+    """Whether a place is nearer than FAR, which no place is that is not finite."""
+    return abs(x) + abs(y) + abs(z) < FAR
+
+
+def acts(clock: Any, i: Any, t: Any) -> Any:
+    """Whether particle i acts on others at time t: born, pinned or stuck, and not dead."""
+    if clock is None:
+        return True
+    start = clock.start[i]
+    return ((start <= t) | (start == np.inf)) & (clock.stop[i] > t)

@@ -1,0 +1,170 @@
+"""Places and lists of neighbours brought up to date, by all threads of an island together.
+
+Lists hold while no member has moved by more than half of the skin since they were built. A motion that all have in common
+does not count: where members have moved further, displacements are measured from the middle between the smallest and the
+largest. These are largest values, which do not depend on the order in which members are looked at, so it does not depend on
+threads whether lists hold.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.neighbours.record import (
+    BUILDS,
+    FAR,
+    FURTHEST,
+    FURTHEST_DRIFTED,
+    GROUP,
+    MOVED,
+    MOVED_HIGH,
+    NEXT,
+    OVERFLOW,
+    POOL,
+    SLICES,
+    STALE,
+    TURN,
+    USES,
+    acts,
+    lives,
+    slice_of,
+    within_sight,
+)
+from particlesim.engine.interactions.neighbours.search import find_candidates
+from particlesim.engine.interactions.neighbours.sort import over_slices, place_of, sort_members
+from particlesim.engine.interactions.neighbours.tree import grow_tree
+from particlesim.engine.state.columns import type_of
+
+
+@outlined
+def _gather(near: Any, c: Any, share: Any, t: Any) -> None:
+    """Present places of all members, and how far they have moved since the lists were built, slice by slice."""
+    nowhere = type_of(near.x[0, 0], FAR)
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(near.order.size, s)
+        x0 = y0 = z0 = type_of(nowhere, np.inf)
+        x1 = y1 = z1 = far = type_of(nowhere, -np.inf)
+        for k in range(first, last):
+            i = near.order[k]
+            if i >= 0:
+                x, y, z = c.x[i], c.y[i], c.z[i]
+                if near.wrap is not None:
+                    x, y, z = x + near.wrap[0, k], y + near.wrap[1, k], z + near.wrap[2, k]
+                here = acts(c.clock, i, t)
+                near.x[0, k] = x if here else nowhere
+                near.x[1, k] = y if here else nowhere
+                near.x[2, k] = z if here else nowhere
+                dx, dy, dz = x - near.base[0, k], y - near.base[1, k], z - near.base[2, k]
+                d = dx * dx + dy * dy + dz * dz
+                x0, x1 = dx if (dx < x0) & here else x0, dx if (dx > x1) & here else x1
+                y0, y1 = dy if (dy < y0) & here else y0, dy if (dy > y1) & here else y1
+                z0, z1 = dz if (dz < z0) & here else z0, dz if (dz > z1) & here else z1
+                far = d if (d > far) & here else far
+        slot = near.slots[s]
+        slot[MOVED], slot[MOVED + 1], slot[MOVED + 2] = x0, y0, z0
+        slot[MOVED_HIGH], slot[MOVED_HIGH + 1], slot[MOVED_HIGH + 2] = x1, y1, z1
+        slot[FURTHEST] = far
+
+
+@outlined
+def _measure_from(near: Any, share: Any, dx: Any, dy: Any, dz: Any) -> None:
+    """The largest displacement about a common one, slice by slice."""
+    nowhere = type_of(near.x[0, 0], FAR)
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(near.order.size, s)
+        far = -np.inf
+        for k in range(first, last):
+            u = near.x[0, k] - near.base[0, k] - dx
+            v = near.x[1, k] - near.base[1, k] - dy
+            w = near.x[2, k] - near.base[2, k] - dz
+            d = u * u + v * v + w * w
+            far = d if (d > far) & (near.x[0, k] != nowhere) else far
+        near.slots[s, FURTHEST_DRIFTED] = far
+
+
+@outlined
+def _hold(near: Any, share: Any) -> Any:
+    """Whether the lists hold; the same for all threads, all of which must call it."""
+    if near.report[STALE] != 0:
+        return False
+    bar = 0.25 * near.skin * near.skin
+    _, far = over_slices(near, FURTHEST)
+    if far <= bar:
+        return True
+    x0, _ = over_slices(near, MOVED)
+    y0, _ = over_slices(near, MOVED + 1)
+    z0, _ = over_slices(near, MOVED + 2)
+    _, x1 = over_slices(near, MOVED_HIGH)
+    _, y1 = over_slices(near, MOVED_HIGH + 1)
+    _, z1 = over_slices(near, MOVED_HIGH + 2)
+    if not max(x1 - x0, y1 - y0, z1 - z0) <= near.skin:  # then some have moved apart by more than that
+        return False
+    _measure_from(near, share, 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1))
+    meet(share.gate, share.threads)
+    _, far = over_slices(near, FURTHEST_DRIFTED)
+    return far <= bar
+
+
+@outlined
+def _arrange(near: Any, c: Any, share: Any, t: Any, at: Any) -> None:
+    """Give every member its place, in the order of row `at` of the sorted numbers."""
+    nowhere = type_of(near.x[0, 0], FAR)
+    m = near.members.size
+    split = m if near.split is None else near.split
+    filling = (GROUP - split % GROUP) % GROUP
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(m, s)
+        for j in range(first, last):
+            i = near.members[near.index[at, j]]
+            k = j if j < split else j + filling
+            near.order[k] = i
+            near.place[i] = k
+            x, y, z = place_of(near, c, i)
+            if near.wrap is not None:
+                near.wrap[0, k] = x - c.x[i]
+                near.wrap[1, k] = y - c.y[i]
+                near.wrap[2, k] = z - c.z[i]
+            there = lives(c.clock, i, t) & within_sight(x, y, z)
+            near.base[0, k] = x if there else nowhere
+            near.base[1, k] = y if there else nowhere
+            near.base[2, k] = z if there else nowhere
+            if near.radii is not None:
+                near.radii[k] = c.r[i]
+
+
+@outlined
+def build(near: Any, c: Any, share: Any, t: Any) -> None:
+    """Order, tree and lists anew. All threads must call it, when all particles are in their places."""
+    at = sort_members(near, c, share, t)
+    _arrange(near, c, share, t, at)
+    if share.number == 0:
+        near.report[POOL] = 0
+        near.report[NEXT] = 0
+        near.report[STALE] = 0
+        near.report[OVERFLOW] = 0
+        near.report[BUILDS] += 1
+    meet(share.gate, share.threads)
+    grow_tree(near, share)
+    find_candidates(near, share)
+    _gather(near, c, share, t)
+    meet(share.gate, share.threads)
+
+
+def refresh(near: Any, c: Any, share: Any, t: Any) -> Any:
+    """Present places of all members, and lists that hold; returns whether they were built anew.
+
+    All threads of an island must call it, when all particles are in their places. It sets `report[TURN]` to 0.
+    """
+    _gather(near, c, share, t)
+    if share.number == 0:
+        near.report[TURN] = 0
+        near.report[USES] += 1
+    meet(share.gate, share.threads)
+    if _hold(near, share):
+        return False
+    build(near, c, share, t)
+    return True

@@ -1,0 +1,297 @@
+"""The tree: cells of sorted particles, and the sums over what is in them.
+
+A cell is a range of the sorted particles that share the first digits of their keys. It is cut where these digits first
+differ, so each cell that is cut has at least two children, however dense the particles are. Cells stand generation by
+generation, the children of a cell side by side.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.compiler import on_stack, outlined
+from particlesim.compiler.intrinsics import bits_of, number_of
+from particlesim.engine.interactions.tree.expansions import (
+    add,
+    moments_shifted,
+    powers,
+    scaled,
+    taken,
+)
+from particlesim.engine.interactions.tree.form import moment_columns, order_of
+from particlesim.engine.interactions.tree.indices import weights
+from particlesim.engine.interactions.tree.morton import LEVELS
+
+GENERATIONS = LEVELS + 1
+FIRST, LAST, CHILD, CHILDREN = 0, 1, 2, 3
+X, Y, Z, RADIUS, REACH, STRENGTH, NEED = 0, 1, 2, 3, 4, 5, 6
+_LANES = 8
+
+
+class Sorted(NamedTuple):
+    """Particles along the curve, in units of the box; some more at the end are zero. Shape [n + LANES] each."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    w: NDArray[np.float64]
+    """Mass or charge, in units of the sum of their sizes."""
+    need: NDArray[np.float64]
+    """1/g², with g the size of the field that is expected there: how much an error matters."""
+
+
+class Cells(NamedTuple):
+    """The cells of a tree; the one after the last is empty."""
+
+    span: NDArray[np.int32]
+    """[cells, 4]: the first of its particles and the first that is not, its first child, how many children."""
+    place: NDArray[np.float64]
+    """[cells, 8]: centre, radius about it, reach and strength (`walk`), mean need of its particles."""
+    moments: NDArray[np.float64]
+    """[cells, numbers]"""
+    begins: NDArray[np.int64]
+    """Where each generation begins; the number of generations and of cells are the last two."""
+
+
+def new_cells(count: int, numbers: int) -> Cells:
+    """Room for so many cells."""
+    return Cells(
+        np.zeros((count, 4), np.int32),
+        np.zeros((count, 8)),
+        np.zeros((count, numbers)),
+        np.zeros(GENERATIONS + 4, np.int64),
+    )
+
+
+def generations(cells: Any) -> Any:
+    """How many generations there are."""
+    return cells.begins[GENERATIONS + 2]
+
+
+def count_cells(cells: Any) -> Any:
+    """How many cells there are."""
+    return cells.begins[GENERATIONS + 3]
+
+
+def end_of(key: Any, first: Any, last: Any, shift: Any) -> Any:
+    """The first of the sorted keys [first, last) whose digits above `shift` differ from those of the first."""
+    digits = key[first] >> shift
+    low, step = first, 1
+    while low + step < last and key[low + step] >> shift == digits:
+        low += step
+        step *= 2
+    high = min(low + step, last)
+    while high - low > 1:
+        middle = (low + high) >> 1
+        same = key[middle] >> shift == digits
+        low = middle if same else low
+        high = high if same else middle
+    return low + 1
+
+
+def splitting_shift(a: Any, b: Any) -> Any:
+    """How far to shift keys a < b so that only the digits up to the first that differs are left."""
+    shift = 0
+    differ = (a ^ b) >> 3
+    while differ > 0:
+        shift += 3
+        differ = differ >> 3
+    return shift
+
+
+@outlined
+def build(key: Any, count: Any, most: Any, cells: Any) -> Any:
+    """Cut the particles of sorted keys until a cell has at most so many, or all of its keys are equal.
+
+    Returns False if there is no room for all cells; one cell after the last is kept free.
+    """
+    span, room = cells.span, cells.span.shape[0] - 1
+    _set_span(span, 0, 0, count)
+    done, total, generation, fits = 0, 1, 0, True
+    cells.begins[0] = 0
+    while done < total:
+        border = total
+        while done < border:
+            first, last = span[done, FIRST], span[done, LAST]
+            if last - first > most and key[first] != key[last - 1]:
+                if total + 8 > room:
+                    fits = False
+                else:
+                    shift = splitting_shift(key[first], key[last - 1])
+                    span[done, CHILD] = total
+                    while first < last:
+                        end = end_of(key, first, last, shift)
+                        _set_span(span, total, first, end)
+                        total += 1
+                        first = end
+                    span[done, CHILDREN] = total - span[done, CHILD]
+            done += 1
+        generation += 1
+        cells.begins[generation] = border
+    cells.begins[GENERATIONS + 2] = generation
+    cells.begins[GENERATIONS + 3] = total
+    return fits
+
+
+def _set_span(span: Any, c: Any, first: Any, last: Any) -> None:
+    span[c, FIRST] = first
+    span[c, LAST] = last
+    span[c, CHILD] = 0
+    span[c, CHILDREN] = 0
+
+
+def sum_up(form: Any, cells: Any, s: Any, first: Any, last: Any) -> None:
+    """Centres, sizes and moments of cells [first, last), of which the children are done."""
+    for c in range(first, last):
+        _sum_cell(form, cells, s, c)
+
+
+@outlined
+def _sum_cell(form: Any, cells: Any, s: Any, c: Any) -> None:
+    span, place = cells.span, cells.place
+    row = cells.moments[c]
+    row[:] = 0.0
+    if span[c, CHILDREN] == 0:
+        _centre_of_particles(place, s, c, span[c, FIRST], span[c, LAST])
+        _add_particles(form, row, place, s, c, span[c, FIRST], span[c, LAST])
+    else:
+        begin = span[c, CHILD]
+        end = begin + span[c, CHILDREN]
+        _centre_of_children(place, span, c, begin, end)
+        for child in range(begin, end):
+            _add_child(form, cells, row, c, child)
+    radius = _radius(s, span[c, FIRST], span[c, LAST], place[c, X], place[c, Y], place[c, Z])
+    place[c, RADIUS] = radius
+    strength, reach = _estimate(form, row, radius)
+    place[c, STRENGTH] = strength
+    place[c, REACH] = reach
+
+
+def _centre_of_particles(place: Any, s: Any, c: Any, first: Any, last: Any) -> None:
+    """Centre by the sizes of the sources; the first particle where there are none. Column STRENGTH: their sum, for the
+    parent, until `_estimate`."""
+    total, x, y, z, need = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(first, last):
+        w = abs(s.w[i])
+        total += w
+        x += w * s.x[i]
+        y += w * s.y[i]
+        z += w * s.z[i]
+        need += s.need[i]
+    some = total > 0
+    share = 1 / (total if some else 1.0)
+    place[c, X] = x * share if some else s.x[first]
+    place[c, Y] = y * share if some else s.y[first]
+    place[c, Z] = z * share if some else s.z[first]
+    place[c, NEED] = need / (last - first)
+    place[c, SIZE] = total
+
+
+def _centre_of_children(place: Any, span: Any, c: Any, begin: Any, end: Any) -> None:
+    total, x, y, z, need = 0.0, 0.0, 0.0, 0.0, 0.0
+    for child in range(begin, end):
+        w = place[child, SIZE]
+        total += w
+        x += w * place[child, X]
+        y += w * place[child, Y]
+        z += w * place[child, Z]
+        need += place[child, NEED] * (span[child, LAST] - span[child, FIRST])
+    some = total > 0
+    share = 1 / (total if some else 1.0)
+    place[c, X] = x * share if some else place[begin, X]
+    place[c, Y] = y * share if some else place[begin, Y]
+    place[c, Z] = z * share if some else place[begin, Z]
+    place[c, NEED] = need / (span[c, LAST] - span[c, FIRST])
+    place[c, SIZE] = total
+
+
+SIZE = 7
+"""Column of `place`: Σ |w|."""
+
+
+def _add_particles(form: Any, row: Any, place: Any, s: Any, c: Any, first: Any, last: Any) -> None:
+    """Add the moments of particles, as many at a time as there are lanes, then the lanes one after the other."""
+    begins = moment_columns(form)
+    sums = on_stack(begins[-1], _LANES, np.float64)
+    for k in range(begins[-1]):
+        for lane in range(_LANES):
+            sums[k, lane] = 0.0
+    cx, cy, cz = place[c, X], place[c, Y], place[c, Z]
+    for at in range(first, last, _LANES):
+        left = last - at
+        for lane in range(_LANES):
+            i = at + lane
+            w = s.w[i] if lane < left else 0.0
+            t = powers((cx - s.x[i], cy - s.y[i], cz - s.z[i]), order_of(form) - 1)
+            add(sums[:, lane], begins, scaled(t, w))
+    for k in range(begins[-1]):
+        for lane in range(_LANES):
+            row[k] += sums[k, lane]
+
+
+@outlined
+def _add_child(form: Any, cells: Any, row: Any, c: Any, child: Any) -> None:
+    begins, place = moment_columns(form), cells.place
+    v = (
+        place[c, X] - place[child, X],
+        place[c, Y] - place[child, Y],
+        place[c, Z] - place[child, Z],
+    )
+    moments = taken(cells.moments[child], begins)
+    add(row, begins, moments_shifted(moments, v, order_of(form) - 1))
+
+
+def _radius(s: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> Any:
+    """The distance of the farthest particle. Floats that are not negative are in the order of their bits as whole numbers,
+    whose maximum vectorises."""
+    most = 0
+    for i in range(first, last):
+        dx, dy, dz = s.x[i] - x, s.y[i] - y, s.z[i] - z
+        most = max(most, bits_of(dx * dx + dy * dy + dz * dz))
+    return np.sqrt(number_of(most))
+
+
+def _estimate(form: Any, row: Any, radius: Any) -> Any:
+    """Strength S and reach ρ of a source such that the norms of its moments are at most about S ρⁿ: `walk` says what for."""
+    begins = moment_columns(form)
+    last = order_of(form) - 1
+    strength = abs(row[0])
+    norms = tuple(
+        None if begin < 0 or n == 0 else _norm(row, begin, n) for n, begin in enumerate(begins[:-1])
+    )
+    for n, norm in enumerate(norms):
+        if norm is not None:
+            scale = radius**n
+            strength = max(strength, norm / (scale if scale > 0 else 1.0))
+    reach = radius if last < 2 else 0.0
+    for n, norm in enumerate(norms):
+        if norm is not None and n >= 2 and n >= last - 1:
+            reach = max(reach, _root(norm / (strength if strength > 0 else 1.0), n))
+    return strength, min(reach, radius)
+
+
+def _root(x: Any, n: Any) -> Any:
+    """x^(1/n) for x ≥ 0."""
+    return np.exp(np.log(x) / n) if x > 0 else 0.0
+
+
+def _norm(row: Any, begin: Any, n: Any) -> Any:
+    """The norm of the tensor Σ w x ⊗ … ⊗ x of degree n."""
+    return np.sqrt(sum(row[begin + i] * row[begin + i] * each for i, each in enumerate(weights(n))))
+
+
+def weigh(form: Any, cells: Any, s: Any, first: Any, last: Any) -> None:
+    """Mean need of cells [first, last), of which the children are done."""
+    span, place = cells.span, cells.place
+    for c in range(first, last):
+        need = 0.0
+        if span[c, CHILDREN] == 0:
+            for i in range(span[c, FIRST], span[c, LAST]):
+                need += s.need[i]
+        else:
+            for child in range(span[c, CHILD], span[c, CHILD] + span[c, CHILDREN]):
+                need += place[child, NEED] * (span[child, LAST] - span[child, FIRST])
+        place[c, NEED] = need / (span[c, LAST] - span[c, FIRST])

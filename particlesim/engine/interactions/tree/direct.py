@@ -1,0 +1,83 @@
+"""What the particles of near leaves do to those of a leaf, and what its polynomial says of far ones.
+
+Some targets at a time stay in registers while sources go by one after the other, so that a sum is in the order of the
+sources whatever the width of vectors is, and nothing needs to be put together first.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import on_stack, outlined
+from particlesim.engine.interactions.tree.cells import FIRST, LAST
+from particlesim.engine.interactions.tree.expansions import gradient, height, taken
+from particlesim.engine.interactions.tree.form import (
+    Height,
+    Plummer,
+    field_columns,
+    order_of,
+)
+from particlesim.engine.interactions.tree.inverse_root import inverse_root
+
+TARGETS = 16
+"""Targets at a time: two vectors of AVX-512. With fewer, LLVM writes the loop out before it looks for vectors."""
+LEAST_SQUARE = 1e-60
+"""Added to squares of distances in units of the box, so that a particle finds nothing infinite in its own place."""
+
+
+def pair(softening: Any, r2: Any) -> Any:
+    """f and −f'/r at the square of a distance."""
+    if isinstance(softening, Plummer):
+        q = inverse_root(r2 + softening.square + LEAST_SQUARE)
+        return q, q * q * q
+    q = inverse_root(r2 + LEAST_SQUARE)
+    h = softening.radius
+    u = r2 * q / h
+    inner = 32 / 3 + u * u * (32 * u - 38.4)
+    v = q * h
+    outer = 64 / 3 - 48 * u + 38.4 * u * u - 32 / 3 * u * u * u - v * v * v / 15
+    near = inner if u < 0.5 else outer
+    slope = q * q * q if u >= 1 else near / (h * h * h)
+    deep = 2.8 - u * u * (16 / 3 + u * u * (6.4 * u - 9.6))
+    rim = 3.2 - v / 15 - u * u * (32 / 3 + u * (-16 + u * (9.6 - 32 / 15 * u)))
+    f = q if u >= 1 else (deep if u < 0.5 else rim) / h
+    return f, slope
+
+
+@outlined
+def add_near(form: Any, span: Any, s: Any, near: Any, count: Any, at: Any, place: Any, row: Any, out: Any) -> None:
+    """The field at the targets from `at` on, into out [4, TARGETS]: gradient, and Σ w f where it is wanted.
+
+    `near`: so many leaves; `row`: the polynomial of far cells about `place`.
+    """
+    t = on_stack(7, TARGETS, np.float64)
+    field = taken(row, field_columns(form))
+    for lane in range(TARGETS):
+        x, y, z = s.x[at + lane], s.y[at + lane], s.z[at + lane]
+        v = (x - place[0], y - place[1], z - place[2])
+        gx, gy, gz = gradient(field, v, order_of(form))
+        t[0, lane] = x
+        t[1, lane] = y
+        t[2, lane] = z
+        t[3, lane] = gx
+        t[4, lane] = gy
+        t[5, lane] = gz
+        t[6, lane] = height(field, v, order_of(form)) if isinstance(form.wanted, Height) else 0.0
+    for k in range(count):
+        leaf = near[k]
+        for j in range(span[leaf, FIRST], span[leaf, LAST]):
+            x, y, z, w = s.x[j], s.y[j], s.z[j], s.w[j]
+            for lane in range(TARGETS):
+                dx, dy, dz = x - t[0, lane], y - t[1, lane], z - t[2, lane]
+                f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz)
+                g = w * slope
+                t[3, lane] += g * dx
+                t[4, lane] += g * dy
+                t[5, lane] += g * dz
+                if isinstance(form.wanted, Height):
+                    t[6, lane] += w * f if j != at + lane else 0.0
+    for lane in range(TARGETS):
+        for k in range(4):
+            out[k, lane] = t[3 + k, lane]

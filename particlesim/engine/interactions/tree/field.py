@@ -1,0 +1,283 @@
+"""The field of all particles at all particles, by all threads of a share together."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.compiler import atomic_add, kernel, outlined
+from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.tree.cells import (
+    Cells,
+    Sorted,
+    build,
+    count_cells,
+    generations,
+    new_cells,
+    sum_up,
+    weigh,
+)
+from particlesim.engine.interactions.tree.direct import TARGETS
+from particlesim.engine.interactions.tree.form import Form, Height, field_columns, moment_columns
+from particlesim.engine.interactions.tree.morton import key
+from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
+from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
+
+LEAF = 64
+"""Most particles of a leaf, but for those that all have one key."""
+_CHUNK = 4096
+"""Particles whose sums are made one after the other."""
+PARTICLES_PER_CELL = 8
+"""Room is for one cell for so many particles, about twice as many as there are. Without room, leaves stay larger: that is slower,
+and as exact."""
+_TASKS = 128
+"""Parts that the walk is cut into, for threads to take in turn."""
+_TASK = 2048
+"""Fewest particles of a part."""
+FIRST_OPENING = 0.5
+"""Widest opening while the size of the field is not known yet."""
+LEAST_NEED = 1e-3
+"""Errors are relative to the field, or to this part of its mean where that is more."""
+FULL = 0
+"""Place in `report`: 1 if there was no room for all cells."""
+
+
+class Tree(NamedTuple):
+    """All that a field is computed with, for a number of particles and of threads; nothing in it outlives an evaluation but
+    its results."""
+
+    form: Form
+    keys: Keys
+    sorted: Sorted
+    cells: Cells
+    room: Room
+    borders: NDArray[np.float64]
+    """[threads, 8]: smallest and largest coordinates."""
+    chunks: NDArray[np.float64]
+    """[2, chunks]: sums of |field| over chunks of particles, and of how many feel it."""
+    next: NDArray[np.int64]
+    """The next part of the walk."""
+    report: NDArray[np.int64]
+    field: NDArray[np.float64]
+    """[3, n]: ∇ Σ w f at every particle, of all others."""
+    height: NDArray[np.float64] | None
+    """[n]: Σ w f of all others."""
+
+
+def new_tree(form: Form, count: int, threads: int) -> Tree:
+    """Arrays for so many particles; no results yet."""
+    room = count // PARTICLES_PER_CELL + 64
+    return Tree(
+        form,
+        new_keys(count, threads),
+        Sorted(*(np.zeros(count + TARGETS) for _ in Sorted._fields)),
+        new_cells(room + 1, moment_columns(form)[-1]),
+        new_room(threads, room, field_columns(form)[-1]),
+        np.zeros((threads, 8)),
+        np.zeros((2, -(-count // _CHUNK))),
+        np.zeros(8, np.int64),
+        np.zeros(8, np.int64),
+        np.zeros((3, count)),
+        np.zeros(count) if isinstance(form.wanted, Height) else None,
+    )
+
+
+def for_threads(tree: Tree, threads: int) -> Tree:
+    """The same for another number of threads: what each has to itself is new."""
+    count, cells = tree.field.shape[1], tree.cells.span.shape[0] - 1
+    return tree._replace(
+        keys=tree.keys._replace(counts=new_keys(0, threads).counts),
+        room=new_room(threads, cells, tree.room.fields.shape[2]),
+        borders=np.zeros((threads, 8)),
+    )
+
+
+def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
+    """Set the field at all particles, of all others; all threads of the share call it, and it is there when it returns.
+
+    `w`: the sources; `limits`: how much error is allowed (`walk.limits_of`); `size`: the length of the field at every particle
+    as it was before, which tells what an error means, and is set anew. Where all of it is 0, a first field by angles alone
+    is found beforehand.
+    """
+    count = x.size
+    first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
+    lo, side_length = _enclose(tree, x, y, z, first, last, share)
+    side = _order(tree, x, y, z, first, last, lo, 1 / side_length, share)
+    known = _mean(size, w, tree.chunks, share)
+    unit = 1 / (side_length * side_length)
+    _load(tree, size, x, y, z, w, side, first, last, lo, 1 / side_length, known, share)
+    if share.number == 0:
+        if not build(tree.keys.key[side], count, LEAF, tree.cells):
+            tree.report[FULL] = 1
+        _empty_cell(tree.cells)
+    meet(share.gate, share.threads)
+    _from_leaves(tree, sum_up, share)
+    if known == 0:
+        by_angle = Limits(np.inf, FIRST_OPENING * FIRST_OPENING, 1.0)
+        _walk_all(tree, by_angle, size, side, unit, 1 / side_length, share)
+        known = _mean(size, w, tree.chunks, share)
+        _load_needs(tree, size, w, side, first, last, unit, known, share)
+        _from_leaves(tree, weigh, share)
+    _walk_all(tree, Limits(limits[0], limits[1], limits[2]), size, side, unit, 1 / side_length, share)
+
+
+def _from_leaves(tree: Any, work: Any, share: Any) -> None:
+    """Do work on all cells, generation after generation from the last to the first."""
+    generation = generations(tree.cells)
+    while generation > 0:
+        generation -= 1
+        begin = tree.cells.begins[generation]
+        number = tree.cells.begins[generation + 1] - begin
+        work(
+            tree.form,
+            tree.cells,
+            tree.sorted,
+            begin + number * share.number // share.threads,
+            begin + number * (share.number + 1) // share.threads,
+        )
+        meet(share.gate, share.threads)
+
+
+@outlined
+def _enclose(tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, share: Any) -> Any:
+    """The lowest corner and the side of a cube that holds all particles."""
+    mine = tree.borders[share.number]
+    for k, column in enumerate((x, y, z)):
+        least, most = float(column[0]), float(column[0])
+        for i in range(first, last):
+            least = min(least, float(column[i]))
+            most = max(most, float(column[i]))
+        mine[k] = least
+        mine[3 + k] = most
+    meet(share.gate, share.threads)
+    least = (np.inf, np.inf, np.inf)
+    most = (-np.inf, -np.inf, -np.inf)
+    for thread in range(share.threads):
+        row = tree.borders[thread]
+        least = (min(least[0], row[0]), min(least[1], row[1]), min(least[2], row[2]))
+        most = (max(most[0], row[3]), max(most[1], row[4]), max(most[2], row[5]))
+    side = max(most[0] - least[0], most[1] - least[1], most[2] - least[2])
+    return least, side if side > 0 else 1.0
+
+
+@outlined
+def _order(
+    tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, lo: Any, scale: Any, share: Any
+) -> Any:
+    """Sort the particles along the curve; returns which side of `keys` has them."""
+    keys, index = tree.keys.key[0], tree.keys.index[0]
+    for i in range(first, last):
+        keys[i] = key((x[i] - lo[0]) * scale, (y[i] - lo[1]) * scale, (z[i] - lo[2]) * scale)
+        index[i] = i
+    return sort(tree.keys, first, last, share)
+
+
+@outlined
+def _mean(size: Any, w: Any, chunks: Any, share: Any) -> Any:
+    """The mean size of the field where there is something to feel it, in an order of its own; 0 if nowhere."""
+    number = chunks.shape[1]
+    for chunk in range(number * share.number // share.threads, number * (share.number + 1) // share.threads):
+        total, number_here = 0.0, 0.0
+        for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, size.size)):
+            feels = w[i] != 0
+            total += size[i] if feels else 0.0
+            number_here += 1.0 if feels else 0.0
+        chunks[0, chunk] = total
+        chunks[1, chunk] = number_here
+    meet(share.gate, share.threads)
+    sum_all, number_all = 0.0, 0.0
+    for chunk in range(number):
+        sum_all += chunks[0, chunk]
+        number_all += chunks[1, chunk]
+    meet(share.gate, share.threads)
+    return sum_all / max(number_all, 1.0)
+
+
+@outlined
+def _load(
+    tree: Any,
+    size: Any,
+    x: Any,
+    y: Any,
+    z: Any,
+    w: Any,
+    side: Any,
+    first: Any,
+    last: Any,
+    lo: Any,
+    scale: Any,
+    known: Any,
+    share: Any,
+) -> None:
+    """Copy the particles in the order of the curve, in units of the box."""
+    s, index = tree.sorted, tree.keys.index[side]
+    for i in range(first, last):
+        j = index[i]
+        s.x[i] = (x[j] - lo[0]) * scale
+        s.y[i] = (y[j] - lo[1]) * scale
+        s.z[i] = (z[j] - lo[2]) * scale
+        s.w[i] = w[j]
+    _load_needs(tree, size, w, side, first, last, scale * scale, known, share)
+
+
+@outlined
+def _load_needs(
+    tree: Any, size: Any, w: Any, side: Any, first: Any, last: Any, unit: Any, known: Any, share: Any
+) -> None:
+    """1/g² by the field that is known, g in units of the box; 0 where nothing feels it."""
+    index, need = tree.keys.index[side], tree.sorted.need
+    least = LEAST_NEED * known
+    for i in range(first, last):
+        g = max(size[index[i]], least) / unit
+        need[i] = 1 / (g * g) if (g > 0) & (w[index[i]] != 0) else 0.0
+    meet(share.gate, share.threads)
+
+
+def _empty_cell(cells: Any) -> None:
+    """The cell after the last: far from everything, and without sources."""
+    c = count_cells(cells)
+    cells.span[c] = 0
+    cells.moments[c] = 0.0
+    for k in range(3):
+        cells.place[c, k] = 9.0
+
+
+def _walk_all(tree: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
+    """The sums of all particles: threads take parts of the walk in turn."""
+    given = Given(tree.keys.index[side], tree.field, size, tree.height, unit, scale)
+    room = Room(*(each[share.number] for each in tree.room))
+    count = size.size
+    parts = min(_TASKS, count // _TASK + 1)
+    part = atomic_add(tree.next, 0, 1)
+    while part < parts:
+        walk(
+            tree.form,
+            tree.cells,
+            tree.sorted,
+            limits,
+            room,
+            count * part // parts,
+            count * (part + 1) // parts,
+            given,
+        )
+        part = atomic_add(tree.next, 0, 1)
+    meet(share.gate, share.threads)
+    if share.number == 0:
+        tree.next[0] = 0
+    meet(share.gate, share.threads)
+
+
+class Hand(NamedTuple):
+    """Who works: as much of `coupled.workspace.Share` as is needed here."""
+
+    number: int
+    threads: int
+    gate: NDArray[np.int64]
+
+
+@kernel
+def field_of_all(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
+    """`sum_field`, to be called by each thread of a team."""
+    sum_field(tree, limits, size, x, y, z, w, share)

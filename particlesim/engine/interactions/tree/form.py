@@ -1,0 +1,77 @@
+"""What is known of an evaluation while kernels are compiled: order, signs of the sources, softening, what is wanted.
+
+Each is a tuple whose structure says it, since the structure of arguments is what kernels are compiled for.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from particlesim.engine.interactions.tree.indices import columns
+
+
+class OneSign(NamedTuple):
+    """All sources have the same sign: about their centre of mass they have no dipole."""
+
+
+class BothSigns(NamedTuple):
+    """Sources attract and repel."""
+
+
+class Plummer(NamedTuple):
+    """f = 1/√(r² + ε²), with ε² in units of the box; ε = 0 too."""
+
+    square: float
+
+
+class Spline(NamedTuple):
+    """f of a cubic spline's mass of radius h, in units of the box; 1/r from there on."""
+
+    radius: float
+
+
+class Gradient(NamedTuple):
+    """The gradient of Σ w f is wanted."""
+
+
+class Height(NamedTuple):
+    """Σ w f is wanted, and its gradient."""
+
+
+class Form(NamedTuple):
+    """The form of an evaluation. `order`: as many None as the order p."""
+
+    order: tuple[None, ...]
+    signs: Any
+    softening: Any
+    wanted: Any
+
+
+def order_of(form: Any) -> int:
+    """p."""
+    return len(form.order)
+
+
+def first_degree(form: Any) -> int:
+    """The lowest degree of polynomials that is needed."""
+    return 0 if isinstance(form.wanted, Height) else 1
+
+
+def moment_columns(form: Any) -> Any:
+    """Where the degrees of moments begin in a row."""
+    return columns(0, order_of(form) - 1, 1 if isinstance(form.signs, OneSign) else -1)
+
+
+def field_columns(form: Any) -> Any:
+    """Where the degrees of polynomials begin in a row."""
+    return columns(first_degree(form), order_of(form))
+
+
+def softening_square(form: Any) -> float:
+    """ε² of far cells."""
+    return float(form.softening.square) if isinstance(form.softening, Plummer) else 0.0
+
+
+def softening_reach(form: Any) -> float:
+    """Distance below which f is not that of far cells."""
+    return float(form.softening.radius) if isinstance(form.softening, Spline) else 0.0

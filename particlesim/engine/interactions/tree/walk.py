@@ -1,0 +1,313 @@
+"""Which cells act how on which: the walk down the tree of targets.
+
+Every target cell inherits the sources that its parent could not settle. It tests them; far ones act on it through their
+moments, of the others the larger of the two is opened, until leaves meet leaves. What a cell receives depends on its own
+ancestors alone, so threads share nothing that is written, and a sum does not depend on who does it.
+
+Far is what makes a small error (Dehnen 2014). With p the order, a source cell of strength S and reach ρ_A at distance r puts into
+the field at a target cell of radius ρ_B an error of about
+
+    e = S (p + 1) (ρ_A + ρ_B)^p / r^(p+2),
+
+the first terms that are cut off; S ρ_Aⁿ is about the norm of its moments of degree n. A pair is far if e is less than the
+tolerance times the size that the field has on the particles of the target, and if the series converges: the sum of the
+radii is less than r. Softening makes r² + ε² of r².
+
+Source: W. Dehnen, "A fast multipole method for stellar dynamics", Comput. Astrophys. Cosmol. 1 (2014) 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.compiler import on_stack, outlined
+from particlesim.engine.interactions.tree.cells import (
+    CHILD,
+    CHILDREN,
+    FIRST,
+    GENERATIONS,
+    LAST,
+    NEED,
+    RADIUS,
+    REACH,
+    STRENGTH,
+    X,
+    Y,
+    Z,
+    count_cells,
+)
+from particlesim.engine.interactions.tree.direct import TARGETS, add_near, pair
+from particlesim.engine.interactions.tree.expansions import (
+    chain,
+    derivatives,
+    field_numbers,
+    field_shifted,
+    put,
+    taken,
+)
+from particlesim.engine.interactions.tree.indices import columns, pieces
+from particlesim.engine.interactions.tree.form import (
+    field_columns,
+    first_degree,
+    moment_columns,
+    order_of,
+    softening_reach,
+    softening_square,
+)
+
+_LANES = 8
+
+
+class Room(NamedTuple):
+    """Where a thread notes the lists of its walk; [threads, …] for all of them.
+
+    A cell is at most once in a list, so that as many places as cells are enough.
+    """
+
+    lists: NDArray[np.int32]
+    """[threads, generations + 5, cells + LANES]: by generation the sources that its cell hands down; then far, near, not far,
+    to be tested, and whether each is far."""
+    fields: NDArray[np.float64]
+    """[threads, generations, numbers]: the polynomials of the cells that the walk is in."""
+    stack: NDArray[np.int64]
+    """[threads, 3, 8 generations]: cells to come and their generations; the cells that the walk is in."""
+    done: NDArray[np.int64]
+    """[threads, 8]: far pairs of cells, pairs of particles, tests."""
+
+
+class Limits(NamedTuple):
+    """What is far."""
+
+    square: float
+    """The square of the tolerance: the largest error of a pair of cells relative to the field."""
+    widest: float
+    """The square of the largest sum of radii over distance."""
+    target: float
+    """The square of the largest radius of a target over distance."""
+
+
+class Given(NamedTuple):
+    """Where the sums of the sorted particles go."""
+
+    index: NDArray[np.int32]
+    """Which particle each is."""
+    field: NDArray[np.float64]
+    """[3, n]: gradient of Σ w f."""
+    size: NDArray[np.float64]
+    """[n]: its length."""
+    height: NDArray[np.float64] | None
+    """[n]: Σ w f, where it is wanted."""
+    scale: float
+    """What makes gradients in the unit box those of the world."""
+    height_scale: float
+
+
+def new_room(threads: int, cells: int, numbers: int) -> Room:
+    """Room for the walks of threads through so many cells."""
+    return Room(
+        np.zeros((threads, GENERATIONS + 5, cells + 2 * _LANES), np.int32),
+        np.zeros((threads, GENERATIONS + 1, numbers)),
+        np.zeros((threads, 3, 8 * GENERATIONS + 8), np.int64),
+        np.zeros((threads, 8), np.int64),
+    )
+
+
+FAR, NEAR, REST, WORK = GENERATIONS + 1, GENERATIONS + 2, GENERATIONS + 3, GENERATIONS + 4
+
+
+@outlined
+def walk(form: Any, cells: Any, s: Any, limits: Any, room: Any, first: Any, last: Any, given: Any) -> None:
+    """All sums for the leaves that begin among the sorted particles [first, last).
+
+    `limits`: tolerance and widest opening; `given`: where the sums go.
+    """
+    span, stack = cells.span, room.stack
+    stack[0, 0] = 0
+    stack[1, 0] = 0
+    room.lists[0, 0] = 0
+    waiting = 1
+    handed = on_stack(1, GENERATIONS + 1, np.int64)
+    handed[0, 0] = 1
+    while waiting > 0:
+        waiting -= 1
+        b, depth = stack[0, waiting], stack[1, waiting]
+        stack[2, depth] = b
+        _inherit(form, cells, room, b, depth)
+        near, kept = _settle(form, cells, limits, room, b, depth, handed[0, depth])
+        if span[b, CHILDREN] > 0:
+            handed[0, depth + 1] = kept
+            child = span[b, CHILD] + span[b, CHILDREN]
+            while child > span[b, CHILD]:
+                child -= 1
+                if span[child, FIRST] < last and span[child, LAST] > first:
+                    stack[0, waiting] = child
+                    stack[1, waiting] = depth + 1
+                    waiting += 1
+        elif first <= span[b, FIRST] < last:
+            _finish(form, cells, s, room, b, depth, near, given)
+
+
+@outlined
+def _inherit(form: Any, cells: Any, room: Any, b: Any, depth: Any) -> None:
+    """The polynomial of the parent about the centre of its child."""
+    row = room.fields[depth]
+    if depth == 0:
+        row[:] = 0.0
+    else:
+        begins, place, parent = field_columns(form), cells.place, room.stack[2, depth - 1]
+        v = (place[b, X] - place[parent, X], place[b, Y] - place[parent, Y], place[b, Z] - place[parent, Z])
+        field = taken(room.fields[depth - 1], begins)
+        put(row, begins, field_shifted(field, v, first_degree(form), order_of(form)))
+
+
+def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, count: Any) -> Any:
+    """Settle what can be settled of the sources that a cell has been handed; how many are near, and how many kept for its
+    children."""
+    span, place, lists = cells.span, cells.place, room.lists
+    leaf = span[b, CHILDREN] == 0
+    radius = place[b, RADIUS]
+    far, near, rest = lists[FAR], lists[NEAR], lists[REST]
+    fars, nears, kept = 0, 0, 0
+    work = depth
+    while count > 0:
+        room.done[2] += count
+        split = _test(form, place, limits, lists[work], count, b, far, fars, rest)
+        fars += split
+        others = count - split
+        count = 0
+        work = WORK
+        for i in range(others):
+            a = rest[i]
+            if span[a, CHILDREN] > 0 and (leaf or place[a, RADIUS] > radius):
+                for child in range(span[a, CHILD], span[a, CHILD] + span[a, CHILDREN]):
+                    lists[WORK, count] = child
+                    count += 1
+            elif leaf:
+                near[nears] = a
+                nears += 1
+            else:
+                lists[depth + 1, kept] = a
+                kept += 1
+    if fars > 0:
+        room.done[0] += fars
+        empty = count_cells(cells)
+        for i in range(fars, fars + _LANES):
+            far[i] = empty
+        _act(form, cells, far, fars, b, room.fields[depth])
+    return nears, kept
+
+
+@outlined
+def _test(
+    form: Any, place: Any, limits: Any, work: Any, count: Any, b: Any, far: Any, begin: Any, rest: Any
+) -> Any:
+    """Append the far ones of `work` to `far`, which has `begin`, and put the others into `rest`; returns how many are far."""
+    order = order_of(form)
+    x, y, z, radius = place[b, X], place[b, Y], place[b, Z], place[b, RADIUS]
+    soft, clear = softening_square(form), softening_reach(form)
+    need = place[b, NEED]
+    scale = float((order + 1) * (order + 1)) * need / limits.square
+    wide = limits.widest
+    nearest = radius * radius / limits.target
+    fars, others = 0, 0
+    for i in range(count):
+        a = work[i]
+        dx, dy, dz = place[a, X] - x, place[a, Y] - y, place[a, Z] - z
+        d2 = dx * dx + dy * dy + dz * dz
+        r2 = d2 + soft
+        both = place[a, RADIUS] + radius
+        reach = place[a, REACH] + radius
+        t = reach * reach
+        e2 = scale * place[a, STRENGTH] * place[a, STRENGTH] * t**order
+        is_far = (both * both < wide * r2) & (nearest < r2) & (e2 < r2 ** (order + 2)) & ((both + clear) * (both + clear) <= r2)
+        far[begin + fars] = a
+        rest[others] = a
+        fars += 1 if is_far else 0
+        others += 0 if is_far else 1
+    return fars
+
+
+@outlined
+def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
+    """Add what far cells do to the polynomial of cell b, as many at a time as there are lanes; the list ends in as many empty
+    ones."""
+    order, into, begins = order_of(form), field_columns(form), moment_columns(form)
+    place, moments = cells.place, cells.moments
+    source, sums = on_stack(3 + begins[-1], _LANES, np.float64), on_stack(into[-1], _LANES, np.float64)
+    lines = columns(0, order)
+    slopes = on_stack(lines[-1], _LANES, np.float64)
+    for k in range(into[-1]):
+        for lane in range(_LANES):
+            sums[k, lane] = 0.0
+    x, y, z = place[b, X], place[b, Y], place[b, Z]
+    soft = softening_square(form)
+    for at in range(0, count, _LANES):
+        for lane in range(_LANES):
+            a = far[at + lane]
+            source[0, lane] = x - place[a, X]
+            source[1, lane] = y - place[a, Y]
+            source[2, lane] = z - place[a, Z]
+            for k in range(begins[-1]):
+                source[3 + k, lane] = moments[a, k]
+        for lane in range(_LANES):
+            v = (source[0, lane], source[1, lane], source[2, lane])
+            d = derivatives(v, chain(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] + soft, order))
+            put(slopes[:, lane], lines, d)
+        for n, chosen in pieces(first_degree(form), order):
+            for lane in range(_LANES):
+                d, m = taken(slopes[:, lane], lines), taken(source[3:, lane], begins)
+                for k, number in zip(chosen, field_numbers(m, d, n, chosen, order), strict=True):
+                    sums[into[n] + k, lane] += number
+    for k in range(into[-1]):
+        for lane in range(_LANES):
+            row[k] += sums[k, lane]
+
+
+def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: Any, given: Any) -> None:
+    """The sums of the particles of a leaf, given away."""
+    span = cells.span
+    first, last = span[b, FIRST], span[b, LAST]
+    out = on_stack(4, TARGETS, np.float64)
+    row, leaves = room.fields[depth], room.lists[NEAR]
+    place = cells.place[b]
+    if place[RADIUS] == 0 and last - first > TARGETS:
+        # Many in one place feel the same, but for their own potential.
+        add_near(form, span, s, leaves, near, first, place, row, out)
+        alone, _ = pair(form.softening, 0.0)
+        common, own = out[3, 0], s.w[first]
+        for lane in range(1, TARGETS):
+            for k in range(3):
+                out[k, lane] = out[k, 0]
+        for at in range(first, last, TARGETS):
+            for lane in range(TARGETS):
+                out[3, lane] = common + (own - s.w[at + lane]) * alone
+            hand_over(given, out, at, min(at + TARGETS, last))
+    else:
+        for at in range(first, last, TARGETS):
+            add_near(form, span, s, leaves, near, at, place, row, out)
+            hand_over(given, out, at, min(at + TARGETS, last))
+    room.done[1] += (last - first) * _particles(span, leaves, near)
+
+
+def _particles(span: Any, leaves: Any, count: Any) -> Any:
+    """How many particles are in so many leaves."""
+    total = 0
+    for k in range(count):
+        total += span[leaves[k], LAST] - span[leaves[k], FIRST]
+    return total
+
+
+def hand_over(given: Any, out: Any, first: Any, last: Any) -> None:
+    """Put the sums of the sorted particles [first, last) where their particles stand, in units of the world."""
+    for i in range(first, last):
+        j, lane = given.index[i], i - first
+        gx, gy, gz = out[0, lane] * given.scale, out[1, lane] * given.scale, out[2, lane] * given.scale
+        given.field[0, j] = gx
+        given.field[1, j] = gy
+        given.field[2, j] = gz
+        given.size[j] = np.sqrt(gx * gx + gy * gy + gz * gz)
+        if given.height is not None:
+            given.height[j] = out[3, lane] * given.height_scale

@@ -1,0 +1,66 @@
+"""Every interaction with enough variants to reach every record, and pairs to try them on."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+from contract.cases import records_in
+
+from particlesim.interactions import PairInteraction
+from particlesim.interactions.coulomb import Coulomb
+from particlesim.interactions.gravity import MutualGravity
+from particlesim.interactions.lennard_jones import LennardJones
+from particlesim.interactions.morse import Morse
+from particlesim.interactions.power_law import PairPowerLaw
+from particlesim.interactions.soft_sphere import SoftSphere
+from particlesim.interactions.yukawa import Yukawa
+from particlesim.laws.pair import Pair
+
+PAIR_CASES: dict[str, PairInteraction] = {
+    "gravity": MutualGravity(constant=2.3),
+    "gravity_soft": MutualGravity(constant=2.0, softening=0.4),
+    "coulomb": Coulomb(constant=3.0),
+    "coulomb_water": Coulomb(relative_permittivity=80.0, softening=0.3),
+    "coulomb_shifted": Coulomb(constant=3.0, cutoff=2.5, shift="force"),
+    "power_law": PairPowerLaw(strength=2.0, exponent=2.5, softening=0.2),
+    "power_spring": PairPowerLaw(strength=2.0, exponent=-1.0),
+    "power_repels": PairPowerLaw(strength=-2.0, exponent=3.0),
+    "power_logarithm": PairPowerLaw(strength=2.0, exponent=1.0, softening=0.1),
+    "lennard_jones": LennardJones(epsilon=1.5, sigma=0.9),
+    "lennard_jones_energy": LennardJones(epsilon=1.5, sigma=0.9, cutoff=2.2, shift="energy"),
+    "lennard_jones_force": LennardJones(epsilon=1.5, sigma=0.9, cutoff=2.2, shift="force"),
+    "lennard_jones_mixed": LennardJones(epsilon={"a": 1.5, "b": 0.7}, sigma=0.9, cutoff=2.2, shift="force"),
+    "morse": Morse(depth=2.0, width=1.3, distance=1.1),
+    "yukawa": Yukawa(strength=2.0, screening_length=0.8),
+    "yukawa_shifted": Yukawa(strength=-2.0, screening_length=0.8, cutoff=2.0, shift="energy"),
+    "soft_sphere": SoftSphere(epsilon=3.0, sigma=1.4),
+    "soft_sphere_hertz": SoftSphere(epsilon=3.0, sigma=1.4, exponent=2.5),
+    "soft_sphere_radii": SoftSphere(epsilon=3.0),
+}
+
+
+def records() -> set[type]:
+    """All record types that the cases reach."""
+    tops = (model.cut_record() for model in PAIR_CASES.values())
+    return {type(r) for r in itertools.chain.from_iterable(map(records_in, tops))}
+
+
+def pairs(n: int = 40, seed: int = 1) -> list[Pair]:
+    """Random pairs: 0.7 to 1.9 m apart, 3 m/s, 0.5 to 2 kg, radii of 0.4 to 0.9 m, charges of ±2 C; away from the places
+    where a case has a kink."""
+    rng = np.random.default_rng(seed)
+    found: list[Pair] = []
+    while len(found) < n:
+        direction = rng.normal(size=3)
+        r = rng.uniform(0.7, 1.9)
+        line = r * direction / np.linalg.norm(direction)
+        v = rng.uniform(-3, 3, 3)
+        m, radius, q, a, b = (
+            rng.uniform(*ends, 2) for ends in ((0.5, 2), (0.4, 0.9), (-2, 2), (0.4, 0.5), (1, 3))
+        )
+        numbers: list[Any] = [*line, *v, *m, *radius, *q, 0.3, *a, *b]
+        if min(abs(r - 1.4), abs(r - radius.sum())) > 0.02:
+            found.append(Pair(*map(float, numbers), *map(int, rng.integers(0, 1000, 2))))
+    return found
