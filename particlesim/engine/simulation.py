@@ -11,7 +11,8 @@ import numpy as np
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands.independent import OWN_STEPS, Births
+from particlesim.engine.islands.base import OWN_STEPS
+from particlesim.engine.islands.births import Births
 from particlesim.engine.ledger.sums import MOTION, measure
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths

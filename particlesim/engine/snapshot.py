@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
-from particlesim.engine.coupled.workspace import Work
 from particlesim.engine.gain import Account
 from particlesim.engine.guard import Guard
+from particlesim.engine.interactions.bonds import Roster
 from particlesim.engine.interactions.interaction import Interaction
+from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import Births, IndependentIsland
+from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -61,11 +62,33 @@ FOLLOWS: dict[type, frozenset[str]] = {
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *("names", "parts", "kept_from", "_all", "_booking", "_bounds", "_driven"),
-            *("_kept", "_pinned", "_method", "_shares", "_staged", "_step", "rods"),
+            *(
+                "names",
+                "parts",
+                "kept_from",
+                "_joined",
+                "_booking",
+                "_bounds",
+                "_driven",
+                "_scenario",
+                "_structure",
+            ),
+            *(
+                "_kept",
+                "_pinned",
+                "_method",
+                "_shares",
+                "_staged",
+                "_step",
+                "rods",
+                "_site",
+                "_sets",
+                "_cooling",
+                "_work",
+            ),
         }
     ),
-    Work: frozenset(("force", "before", "slopes", "pull", "spread")),
+    Roster: frozenset(("number", "pairs", "rest")),
     GroupState: frozenset(column.name for column in TABLE),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
@@ -113,6 +136,10 @@ def restore(simulation: Simulation, saved: Snapshot) -> None:
         raise MisfitError("it holds the state of another simulation")
     _restored(simulation, "simulation", saved)
     for island, name in _islands(simulation):
+        before = [state.id[: state.count].copy() for state in island.states]
+        for k, state in enumerate(island.states):
+            _restored(state, f"{name}.states.{k}", saved)
+        island.resettle(np.concatenate(before))
         _restored(island, name, saved)
     array = saved.arrays
     simulation.events = Events()

@@ -53,19 +53,18 @@ class World:
             state = states[group.name]
             state.id[: state.count] += first_id
             first_id += state.count
+        # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
+        ids = {group.name: (first_id + k, len(emitters)) for k, group in enumerate(emitters)}
         islands: list[IndependentIsland | CoupledIsland] = []
+        extra = {} if block is None else {"block": block}
         for island in self.graph.islands:
+            mine = [
+                states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
+            ]
             if island.coupled:
-                islands.append(CoupledIsland(self.scenario, island, [states[g.name] for g in island.groups]))
-                continue
-            (group,) = island.groups
-            # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
-            births = (
-                (first_id + emitters.index(group), len(emitters)) if isinstance(group, Emitter) else (0, 1)
-            )
-            state = states.get(group.name) or populate(self.scenario, island, group)
-            extra = {} if block is None else {"block": block}
-            islands.append(IndependentIsland(self.scenario, island, state, births, **extra))
+                islands.append(CoupledIsland(self.scenario, island, mine, ids))
+            else:
+                islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))
         return islands
 
     @property

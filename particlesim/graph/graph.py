@@ -66,6 +66,13 @@ class Island:
         """Whether its particles step together: they act on each other, or their method has one step for all."""
         return bool(self.interactions or self.rods) or self.method.together
 
+    @property
+    def changes(self) -> bool:
+        """Whether particles may be born or die."""
+        return any(isinstance(group, Emitter) for group in self.groups) or any(
+            each.contact == "kill" for colliders in self.colliders for each in colliders
+        )
+
 
 @dataclass(frozen=True)
 class Graph:

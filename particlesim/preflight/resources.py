@@ -16,6 +16,7 @@ from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.sampling.distributions import largest
+from particlesim.scenario.reach import may_break, mortal
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
@@ -39,6 +40,8 @@ GZIP = {"float": 0.93, "integer": 0.2}
 """Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
 SPRING_BYTES = 32
 """Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
+ROSTER_BYTES = 40
+"""What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
 ROD_BYTES = 500
 """Memory of a rod in a chain: its place in the order of elimination, rows of the matrix, scratch."""
 SPRING_STORED = 10
@@ -151,7 +154,12 @@ def _attribute_bytes(group: Group, number: int) -> float:
 def _spring_bytes(scenario: Scenario) -> float:
     """Memory of all springs and rods whose number is known before positions are."""
     number = _width(scenario)
-    own = [2 * number * (b.law.by_mass or b.law.breaks) + b.law.breaks for b in scenario.bonds]
+    own = [
+        2 * number * (b.law.by_mass or may_break(scenario, b))
+        + b.law.breaks
+        + ROSTER_BYTES * any(mortal(scenario, name) for name in b.groups)
+        for b in scenario.bonds
+    ]
     springs = sum(
         (b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True)
     )
@@ -178,7 +186,7 @@ def _file_size(scenario: Scenario, alive: Floats, events: int) -> float:
     ledger = 8 * LEDGER_COLUMNS * scenario.output.ledger
     tables = padded(frames, TABLE_ROWS) * (ROW_BYTES + ledger)
     topology = 2 * 8 * padded(2 * most, TOPOLOGY_ROWS) * TOPOLOGY_RATIO
-    springs = sum((b.count or 0) * (SPRING_STORED + 8 * b.law.breaks) for b in scenario.bonds)
+    springs = sum((b.count or 0) * (SPRING_STORED + 8 * may_break(scenario, b)) for b in scenario.bonds)
     springs += SPRING_STORED * sum(rods.count or 0 for rods in scenario.rod_sets)
     return float(FILE_BYTES + frames * (data + index) + tables + topology + springs + events * EVENT_BYTES)
 

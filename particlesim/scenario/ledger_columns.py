@@ -9,7 +9,7 @@ from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import KILL, has_law, potential
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.scenario.reach import acts_on, held_back, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, may_break, pair_sets
 from particlesim.scenario.tables import Tables
 
 
@@ -20,7 +20,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
         label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
     ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
     stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.conserves()]
-    broken = [bonds.name for bonds in scenario.bonds if bonds.law.breaks]
+    broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
         *(f"died.{cause}" for cause in deaths(scenario)),

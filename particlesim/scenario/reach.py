@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
+from particlesim.bonds import BondSet
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
@@ -70,6 +71,18 @@ def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
 def held_back(collider: Collider, groups: Collection[str]) -> bool:
     """Whether a collider holds back one of some groups."""
     return collider.on is None or any(name in groups for name in collider.on)
+
+
+def mortal(scenario: Tables, name: str) -> bool:
+    """Whether particles of a group may die: those of emitters, and what meets a collider that kills."""
+    return any(emitter.name == name for emitter in scenario.emitters) or any(
+        each.contact == "kill" and held_back(each, (name,)) for each in scenario.all_colliders
+    )
+
+
+def may_break(scenario: Tables, bonds: BondSet) -> bool:
+    """Whether springs of a set may break, on their own or because an end dies."""
+    return bonds.law.breaks or any(mortal(scenario, name) for name in bonds.groups)
 
 
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:

@@ -135,7 +135,9 @@ def test_deaths_take_their_row_out_of_every_column() -> None:
 
 def test_a_stretch_is_a_view_of_every_column() -> None:
     state = filled(7, 2)
-    view = state.stretch(GroupState("part", 0), slice(2, 6))
+    view = GroupState("part", 0, dtype=state.dtype, parts=state.parts)
+    view.move_into(state, slice(2, 6))
+    view.count = 4
     for name, column in view.columns_by_name().items():
         np.testing.assert_array_equal(column, state.columns_by_name()[name][..., 2:6])
         assert np.shares_memory(column, state.columns_by_name()[name])

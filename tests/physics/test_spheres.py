@@ -313,15 +313,29 @@ def test_particles_that_start_inside_a_ball_are_told() -> None:
     assert "start inside sphere dome, the deepest (id 0) by 0.6 m" in told
 
 
-def test_a_ball_cannot_kill_what_springs_join() -> None:
+def test_a_spring_breaks_when_a_ball_kills_one_of_its_ends() -> None:
+    # Two of 1 kg with k = 1 N/m, stretched from 1 m to 2 m, at rest: half of the stretch is cos ωt / 2 with ω² = 2/s². The
+    # first meets the ball after a quarter of a metre, at ωt = π/3; the second keeps the speed that it has then.
+    law = {"on": "pair", "pairs": [[0, 1]], "stiffness": 1.0, "rest_length": 1.0}
     scenario = {
-        "simulation": {"duration": 1, "dt": 0.01},
-        "particles": [points((0, 2, 0), (1, 2, 0), name="pair")],
-        "springs": [{"on": "pair", "pairs": [[0, 1]], "stiffness": 1.0}],
-        "colliders": [{"type": "plane"}, ball(contact="kill", name="hot")],
+        "simulation": {"duration": 1, "dt": 1e-3},
+        "output": {"every": 50, "work": True},
+        "particles": [points((0, 2, 0), (2, 2, 0), name="pair", radius=0.0)],
+        "springs": [law],
     }
-    with pytest.raises(ps.ScenarioError, match="a sphere cannot kill particles that are joined by springs"):
-        ps.from_table(scenario)
-    assert ps.from_table(scenario, {"colliders.hot.contact": "bounce", "colliders.hot.radius": 0.5})
+    hot = ball(center=[0.75, 2, 0], radius=0.5, contact="kill", name="hot")
+    result = ps.run(ps.from_table({**scenario, "colliders": [hot]}))
+    assert result.died == {"collider": 1}
+    assert result.broken == {"springs": (1, 1)}
+    half = math.pi / 3 / math.sqrt(2)
+    speed = math.sin(math.pi / 3) / math.sqrt(2)
+    there = 1.5 + math.cos(math.pi / 3) / 2
+    np.testing.assert_allclose(result.final.velocity, [[-speed, 0, 0]], atol=1e-3)
+    np.testing.assert_allclose(result.final.position, [[there - speed * (1 - half), 2, 0]], atol=2e-3)
+    with pytest.raises(ps.ScenarioError, match="a sphere cannot kill particles that are joined by rods"):
+        ps.from_table(
+            {**scenario, "springs": [], "rods": [{"on": "pair", "pairs": [[0, 1]]}], "colliders": [hot]}
+        )
+    scenario["colliders"] = [{"type": "plane"}, ball(name="hot", radius=0.5)]
     with pytest.raises(ps.ScenarioError, match="unknown group 'pear'"):
         ps.from_table(scenario, {"colliders.hot.on": ["pear"], "colliders.hot.contact": "bounce"})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,14 @@ class RodSystem:
         """The row of an end of a rod in the island, one of the `free` ones."""
         rows = [self._offset[name] + k for name, k in zip(unheld.groups, unheld.particles, strict=True)]
         return next((row for row in rows if free[row]), rows[0])
+
+    def lay_again(self, offset: dict[str, int], place: Ints) -> None:
+        """The same rods among other rows: what was in row k is in row `place[k]` now, and groups begin at rows `offset`."""
+        self._offset = offset
+        self.members = tuple(
+            replace(each, first=place[each.first], second=place[each.second]) for each in self.members
+        )
+        self.rods = self.rods._replace(rig=self.rods.rig._replace(rows=place[self.rods.rig.rows]))
 
     def begin(self) -> None:
         """Forget what earlier steps have left: rods that could not be held, and work on led ends."""

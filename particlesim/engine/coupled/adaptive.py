@@ -16,7 +16,7 @@ from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.kernel import displace, end_interval, find_slopes, restore, save
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.state.columns import block_of, span, type_of
+from particlesim.engine.state.columns import block_of, in_step, span, type_of
 from particlesim.engine.step.particle_step import Rate
 from particlesim.engine.step.step_size import (
     MOST_STEPS,
@@ -39,13 +39,15 @@ class Pace(NamedTuple):
     """What the threads of an island tell each other: largest value and its row of each, on cache lines of their own.
 
     `report`: why the island cannot go on, when [s], and the worst particle. `disturbed`: whether contacts or breaking bonds
-    may change the state between steps, so that the last slope is not the next step's first. `pauses`: whether to return
-    after every own step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
+    may change the state between steps, so that the last slope is not the next step's first; `changes`: whether particles
+    may be born or die, so that the slopes depend on the end of the step, too. `pauses`: whether to return after every own
+    step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
     """
 
     slots: NDArray[np.float64]
     report: NDArray[np.float64]
     disturbed: bool
+    changes: bool
     pauses: bool
     present: NDArray[np.float64]
 
@@ -55,9 +57,9 @@ class Pace(NamedTuple):
         return bool(self.report[0])
 
 
-def new_pace(threads: int, disturbed: bool, pauses: bool = False) -> Pace:
+def new_pace(threads: int, *, disturbed: bool, changes: bool, pauses: bool) -> Pace:
     """For some threads."""
-    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT))
+    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, changes, pauses, np.zeros(PRESENT))
 
 
 def worst(share: Any, slots: Any, value: Any, row: Any) -> Any:
@@ -197,18 +199,19 @@ def step_island_adaptive(
             land(parts, bonds, c, work, share, pace.disturbed, began, now, type_of(c.x[0], taken))
             stale = pace.disturbed
         while now < end:
-            if stale:
-                find_slopes(parts, bonds, c, work, share, 0, now)
-                stale = False
             if not step > 0:
-                step = first_step(method, c, work, share, pace.slots, end - t)
+                find_slopes(parts, bonds, in_step(c, now, end), work, share, 0, now)
+                step, stale = first_step(method, c, work, share, pace.slots, end - t), pace.changes
             step = min(step, end - t)
             arrives = end - now <= 1.01 * step
             taken = end - now if arrives else step
             then = end if arrives else now + taken
+            if stale:
+                find_slopes(parts, bonds, in_step(c, now, then), work, share, 0, now)
+                stale = False
             h = type_of(c.x[0], taken)
             save(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
-            attempt(method, parts, bonds, c, work, share, now, then, h)
+            attempt(method, parts, bonds, in_step(c, now, then), work, share, now, then, h)
             largest, row = largest_error(method, c, work, share, now, then, h)
             error, row = worst(share, pace.slots, largest, row)
             wish = taken * factor(method, error, previous, again)
@@ -226,7 +229,7 @@ def step_island_adaptive(
                 stale = pace.disturbed
                 now = then
             else:
-                step, again = wish, True
+                step, again, stale = wish, True, pace.changes
                 restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             if wish < taken and step < least:
                 give_up(share, pace, why_short(six(work.slopes[0], row)), now, row)

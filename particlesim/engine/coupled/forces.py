@@ -12,7 +12,7 @@ from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
 from particlesim.engine.interactions.interaction import add_elements, prepare_elements
-from particlesim.engine.state.columns import block_of, fetch, span
+from particlesim.engine.state.columns import block_of, fetch, in_step, span, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK
@@ -80,14 +80,21 @@ def _set_rates(dynamics: Any, c: Any, total: Any, slope: Any, t: Any, first: Any
                 slope[3 + k, i] = 0
 
 
+def felt(clock: Any, hi: Any, g: Any) -> Any:
+    """A force on a particle that moves for a time hi; none on one that does not move, be it infinite."""
+    if clock is None:
+        return g
+    return g if hi > 0 else type_of(g, 0)
+
+
 def kick(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
     """v += weight · h f/m for all particles of a block with total forces g."""
     for i in range(q.x.size):
         _, hi = span(q.clock, i, t, end, h)
         k = weight * hi / q.m[i]
-        q.vx[i] += k * gx[i]
-        q.vy[i] += k * gy[i]
-        q.vz[i] += k * gz[i]
+        q.vx[i] += k * felt(q.clock, hi, gx[i])
+        q.vy[i] += k * felt(q.clock, hi, gy[i])
+        q.vz[i] += k * felt(q.clock, hi, gz[i])
 
 
 def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
@@ -177,4 +184,4 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
 @kernel
 def island_forces(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
     """Total force on every particle of an island, into work.force; `share` is the whole island."""
-    evaluate(parts, bonds, c, work, share, t, None)
+    evaluate(parts, bonds, in_step(c, t, t), work, share, t, None)

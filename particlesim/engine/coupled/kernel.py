@@ -16,7 +16,7 @@ from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import Move, all_finite, evaluate, kick_and_drift, look, rates
 from particlesim.engine.coupled.workspace import StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.state.columns import block_of, fetch, held, span, type_of
+from particlesim.engine.state.columns import block_of, fetch, held, in_step, span, still, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK
@@ -36,7 +36,8 @@ def combine(
                 target[i] += weight * slope[i]
     for i in range(target.size):
         _, hi = span(clock, i, t, end, h)
-        target[i] = before[i] + hi * target[i]
+        idle, moved = still(clock, hi), before[i] + hi * target[i]
+        target[i] = moved if idle is None else (before[i] if idle else moved)
 
 
 def stormer(q: Any, gx: Any, gy: Any, gz: Any, t: Any, end: Any, h: Any) -> None:
@@ -242,7 +243,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
 
 def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
     """Velocities at the end of an interval of those that are led or have no inertia."""
-    settle_all(parts, bonds, c, work, share, end)
+    settle_all(parts, bonds, in_step(c, end, end), work, share, end)
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
 
 
@@ -259,7 +260,7 @@ def step_island(
     for step in range(steps):
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
-        evolve(method, parts, bonds, c, work, share, t, end, h)
+        evolve(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)

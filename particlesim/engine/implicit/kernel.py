@@ -33,7 +33,7 @@ from particlesim.engine.implicit.krylov import (
     summed,
 )
 from particlesim.engine.implicit.linear_system import linearise
-from particlesim.engine.state.columns import fetch, recall, span, type_of
+from particlesim.engine.state.columns import fetch, in_step, recall, span, type_of
 from particlesim.engine.step.newton import GROWTH, HALVINGS, ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
@@ -121,7 +121,7 @@ def evolve_implicit(
                 change(c, s, share, 1.0, reach)
             meet(share.gate, share.threads)
     if ended == SOLVED:
-        finish(method, c, work, share, reach, h)
+        finish(method, c, work, share, reach, t, end, h)
     else:
         share.wild[8 * share.number] = 1
     if share.number == 0:
@@ -251,8 +251,21 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
         s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
 
 
+def cut_short(clock: Any, i: Any, before: Any, columns: Any, t: Any, end: Any, h: Any) -> Any:
+    """How long particle i moved in the step [t, end]; one that is born or dies in it moves for that part of the step of the
+    others, along a straight line, so that it stays between the beginning and a solution however stiff forces are."""
+    if clock is None:
+        return h
+    _, hi = span(clock, i, t, end, h)
+    if hi < h:
+        part = hi / h
+        for k, column in enumerate(columns):
+            column[i] = before[k, i] + part * (column[i] - before[k, i])
+    return hi
+
+
 def recollect(memory: Any, i: Any, before: Any, columns: Any, h: Any) -> None:
-    """Remember how far particle i came in the step that has been done."""
+    """Remember how far particle i came in the step of length h that has been done."""
     if len(memory) == 0:
         return
     for k, column in enumerate(columns):
@@ -260,11 +273,15 @@ def recollect(memory: Any, i: Any, before: Any, columns: Any, h: Any) -> None:
     memory[6][i] = h
 
 
-def finish(method: Any, c: Any, work: Any, share: Any, reach: Any, h: Any) -> None:
+def finish(
+    method: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any
+) -> None:
     """The new state of a share from the solved one."""
     s = work.system
     x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
-    _finish(x, v, c.memory, s.base, s.free, work.before, share.first, share.last, method.middle, reach, h)
+    span_of = (t, end, h)
+    part = (share.first, share.last)
+    _finish(x, v, c.memory, c.clock, s.base, s.free, work.before, *part, method.middle, reach, *span_of)
 
 
 @shared
@@ -272,6 +289,7 @@ def _finish(
     x: Any,
     v: Any,
     memory: Any,
+    clock: Any,
     base: Any,
     free: Any,
     before: Any,
@@ -279,6 +297,8 @@ def _finish(
     last: Any,
     middle: Any,
     reach: Any,
+    t: Any,
+    end: Any,
     h: Any,
 ) -> None:
     two = type_of(h, 2)
@@ -291,7 +311,7 @@ def _finish(
                     speed[i] = two * speed[i] - before[3 + k, i]
     for i in range(first, last):
         if free[i] > 0:
-            recollect(memory, i, before, (*x, *v), h)
+            recollect(memory, i, before, (*x, *v), cut_short(clock, i, before, (*x, *v), t, end, h))
 
 
 @kernel
@@ -303,7 +323,7 @@ def step_island_implicit(
     for step in range(steps):
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
-        evolve_implicit(method, parts, bonds, c, work, share, t, end, h)
+        evolve_implicit(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)

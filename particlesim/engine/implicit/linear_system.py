@@ -132,10 +132,14 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
 def _lattices(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Lattices:
     there = [np.flatnonzero(bond.i >= 0) for bond in bonds]
     i, j = (
-        np.concatenate([getattr(bond, end)[k] for bond, k in zip(bonds, there, strict=True)]) for end in "ij"
+        np.concatenate(
+            [np.empty(0, np.int64), *(getattr(bond, end)[k] for bond, k in zip(bonds, there, strict=True))]
+        )
+        for end in "ij"
     )
     stiffness = [np.broadcast_to(bond.k, bond.i.shape)[k] for bond, k in zip(bonds, there, strict=True)]
-    return new_lattices(place.astype(float), i, j, np.concatenate(stiffness).astype(float), dtype)
+    weight = np.concatenate([np.empty(0), *stiffness]).astype(float)
+    return new_lattices(place.astype(float), i, j, weight, dtype)
 
 
 def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
@@ -182,12 +186,12 @@ def _add_own(
         p = fetch(c, i, t)
         inertia, g, (rx, ry, rz) = equation(dynamics, forces, p, s.base[3:6, i], reach, s.lead[:, i])
         general, coupled = write_own(s, i, type_of(reach, inertia), g)
-        free = s.free[i]
-        flags[GENERAL] |= general & (free > 0)
-        flags[COUPLED_AXES] |= coupled & (free > 0)
-        s.residual[0, i] = free * (total[0, i] + rx)
-        s.residual[1, i] = free * (total[1, i] + ry)
-        s.residual[2, i] = free * (total[2, i] + rz)
+        free, none = s.free[i] > 0, type_of(reach, 0)
+        flags[GENERAL] |= general & free
+        flags[COUPLED_AXES] |= coupled & free
+        s.residual[0, i] = total[0, i] + rx if free else none
+        s.residual[1, i] = total[1, i] + ry if free else none
+        s.residual[2, i] = total[2, i] + rz if free else none
 
 
 def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:

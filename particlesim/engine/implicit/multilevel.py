@@ -74,7 +74,7 @@ def new_lattices(place: Floats, i: Ints, j: Ints, weight: Floats, dtype: Any) ->
         np.bincount(i, part, count) + np.bincount(j, part, count) for part in (weight, weight * square)
     )
     pitch = PITCH * float(np.sqrt(np.median(square))) if square.size else 0.0
-    points, first = place.T - place.min(axis=1), [0]
+    points, first = place.T - place.min(axis=1, initial=np.inf), [0]
     pitches: list[float] = []
     below: list[tuple[Ints, Ints, Floats]] = []
     while pitch > 0 and len(points) > FEW and len(pitches) < LEVELS:

@@ -46,10 +46,14 @@ class Slots(NamedTuple):
     holes: Ints
     table: Ints
 
-    def spread(self, values: NDArray[Any]) -> NDArray[Any]:
-        """What belongs to every spring, in slots; 0 in holes."""
-        out = np.zeros(len(self.i), values.dtype)
-        out[self.slot] = values[self.order]
+    def spread(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:
+        """What belongs to every spring, in slots, and some value in holes."""
+        return self.in_order(values[self.order], hole)
+
+    def in_order(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:
+        """The same of values that are in the order of the slots already."""
+        out = np.full(len(self.i), hole, values.dtype)
+        out[self.slot] = values
         return out
 
 

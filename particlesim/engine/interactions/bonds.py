@@ -26,8 +26,8 @@ from particlesim.engine.interactions.bond_layout import (
     in_slots,
 )
 from particlesim.engine.interactions.bond_tensors import Tensors, tensors
-from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
-from particlesim.engine.state.columns import cut
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, rows_after
+from particlesim.engine.state.columns import cut, element
 from particlesim.errors import UsageError
 from particlesim.laws.registry import bond_force, bond_potential
 from particlesim.trajectory.topology import Topology
@@ -44,10 +44,21 @@ class Breaking(NamedTuple):
     when: Any
 
 
+class Roster(NamedTuple):
+    """All bonds of a set since the start, in the order of a trajectory: ids of both ends [n, 2], rest lengths [m], and when
+    those broke that are laid out no longer, as they lost an end [s], infinity for the others, [n] each. `number` tells
+    which of them every slot has, −1 in holes."""
+
+    number: Any
+    pairs: Any
+    rest: Any
+    when: Any
+
+
 class BondColumns(NamedTuple):
     """Springs of one law: its record, both ends of each bond, and stiffness [N/m], damping [kg/s] and rest length [m], each
     a number for all or an array, in the slots of `bond_layout`; `holes` are slots without a bond, with ends −1.
-    `breaking` is None for bonds that hold.
+    `breaking` is None for bonds that hold, and `roster` for those whose ends do not die.
 
     `table` lists the pieces of `bond_layout` that a thread works on, and `begin` where those of each chunk
     begin.
@@ -63,6 +74,7 @@ class BondColumns(NamedTuple):
     table: Any
     begin: Any
     breaking: Any
+    roster: Any = None
 
 
 class Bonds(Interaction, BondColumns):
@@ -106,7 +118,36 @@ class Bonds(Interaction, BondColumns):
             total += pull if i == row else -pull
         return total
 
+    def laid_again(self, site: Site, place: Ints) -> Self:
+        there = np.flatnonzero(self.i >= 0)
+        ends, left = rows_after(np.stack([self.i[there], self.j[there]]), place)
+        slots = in_slots(ends[0], ends[1], chunk_size(site.whole.count))
+
+        def again(column: Any, hole: Any = 0) -> Any:
+            return slots.spread(column[there[left]], hole) if np.ndim(column) else column
+
+        breaking, roster = self.breaking, self.roster
+        if breaking is not None:
+            breaking = breaking._replace(when=again(self.breaking.when, np.inf))
+        if roster is not None:
+            lost, when = there[~left], roster.when.copy()
+            when[roster.number[lost]] = self.breaking.when[lost]
+            roster = roster._replace(number=again(roster.number, -1), when=when)
+        return self._replace(
+            i=slots.i,
+            j=slots.j,
+            k=again(self.k),
+            c=again(self.c),
+            rest=again(self.rest),
+            holes=slots.holes,
+            table=slots.table,
+            breaking=breaking,
+            roster=roster,
+        )
+
     def topology(self, name: str, ids: Ints) -> Topology:
+        if self.roster is not None:
+            return Topology(name, self.roster.pairs, self.roster.rest, self._whens(), breakable=True)
         there = self.i >= 0
         pairs = np.stack([ids[self.i[there]], ids[self.j[there]]], axis=1)
         broke = np.full(len(pairs), np.inf) if self.broke is None else self.broke
@@ -115,7 +156,22 @@ class Bonds(Interaction, BondColumns):
 
     @property
     def broke(self) -> Floats | None:
+        if self.roster is not None:
+            return self._whens()
         return None if self.breaking is None else np.asarray(self.breaking.when[self.i >= 0])
+
+    def _whens(self) -> Floats:
+        """When every bond of the roster broke [s], infinity while it holds."""
+        when, there = self.roster.when.copy(), self.i >= 0
+        when[self.roster.number[there]] = self.breaking.when[there]
+        return np.asarray(when)
+
+    def without_dead(self, now: Self, c: Any) -> Self:
+        if self.roster is None or c.clock is None:
+            return self
+        lost = np.minimum(c.clock.stop[now.i], c.clock.stop[now.j]) <= now.breaking.when
+        gone = (self.i >= 0) & (self.breaking.when != now.breaking.when) & lost
+        return self._replace(k=np.where(gone, 0, self.k).astype(self.k.dtype)) if gone.any() else self
 
     def changing(self) -> tuple[NDArray[Any], ...]:
         return () if self.breaking is None else (self.k, self.c, self.breaking.when)
@@ -137,15 +193,10 @@ def pair_of(bond: Any, c: Any, k: Any) -> Any:
         c.vx[i] - c.vx[j],
         c.vy[i] - c.vy[j],
         c.vz[i] - c.vz[j],
-        of_bond(bond.k, k),
-        of_bond(bond.c, k),
-        of_bond(bond.rest, k),
+        element(bond.k, k),
+        element(bond.c, k),
+        element(bond.rest, k),
     )
-
-
-def of_bond(column: Any, k: Any) -> Any:
-    """What belongs to bond k: an element of an array, or the number that all share."""
-    return column[k] if isinstance(column, np.ndarray) else column
 
 
 def chunks_of(bonds: Any) -> Any:
@@ -232,9 +283,9 @@ def pair_in(run: Any, k: Any) -> Any:
         ua[k] - ub[k],
         va[k] - vb[k],
         wa[k] - wb[k],
-        of_bond(run.k, k),
-        of_bond(run.c, k),
-        of_bond(run.rest, k),
+        element(run.k, k),
+        element(run.c, k),
+        element(run.rest, k),
     )
 
 
@@ -257,7 +308,8 @@ def add_pulls(piece: Any, pull: Any, total: Any) -> None:
 
 
 def break_bonds(bonds: Any, c: Any, share: Any, t: Any) -> None:
-    """Take out bonds that are stretched or pulled too far at time t: they lose their stiffness and damping.
+    """Take out bonds that are stretched or pulled too far at time t, or that have lost an end by then: they lose their
+    stiffness and damping.
 
     The owner of the first end does; all threads go on when all are done.
     """
@@ -278,10 +330,16 @@ def _break_piece(bond: Any, c: Any, piece: Any, t: Any) -> None:
             length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
             fx, fy, fz = bond_force(bond.law, p)
             pull = -(fx * p.x + fy * p.y + fz * p.z)
-            if length - p.rest > limits.strain * p.rest or pull > limits.pull * length:
-                limits.when[k] = t
+            lost = lost_an_end(c.clock, bond.i[k], bond.j[k])
+            if length - p.rest > limits.strain * p.rest or pull > limits.pull * length or lost <= t:
+                limits.when[k] = min(lost, t)
                 bond.k[k] = 0
                 bond.c[k] = 0
+
+
+def lost_an_end(clock: Any, i: Any, j: Any) -> Any:
+    """When the first of two particles dies [s]."""
+    return np.inf if clock is None else min(clock.stop[i], clock.stop[j])
 
 
 @kernel
@@ -340,14 +398,20 @@ def _laid_out(site: Site, bonds: BondSet) -> Bonds:
     k, c = law.constants(_reduced_mass(site, i, j))
     dtype = site.dtype
     slots = in_slots(i, j, chunk_size(site.whole.count))
-    if law.by_mass or law.breaks:
+    mortal = site.mortal(*bonds.groups)
+    if law.by_mass or law.breaks or mortal:
         k, c = slots.spread(k.astype(dtype)), slots.spread(c.astype(dtype))
     else:
         k, c = dtype.type(law.stiffness), dtype.type(law.damping)
-    breaking = None
-    if law.breaks:
+    breaking = roster = None
+    if law.breaks or mortal:
         strain, pull = (dtype.type(np.inf if x is None else x) for x in (law.break_strain, law.break_force))
         breaking = Breaking(strain, pull, np.full(len(slots.i), np.inf))
+    if mortal:
+        number = slots.in_order(np.arange(len(i)), -1)
+        ids, order = site.whole.id, slots.order
+        listed = np.stack([ids[i[order]], ids[j[order]]], axis=1)
+        roster = Roster(number, listed, rest[order], np.full(len(i), np.inf))
     return Bonds(
         record_of(law),
         slots.i,
@@ -359,6 +423,7 @@ def _laid_out(site: Site, bonds: BondSet) -> Bonds:
         slots.table,
         np.empty(0, np.int64),
         breaking,
+        roster,
     )
 
 

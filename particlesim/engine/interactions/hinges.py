@@ -23,10 +23,14 @@ from particlesim.engine.interactions.element_tensors import CornerTensors, angle
 from particlesim.engine.interactions.interaction import (
     Floats,
     Interaction,
+    Ints,
     Site,
     add_square,
     all_states,
+    clear_form,
     give,
+    is_gone,
+    rows_after,
     rows_between,
     states_of,
     take,
@@ -37,11 +41,13 @@ from particlesim.laws.registry import hinge_energy, hinge_moment, hinge_stiffnes
 
 
 class HingeColumns(NamedTuple):
-    """Hinges of one law: rows of their particles [3 or 4, n], and rest angles [rad], [n]."""
+    """Hinges of one law: rows of their particles [3 or 4, n], and rest angles [rad], [n]; `mortal` is None where these do
+    not die."""
 
     law: tuple[Any, ...]
     rows: Any
     rest: Any
+    mortal: Any = None
 
 
 class Hinges(Interaction, HingeColumns):
@@ -69,6 +75,10 @@ class Hinges(Interaction, HingeColumns):
     def between(self, first: int, last: int) -> Self:
         mine = rows_between(self.rows, first, last)
         return self._replace(rows=np.ascontiguousarray(self.rows[:, mine]), rest=self.rest[mine])
+
+    def laid_again(self, site: Site, place: Ints) -> Self:
+        rows, left = rows_after(self.rows, place)
+        return self._replace(rows=rows, rest=self.rest[left])
 
     def energy(self, c: Any) -> float:
         return float(sum_hinges(self, c))
@@ -102,6 +112,8 @@ class Angles(Hinges):
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                continue
             d, g = bent(self, c, q)
             s = -hinge_moment(self.law, d)
             ax, ay, az = s * g[1], s * g[2], s * g[3]
@@ -112,6 +124,9 @@ class Angles(Hinges):
 
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                clear_form(form, q)
+                continue
             i, j, k = self.rows[0, q], self.rows[1, q], self.rows[2, q]
             d, _ = bent(self, c, q)
             stiff = max(hinge_stiffness(self.law, d), d - d)
@@ -161,6 +176,8 @@ class Dihedrals(Hinges):
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                continue
             d, g = bent(self, c, q)
             s = -hinge_moment(self.law, d)
             ax, ay, az = s * g[1], s * g[2], s * g[3]
@@ -173,6 +190,9 @@ class Dihedrals(Hinges):
 
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                clear_form(form, q)
+                continue
             i, j, k, m = self.rows[0, q], self.rows[1, q], self.rows[2, q], self.rows[3, q]
             d, g = bent(self, c, q)
             root = np.sqrt(reach * max(hinge_stiffness(self.law, d), d - d))
@@ -228,7 +248,8 @@ def hinges_of(site: Site, hinges: HingeSet) -> Angles | Dihedrals:
     if hinges.rest is not None:
         rest = np.full(len(rows), hinges.rest)
     kind = Angles if hinges.size == 3 else Dihedrals
-    return kind(as_precision(hinges.law, site.dtype), np.ascontiguousarray(rows.T), rest.astype(site.dtype))
+    law, mortal = as_precision(hinges.law, site.dtype), True if site.mortal(hinges.group) else None
+    return kind(law, np.ascontiguousarray(rows.T), rest.astype(site.dtype), mortal)
 
 
 def bent(each: Any, c: Any, q: Any) -> Any:

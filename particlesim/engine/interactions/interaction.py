@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
+from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
+from particlesim.scenario.reach import mortal
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -85,7 +87,11 @@ class Interaction:
         """
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        """Add its forces on particles [first, last) at time t to total [3, n]."""
+        """Add its forces on particles [first, last) at time t to total [3, n].
+
+        Where particles may be born or die, what particle j does to others counts `presence(c.clock, j)` times; whether those
+        are there themselves makes no difference here.
+        """
         raise NotImplementedError
 
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
@@ -112,8 +118,13 @@ class Interaction:
         """What concerns particles [first, last), in the same order: the share of a thread."""
         return self
 
+    def laid_again(self, site: Site, place: Ints) -> Self | None:
+        """The same among other rows, after births and deaths: what was in row k is in row `place[k]` of `site`, and gone if
+        that is −1. Only called between steps. None for a kind that keeps nothing of what was: it is laid out anew."""
+        return None
+
     def energy(self, c: Any) -> float | None:
-        """Potential energy [J]; None for a kind without a potential."""
+        """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
         return None
 
     @property
@@ -139,8 +150,13 @@ class Interaction:
 
     @property
     def broke(self) -> Floats | None:
-        """When each broke [s], infinity while it holds, in the order of `topology`; None where none can."""
+        """When each broke or lost a particle [s], infinity while it holds, in the order of `topology`; None where none
+        can."""
         return None
+
+    def without_dead(self, now: Self, c: Any) -> Self:
+        """The same without those that, up to its later state `now`, broke because they lost a particle."""
+        return self
 
     def changing(self) -> tuple[NDArray[Any], ...]:
         """The arrays in it that steps change."""
@@ -159,6 +175,10 @@ class Site:
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}
+
+    def mortal(self, *names: str) -> bool:
+        """Whether particles of some groups may die."""
+        return any(mortal(self.scenario, name) for name in names)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -269,6 +289,30 @@ def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) ->
 def rows_between(rows: Any, first: int, last: int) -> NDArray[np.bool_]:
     """Which columns of a table of rows [k, n] have one among particles [first, last)."""
     return np.asarray(((rows >= first) & (rows < last)).any(axis=0))
+
+
+def rows_after(rows: Ints, place: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+    """Rows of interactions [k, n] after births and deaths (`Interaction.laid_again`) without those that lost a particle,
+    and which are left [n]."""
+    there = place[rows]
+    left = np.asarray((there >= 0).all(axis=0))
+    return np.ascontiguousarray(there[:, left]), left
+
+
+def is_gone(each: Any, c: Any, q: Any) -> Any:
+    """Whether a particle of column q of the rows of a set is not there any more; never where they do not die."""
+    if each.mortal is None:
+        return False
+    gone = False
+    for k in range(each.rows.shape[0]):
+        gone = gone | (presence(c.clock, each.rows[k, q]) == 0)
+    return gone
+
+
+def clear_form(form: Any, q: Any) -> None:
+    """Take column q out of the matrix of implicit methods."""
+    for row in range(form.shape[0]):
+        form[row, q] = 0
 
 
 def states_of(c: Any, rows: Any) -> tuple[Floats, Floats]:

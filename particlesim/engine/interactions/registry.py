@@ -8,7 +8,7 @@ from typing import Any
 from particlesim.bonds import BondSet, HingeSet
 from particlesim.engine.interactions.bonds import springs_of
 from particlesim.engine.interactions.hinges import hinges_of
-from particlesim.engine.interactions.interaction import Interaction, Site
+from particlesim.engine.interactions.interaction import Interaction, Ints, Site
 from particlesim.engine.interactions.pairs import pairs_of
 from particlesim.engine.interactions.triangles import triangles_of
 from particlesim.forces.sheet_drag import SurfaceSet
@@ -23,11 +23,21 @@ KINDS: dict[type, Callable[[Site, Any], Interaction]] = {
 """What stands in a graph's island, and what lays it out among the particles of the engine's."""
 
 
-def laid_out(site: Site, sets: Sequence[Any]) -> tuple[tuple[str, ...], tuple[Any, ...]]:
-    """Names and records of all interactions of an island, those that are added chunk by chunk first.
+def laid_out(site: Site, sets: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """All sets of interactions of an island and their records, those that are added chunk by chunk first.
 
     Raises UsageError for one that does not fit its particles.
     """
-    made = [(each.name, KINDS[type(each)](site, each)) for each in sets]
+    made = [(each, KINDS[type(each)](site, each)) for each in sets]
     made.sort(key=lambda pair: not pair[1].by_chunks)
-    return tuple(name for name, _ in made), tuple(record for _, record in made)
+    return tuple(each for each, _ in made), tuple(record for _, record in made)
+
+
+def laid_again(
+    site: Site, sets: Sequence[Any], records: Sequence[Interaction], place: Ints
+) -> tuple[Interaction, ...]:
+    """The same sets after births and deaths: `Interaction.laid_again`."""
+    return tuple(
+        KINDS[type(each)](site, each) if (again := record.laid_again(site, place)) is None else again
+        for each, record in zip(sets, records, strict=True)
+    )

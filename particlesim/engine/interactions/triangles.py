@@ -16,9 +16,13 @@ from particlesim.engine.interactions.element_tensors import CornerTensors
 from particlesim.engine.interactions.interaction import (
     Floats,
     Interaction,
+    Ints,
     Site,
     all_states,
+    clear_form,
     give,
+    is_gone,
+    rows_after,
     rows_between,
     states_of,
 )
@@ -32,10 +36,11 @@ LOOKED_AT = 2_000
 
 
 class TriangleColumns(NamedTuple):
-    """Triangles of a surface under one force: rows of the corners [3, n]."""
+    """Triangles of a surface under one force: rows of the corners [3, n]; `mortal` is None where these do not die."""
 
     law: tuple[Any, ...]
     rows: Any
+    mortal: Any = None
 
 
 class Triangles(Interaction, TriangleColumns):
@@ -50,12 +55,17 @@ class Triangles(Interaction, TriangleColumns):
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                continue
             fx, fy, fz = triangle_force(self.law, triangle(self, c, q, t))
             for corner in range(3):
                 give(total, self.rows[corner, q], first, last, fx / 3, fy / 3, fz / 3)
 
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
         for q in range(self.rows.shape[1]):
+            if is_gone(self, c, q):
+                clear_form(form, q)
+                continue
             g = triangle_force_dv(self.law, triangle(self, c, q, t))
             form[0, q], form[1, q], form[2, q] = -g[0] / 9, -g[4] / 9, -g[8] / 9
             form[3, q], form[4, q], form[5, q] = -g[1] / 9, -g[2] / 9, -g[5] / 9
@@ -88,6 +98,9 @@ class Triangles(Interaction, TriangleColumns):
     def between(self, first: int, last: int) -> Self:
         mine = rows_between(self.rows, first, last)
         return self._replace(rows=np.ascontiguousarray(self.rows[:, mine]))
+
+    def laid_again(self, site: Site, place: Ints) -> Self:
+        return self._replace(rows=rows_after(self.rows, place)[0])
 
     @property
     def spends(self) -> bool:
@@ -130,7 +143,8 @@ def triangles_of(site: Site, surface: SurfaceSet) -> Triangles:
     require_manifold(triangles, surface.group)
     order = np.argsort(triangles.min(axis=1), kind="stable")
     rows = np.ascontiguousarray(triangles[order].T + site.offset[surface.group])
-    return Triangles(as_precision(surface.law.surface_record(is_closed(triangles)), site.dtype), rows)
+    law = as_precision(surface.law.surface_record(is_closed(triangles)), site.dtype)
+    return Triangles(law, rows, True if site.mortal(surface.group) else None)
 
 
 def triangle(each: Any, c: Any, q: Any, t: Any) -> Any:
@@ -158,6 +172,8 @@ def sum_powers(each: Any, c: Any, t: Any) -> float:
     """Power of the forces on all triangles of a set [W]."""
     total = 0.0
     for q in range(each.rows.shape[1]):
+        if is_gone(each, c, q):
+            continue
         plate = triangle(each, c, q, t)
         fx, fy, fz = triangle_force(each.law, plate)
         p = plate.middle

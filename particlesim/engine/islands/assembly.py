@@ -21,8 +21,10 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
+from particlesim.groups.group import Group
 from particlesim.integrators import GaussRadauMethod, ImplicitMethod
 from particlesim.laws.registry import evaluate, force_dv, force_dx
+from particlesim.model.arrays import Floats
 
 Interactions = tuple[Any, ...]
 """Records of interactions (`interactions.interaction`), those that are added chunk by chunk first."""
@@ -65,13 +67,16 @@ def parts_of(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, .
     )
 
 
-def driven_in(states: Sequence[GroupState], bounds: Sequence[int]) -> tuple[Driven, ...]:
-    """The led particles of all groups by their rows in the island."""
-    return tuple(
-        each._replace(rows=each.rows + first)
-        for first, state in zip(bounds, states, strict=False)
-        for each in state.driven
-    )
+def cooling_of(groups: Sequence[Group], bounds: Sequence[int]) -> tuple[Floats, Floats] | None:
+    """Rate of cooling [1/s] and temperature around [K] of every particle, shape [n]; None where no group cools."""
+    if all(group.cooling is None for group in groups):
+        return None
+    number = np.diff(bounds)
+    laws = [
+        (0.0, 0.0) if each.cooling is None else (each.cooling.rate, each.cooling.ambient) for each in groups
+    ]
+    rate, ambient = (np.repeat(column, number) for column in zip(*laws, strict=True))
+    return rate, ambient
 
 
 def shared(
@@ -112,6 +117,8 @@ def own_scratch(work: Work, share: Share, dtype: Any) -> Work:
 def _lopsided(island: Island, states: Sequence[GroupState]) -> bool:
     """Whether some force on the first particles has a Jacobian that is not symmetric: the equations will not be."""
     for forces, state in zip(island.forces, states, strict=True):
+        if not state.count:
+            continue
         for force, derivative in product(forces, (force_dx, force_dv)):
             try:
                 with np.errstate(all="ignore"):

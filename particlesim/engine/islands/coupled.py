@@ -1,9 +1,8 @@
-"""Islands of groups joined by springs and rods, as the engine runs them: by stages, on one thread or several."""
+"""Islands of groups whose particles act on each other, as the engine runs them: by stages, on one thread or several."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,31 +18,27 @@ from particlesim.engine.implicit.kernel import StagedImplicit
 from particlesim.engine.implicit.krylov import INDEFINITE, UNSOLVED, General
 from particlesim.engine.implicit.linear_system import new_system
 from particlesim.engine.interactions.interaction import Site
-from particlesim.engine.interactions.registry import laid_out
+from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands import assembly
 from particlesim.engine.islands.assembly import Interactions, apart
-from particlesim.engine.islands.independent import (
-    OWN_STEPS,
-    attributes_read,
-    shortest_step,
-)
+from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, shortest_step
+from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
-from particlesim.engine.ledger.work import Books, moved
-from particlesim.engine.state.columns import Columns, block_of, changing, copied, replaced
-from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.ledger.work import moved
+from particlesim.engine.state.columns import Columns, changing, copied, replaced
+from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod
 from particlesim.interactions import PairSet
+from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
 WORTH_SPRINGS = 5_000
 """Springs below which threads would spend their time waiting for each other."""
-WORTH_THREADS = 500_000
-"""Spring-steps below which one thread is faster than waking others."""
-
 
 SOLVED_STEP = 50
 """How many times longer a step takes whose equations are solved."""
@@ -52,104 +47,113 @@ ROD_IN_SPRINGS = 20
 """About how many springs take the time of a rod."""
 
 
-class CoupledIsland:
-    """Groups joined by springs and rods; their states are stretches of the island's arrays."""
+class CoupledIsland(BaseIsland):
+    """Groups whose particles act on each other; their states are stretches of the island's arrays.
 
-    def __init__(self, scenario: Scenario, island: Island, states: Sequence[GroupState]) -> None:
-        self.dt = scenario.grid.dt
-        self._method = island.method
-        self._join(list(states))
-        dtype = self._all.dtype
-        self._staged, self._step = assembly.stepper(island, self.states, dtype)
-        self._bounds = np.cumsum([0, *(state.count for state in states)]).tolist()
-        read = (
-            attributes_read(*each)
-            for each in zip(island.forces, island.colliders, island.groups, strict=True)
-        )
-        pairs = (each.law.needs() for each in island.interactions if isinstance(each, PairSet))
-        self._read = frozenset[str]().union(*read, *pairs)
-        self.parts = assembly.parts_of(island, self._bounds, dtype)
-        self._driven = assembly.driven_in(self.states, self._bounds)
-        site = Site(scenario, self._all, self.states)
-        self.rods = rod_system(scenario, island, self._all, self.states, site.offset)
-        self._pinned = site.pinned()
-        self.names: tuple[str, ...]
-        self.interactions: tuple[Any, ...]
-        self.names, self.interactions = laid_out(site, island.interactions)
-        self.springs = sum(each.effort for each in self.interactions)
-        if self.rods is not None and self.rods.components > 1:
-            self.springs += ROD_IN_SPRINGS * self.rods.number
-        breakable = any(each.changing() for each in self.interactions)
-        self._disturbed = any(island.colliders) or breakable
-        looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
-        self._work = scratch(self._method, self._all.count, dtype, looks_back=looks_back)
-        if isinstance(self._method, GaussRadauMethod):
-            self._work = self._work._replace(radau=new_room(self._all.memory[:, : self._all.count]))
-        if isinstance(self._method, ImplicitMethod):
-            bonds, _ = apart(self.interactions)
-            self._work = self._work._replace(
-                system=new_system(bonds, self._all.x[:, : self._all.count], dtype)
-            )
-        self._shares: dict[int, list[tuple[tuple[Any, ...], Work, Share]]] = {}
-        self.books = Books(scenario, island, dtype) if scenario.output.work else None
-        self._booking = (
-            None
-            if self.books is None
-            else IslandBooks(self.books, island, self._bounds, self._driven, self.names, self._forces_in)
+    What kernels take is laid out for the particles that there are, and again whenever there are others.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        structure: Island,
+        states: Sequence[GroupState],
+        ids: Mapping[str, tuple[int, int]],
+    ) -> None:
+        super().__init__(scenario, structure, states, ids)
+        self._scenario, self._structure = scenario, structure
+        pairs = (each.law.needs() for each in structure.interactions if isinstance(each, PairSet))
+        self._read = self._read.union(*pairs)
+        self._joined = Joined(self.states)
+        dtype = self._joined.whole.dtype
+        self._staged, self._step = assembly.stepper(structure, self.states, dtype)
+        self._site = Site(scenario, self._joined.whole, self.states)
+        self.rods = rod_system(scenario, structure, self._joined.whole, self.states, self._site.offset)
+        self._sets, self.interactions = laid_out(self._site, structure.interactions)
+        self.names = tuple(each.name for each in self._sets)
+        self._changes = structure.changes
+        self._disturbed = (
+            self._changes or any(structure.colliders) or any(each.changing() for each in self.interactions)
         )
         self._kept: list[NDArray[Any]] = []
         self.kept_from = 0
+        self._assemble()
 
-    def _join(self, states: list[GroupState]) -> None:
-        """One set of arrays for the island; the groups become views of it."""
-        first = states[0]
-        total = sum(state.count for state in states)
-        whole = GroupState(
-            first.name,
-            total,
-            dtype=first.dtype,
-            memory=len(first.memory),
-            parts=frozenset[str]().union(*(state.parts for state in states)),
+    def _assemble(self) -> None:
+        """Put together what kernels take for the particles and interactions that there are."""
+        whole = self._joined.whole
+        self._bounds, self._driven = self._joined.bounds, self._joined.driven
+        self.parts = assembly.parts_of(self._structure, self._bounds, whole.dtype)
+        self._pinned = self._site.pinned()
+        self.springs = sum(each.effort for each in self.interactions)
+        if self.rods is not None and self.rods.components > 1:
+            self.springs += ROD_IN_SPRINGS * self.rods.number
+        looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
+        self._work = scratch(self._method, whole.count, whole.dtype, looks_back=looks_back)
+        if isinstance(self._method, GaussRadauMethod):
+            self._work = self._work._replace(radau=new_room(whole.memory[:, : whole.count]))
+        self._new_system()
+        self._booking = (
+            None
+            if self.books is None
+            else IslandBooks(
+                self.books, self._structure, self._bounds, self._driven, self.names, self._forces_in
+            )
         )
-        whole.count = total
-        if whole.clocked:
-            whole.stop[:] = np.inf
-        self.states: list[GroupState] = []
-        begin = 0
-        for state in states:
-            part = slice(begin, begin + state.count)
-            begin = part.stop
-            for mine, theirs in zip(whole.arrays(), state.arrays(), strict=True):
-                if mine.size and theirs.size:
-                    mine[part] = theirs[: state.count]
-            self.states.append(whole.stretch(state, part))
-        self._all = whole
+        self._cooling = assembly.cooling_of(self._structure.groups, self._bounds)
+
+    def _new_system(self) -> None:
+        """Equations of implicit steps."""
+        self._shares: dict[int, list[tuple[tuple[Any, ...], Work, Share]]] = {}
+        if isinstance(self._method, ImplicitMethod):
+            bonds, _ = apart(self.interactions)
+            x = self._joined.whole.x[:, : self._joined.whole.count]
+            self._work = self._work._replace(system=new_system(bonds, x, self._joined.whole.dtype))
+
+    def _lay_again(self, place: NDArray[np.int64]) -> None:
+        """Lay out all after births and deaths: what was in row k is in row `place[k]` now, and gone if that is −1."""
+        self._site = Site(self._scenario, self._joined.whole, self.states)
+        self.interactions = laid_again(self._site, self._sets, self.interactions, place)
+        if self.rods is not None:
+            self.rods.lay_again(self._site.offset, place)
+        self._kept = []
+        self._assemble()
+
+    def resettle(self, ids: Ints) -> None:
+        if not self._changes:
+            return
+        self._joined.close_ranks()
+        self._lay_again(self._joined.rows_of(ids))
 
     def _for(self, threads: int) -> list[tuple[tuple[Any, ...], Work, Share]]:
         """What each of some threads works on: its pieces of bonds, scratch, and particles with the other interactions."""
         if threads not in self._shares:
             rods = None if self.rods is None else self.rods.rods
-            found = assembly.shared(self._all.count, threads, self._driven, self.interactions, rods)
+            found = assembly.shared(self._joined.whole.count, threads, self._driven, self.interactions, rods)
             self._shares[threads] = [
-                (mine, assembly.own_scratch(self._work, share, self._all.dtype), share)
+                (mine, assembly.own_scratch(self._work, share, self._joined.whole.dtype), share)
                 for mine, share in found
             ]
         return self._shares[threads]
 
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of all interactions, in the order of the kernel, and then of the rods."""
-        ids = self._all.id
+        ids = self._joined.whole.id
         found = [each.topology(name, ids) for name, each in zip(self.names, self.interactions, strict=True)]
         rods = [] if self.rods is None else self.rods.topology(ids)
         return [each for each in (*found, *rods) if each is not None]
 
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
-        return self._cut(self.island_columns())
+        return self._joined.cut(self.island_columns())
 
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
-        return self._all.columns(self._read)
+        found = self._joined.whole.columns(self._read)
+        if found.thermal is None or self._cooling is None:
+            return found
+        rate, ambient = self._cooling
+        return found._replace(thermal=found.thermal._replace(rate=rate, ambient=ambient))
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
@@ -157,12 +161,59 @@ class CoupledIsland:
         island_forces(self.parts, bonds, self.island_columns(), work, share, time)
         return np.array(work.force)
 
-    def phase(self, first: int, last: int) -> int:
-        """How far steps may go from `first` towards `last` in one piece."""
-        return last if self._booking is None else min(first + 1, last)
+    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        born = self._births(first, last)
+        fault = self._move(first, last, team) if self._joined.whole.count else None
+        deaths = self._deaths(last) if fault is None and self._changes else None
+        return born, deaths, fault
 
-    def advance(self, first: int, last: int, team: Team) -> tuple[None, None, Fault | None]:
-        """Steps first … last − 1."""
+    def _births(self, first: int, last: int) -> Births | None:
+        """Births in steps first … last − 1."""
+        if not self._changes:
+            return None
+        due = self._due(last)
+        if not any(due):
+            if isinstance(self._method, ImplicitMethod):
+                self._new_system()
+            return self._emit(first, last)
+        before = self._stored()
+        place = self._joined.make_room(due)
+        born = self._emit(first, last)
+        self._lay_again(place)
+        self.keep(first)
+        if self._booking is not None and born is not None:
+            self._booking.book_births(self.columns(), due, self._stored() - before)
+        return born
+
+    def _deaths(self, last: int) -> Deaths | None:
+        """Take out who has died by the end of step last − 1."""
+        whole, end = self._joined.whole, last * self.dt
+        dead = whole.stop[: whole.count] <= end
+        if not dead.any():
+            return None
+        before = self._stored()
+        if self._booking is not None:
+            self._booking.book_dead(self.columns(), end)
+        place = np.where(dead, -1, np.cumsum(~dead) - 1)
+        found = [state.bury(end) for state in self.states]
+        self._joined.close_ranks()
+        self._lay_again(place)
+        self.kept_from = last
+        if self._booking is not None:
+            self._booking.books.add("deaths", self._stored() - before)
+        return Deaths(
+            *(np.concatenate([getattr(each, name) for each in found]) for name in ("ids", "times", "causes"))
+        )
+
+    def _stored(self) -> float:
+        """The potential energy of all interactions [J], where work is booked; else 0."""
+        if self._booking is None:
+            return 0.0
+        columns = self.island_columns()
+        return sum(each.energy(columns) or 0.0 for each in self.interactions)
+
+    def _move(self, first: int, last: int, team: Team) -> Fault | None:
+        """Steps first … last − 1 of the particles that there are."""
         steps = last - first
         in_a_step = (
             OWN_STEPS if self._method.adaptive else SOLVED_STEP if self._work.system is not None else 1
@@ -173,7 +224,7 @@ class CoupledIsland:
         done = [0] * len(shares)
         booked, pace = self._booking is not None, None
         if self._method.adaptive:
-            pace = new_pace(len(shares), self._disturbed, booked)
+            pace = new_pace(len(shares), disturbed=self._disturbed, changes=self._changes, pauses=booked)
         opened = self._open(first) if booked and pace is None else None
         if self.rods is not None:
             self.rods.begin()
@@ -195,15 +246,15 @@ class CoupledIsland:
             team.each(work, len(shares))
         if done[0] == steps:
             self._close(opened, last)
-            return None, None, None
+            return None
         step = first + done[0]
         if pace is not None:
-            return None, None, self._stop(step, pace)
+            return self._stop(step, pace)
         if self._work.before is None:
             self._return_to(step)
         if self._work.system is not None and self._work.system.report[0] == UNSOLVED:
-            return None, None, self._unsolved(step)
-        return None, None, self._find(step)
+            return self._unsolved(step)
+        return self._find(step)
 
     def fit(self) -> None:
         """Bring particles on rods to velocities that keep lengths, after something has changed them from outside."""
@@ -235,17 +286,16 @@ class CoupledIsland:
     def _stop(self, step: int, pace: Pace) -> Fault:
         """Which particle could not go on; the island is where and when it was."""
         why, time, row = int(pace.report[0]), float(pace.report[1]), int(pace.report[2])
-        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
-        p = self.states[member].particle(row - self._bounds[member], time)
+        member, k = self._joined.member_of(row)
         least = shortest_step(self._method, (step + 1) * self.dt)
-        return Fault(member, row - self._bounds[member], step, Stop(why, time, p, least))
+        return Fault(member, k, step, Stop(why, time, self.states[member].particle(k, time), least))
 
     def _open(self, step: int) -> Opened | None:
         """The state at the beginning of a step whose work is booked; None where none is."""
         if self.books is None:
             return None
         columns, interactions = self._copied()
-        begin, h = spans(columns.clock, self._all.count, step * self.dt, (step + 1) * self.dt)
+        begin, h = spans(columns.clock, self._joined.whole.count, step * self.dt, (step + 1) * self.dt)
         free, effort = None, 0.0
         if "contact" in self.books.names:
             free, copies = self._copied()
@@ -276,7 +326,7 @@ class CoupledIsland:
             return
         columns = self.island_columns()
         effort = opened.effort if opened.free is not None or self.rods is None else self.rods.effort
-        self._booking.close(opened, columns, opened.interactions, self._cut, last * self.dt, effort)
+        self._booking.close(opened, columns, opened.interactions, self._joined.cut, last * self.dt, effort)
         self._booking.book_breaking(opened.interactions, self.interactions, columns)
 
     def _leg(self, pace: Pace) -> tuple[Opened, Interactions, float]:
@@ -284,7 +334,7 @@ class CoupledIsland:
         assert isinstance(self._method, EmbeddedRungeKutta)
         began, ended = float(pace.present[BEGAN]), float(pace.present[ENDED])
         free, interactions = self._copied()
-        begin, h = spans(free.clock, self._all.count, began, ended)
+        begin, h = spans(free.clock, self._joined.whole.count, began, ended)
         start = self._work.before.astype(float)
         before = moved(free, start, np.zeros((6, 1)))
         path = stages(before, (start, self._work.slopes), (began, ended), h, self._method)
@@ -298,12 +348,8 @@ class CoupledIsland:
         columns = self.island_columns()
         if not arrived:  # the next step has been tried already, from there
             columns = moved(columns, self._work.before.astype(float), np.zeros((6, 1)))
-        self._booking.close(opened, columns, interactions, self._cut, ended)
+        self._booking.close(opened, columns, interactions, self._joined.cut, ended)
         self._booking.book_breaking(interactions, self.interactions, columns)
-
-    def _cut(self, whole: Columns) -> list[Columns]:
-        """Columns of the island cut into those of its groups."""
-        return [block_of(whole, a, b) for a, b in pairwise(self._bounds)]
 
     def _forces_in(self, columns: Columns, interactions: Interactions, time: float) -> NDArray[np.float64]:
         """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
@@ -321,8 +367,9 @@ class CoupledIsland:
             np.copyto(mine, column)
 
     def go_back(self) -> None:
-        """Return to the beginning of the last interval, step `kept_from`."""
-        for mine, column in zip(self._kept, _changing(self.island_columns(), self.interactions), strict=True):
+        """Return to the beginning of the last interval, step `kept_from`; not if there have been births or deaths since."""
+        now = _changing(self.island_columns(), self.interactions) if self._kept else []
+        for mine, column in zip(self._kept, now, strict=True):
             np.copyto(column, mine)
 
     def _return_to(self, step: int) -> None:
@@ -341,7 +388,7 @@ class CoupledIsland:
         kept = [column.copy() for column in self._kept]
         columns, interactions = _with(self.island_columns(), self.interactions, kept)
         self._step_copy(self.parts, interactions, columns, first, steps)
-        return columns, interactions, slice(0, self._all.count)
+        return columns, interactions, slice(0, self._joined.whole.count)
 
     def _unsolved(self, step: int) -> Fault:
         """Where the equations of a step miss most."""
@@ -360,11 +407,9 @@ class CoupledIsland:
         unheld = None if self.rods is None else self.rods.unheld()
         if self.rods is not None and unheld is not None and np.isfinite(unheld.misfit):
             row = self.rods.row_of(unheld, ~self._pinned)
-            member = int(np.searchsorted(self._bounds, row, side="right")) - 1
-            return Fault(member, row - self._bounds[member], step, unheld=unheld)
+            return Fault(*self._joined.member_of(row), step, unheld=unheld)
         row = int(wild.argmax() if wild.any() else np.abs(work.force).sum(axis=0).argmax())
-        member = int(np.searchsorted(self._bounds, row, side="right")) - 1
-        return Fault(member, row - self._bounds[member], step)
+        return Fault(*self._joined.member_of(row), step)
 
 
 def _changing(c: Columns, interactions: Interactions) -> list[NDArray[Any]]:

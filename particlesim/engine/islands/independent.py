@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.colliders import Collider
-from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
 from particlesim.engine.independent.kernel import new_room, step_range
+from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, shortest_step
+from particlesim.engine.islands.births import Births
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
-from particlesim.engine.ledger.work import Books
 from particlesim.engine.state.columns import Columns, block_of, changing, copied
-from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, Deaths, GroupState
+from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.newton import unsolved
 from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import group_program
-from particlesim.engine.step.step_size import RESOLVED
-from particlesim.forces import Force
 from particlesim.graph.graph import Island
-from particlesim.groups.group import Group, Particles
-from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod, Method
+from particlesim.groups.group import Particles
+from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
-
-WORTH_THREADS = 500_000
-"""Particle-steps below which one thread is faster than waking others."""
-
-OWN_STEPS = 20
-"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
 
 OWN_COST = 50
 """How many times longer a particle's own step takes than one that it shares with its block: several evaluations, an error
@@ -46,41 +36,23 @@ BOOKED_TOGETHER = 4096
 """Particles whose own steps are in memory at the same time, to book them."""
 
 
-@dataclass
-class Births:
-    """Particles born in an interval: ids, times [s]."""
-
-    ids: NDArray[np.int64]
-    times: NDArray[np.float64]
-
-
-class IndependentIsland:
+class IndependentIsland(BaseIsland):
     """One group of particles that do not act on each other, with its emitter if it has one."""
-
-    names: tuple[str, ...] = ()
-    interactions: tuple[Any, ...] = ()
-    """There are none."""
 
     def __init__(
         self,
         scenario: Scenario,
-        island: Island,
-        state: GroupState,
-        births: tuple[int, int],
+        structure: Island,
+        states: Sequence[GroupState],
+        ids: Mapping[str, tuple[int, int]],
         block: int = BLOCK,
     ) -> None:
-        (group,), (forces,), (colliders,) = island.groups, island.forces, island.colliders
-        self.states = [state]
-        self.group = group
-        self.dt = scenario.grid.dt
-        self.program: Program = group_program(island, forces, colliders, group, state.dtype)
-        self._read = attributes_read(forces, colliders, group)
+        super().__init__(scenario, structure, states, ids)
+        (self.group,), (forces,), (colliders,) = structure.groups, structure.forces, structure.colliders
+        self.program: Program = group_program(structure, forces, colliders, self.group, self.state.dtype)
         self._block = block
-        self._method = island.method
-        self._adaptive = island.method.adaptive
-        self._fixed = isinstance(group, Particles) and group.pinned is True
-        self._source = Source(scenario, group, births) if isinstance(group, Emitter) else None
-        self.books = Books(scenario, island, state.dtype) if scenario.output.work else None
+        self._adaptive = structure.method.adaptive
+        self._fixed = isinstance(self.group, Particles) and self.group.pinned is True
         self._booking = None if self.books is None else ParticleBooks(self.books, self.program.forces)
         self._room = BOOKED_TOGETHER
 
@@ -108,16 +80,9 @@ class IndependentIsland:
         """What a trajectory keeps of its interactions: nothing."""
         return []
 
-    def phase(self, first: int, last: int) -> int:
-        """How far steps may go from `first` towards `last` in one piece."""
-        waits = self._booking is not None or (self._source is not None and self._source.waits)
-        return min(first + 1, last) if waits else last
-
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
-        """Steps first … last − 1: births, motion, deaths."""
-        born = None
-        if self._source is not None:
-            born = self._source.emit(self.state, first * self.dt, last * self.dt)
+        self.state.reserve(self.state.count + sum(self._due(last)))
+        born = self._emit(first, last)
         opened = self._open(born, first)
         self.state.drive(last * self.dt)  # nobody else sees where they are in between
         if self._fixed:  # a backdrop: nothing to step, and no kernel to compile for it
@@ -211,9 +176,6 @@ class IndependentIsland:
     def keep(self, first: int) -> None:
         """Nothing: where something goes wrong, single blocks are looked at."""
 
-    def fit(self) -> None:
-        """Nothing: there are no rods."""
-
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
         """The block of particle `row` some steps after `first`, where the interval began; no interactions, and which rows.
 
@@ -275,88 +237,3 @@ class IndependentIsland:
 def snapshot(c: Columns, part: slice) -> Columns:
     """Some rows of columns; what steps change is copied."""
     return copied(block_of(c, part.start, part.stop))
-
-
-class Source:
-    """Gives birth to the particles of an emitter."""
-
-    def __init__(self, scenario: Scenario, emitter: Emitter, births: tuple[int, int]) -> None:
-        self.emitter = emitter
-        self.streams = scenario.streams(emitter)
-        self.schedule = Schedule(emitter, self.streams)
-        self.first_id, self.stride = births
-        self.born = 0
-        self.waits = emitter.limit is not None and emitter.when_full == "wait"
-
-    def emit(self, state: GroupState, begin: float, end: float) -> Births:
-        """Births due before `end`; appended to the group with their clocks set."""
-        due = self.schedule.before(end)
-        if self.waits and self.emitter.limit is not None:
-            due = min(due, self.born + self.emitter.limit - state.count)
-        first, count = self.born, max(due - self.born, 0)
-        times = self.schedule.times(first, first + count)
-        if self.waits:
-            times = np.maximum(times, begin)  # those that had to wait are born now
-        ids = self.first_id + self.stride * np.arange(first, first + count)
-        if count:
-            self._append(state, first, times, ids)
-            self.born += count
-        if self.emitter.limit is not None and not self.waits:
-            self._recycle(state)
-        return Births(ids, times)
-
-    def _append(
-        self, state: GroupState, first: int, times: NDArray[np.float64], ids: NDArray[np.int64]
-    ) -> None:
-        new = slice(state.count, state.count + len(times))
-        state.reserve(new.stop)
-        born = self.emitter.births(self.streams, first, times)
-        state.x[:, new] = born.position
-        state.v[:, new] = born.velocity
-        for name, values in born.attributes.items():
-            state.assign(name, new, values)
-        state.id[new] = ids
-        state.birth[new] = state.start[new] = times
-        state.outcome[new] = 0
-        state.memory[:, new] = 0
-        stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
-        if "temperature" in born.attributes:
-            cold = times + self._cooling_time(born.attributes["temperature"])
-            cause[cold < stop] = COLD
-            stop = np.minimum(stop, cold)
-        state.stop[new], state.cause[new] = stop, cause
-        state.count = new.stop
-
-    def _cooling_time(self, temperature: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How long particles take to cool below the temperature at which they die [s]."""
-        emitter = self.emitter
-        below = emitter.die.temperature_below if emitter.die is not None else None
-        if below is None or emitter.cooling is None:
-            return np.full(len(temperature), np.inf)
-        ratio = (temperature - emitter.cooling.ambient) / (below - emitter.cooling.ambient)
-        return np.asarray(np.log(np.maximum(ratio, 1.0)) / emitter.cooling.rate)
-
-    def _recycle(self, state: GroupState) -> None:
-        """The slot of particle k goes to particle k + limit: its life ends at that one's birth."""
-        n, limit = state.count, self.emitter.limit or 0
-        number = (state.id[:n] - self.first_id) // self.stride
-        successor = np.searchsorted(number, number + limit)
-        taken = np.flatnonzero(successor < n)
-        taken = taken[number[successor[taken]] == number[taken] + limit]
-        ends = state.birth[:n][successor[taken]]
-        earlier = ends < state.stop[:n][taken]
-        state.stop[:n][taken[earlier]] = ends[earlier]
-        state.cause[:n][taken[earlier]] = RECYCLED
-
-
-def shortest_step(method: Method, time: float) -> float:
-    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
-    assert isinstance(method, EmbeddedRungeKutta | GaussRadauMethod)
-    return max(method.minimum_step or 0.0, RESOLVED * time)
-
-
-def attributes_read(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> frozenset[str]:
-    """Attributes of a group that a kernel must read: those of its laws, and radii where colliders hold back particles that
-    have a size."""
-    read = frozenset[str]().union(*(force.needs() for force in forces))
-    return read | {"radius"} if colliders and group.may_have("radius") else read

@@ -250,12 +250,35 @@ class IslandBooks:
     def book_breaking(
         self, before: tuple[Interaction, ...], after: tuple[Interaction, ...], columns: Columns
     ) -> None:
-        """Book the potential that was lost with what broke at the end of a step."""
+        """Book the potential that was lost with what broke at the end of a step, on its own or with particles that died."""
         for name, old, new in zip(self._names, before, after, strict=True):
             then, now = old.broke, new.broke
             if then is not None and now is not None and not np.array_equal(then, now):
-                left, was = (each.energy(columns) or 0.0 for each in (new, old))
-                self.books.add(f"{name}.breaking", left - was)
+                living = old.without_dead(new, columns)
+                left, was = (each.energy(columns) or 0.0 for each in (new, living))
+                if f"{name}.breaking" in self.books.names:
+                    self.books.add(f"{name}.breaking", left - was)
+                if living is not old:
+                    self.books.add("deaths", was - (old.energy(columns) or 0.0))
+
+    @LENIENT
+    def book_births(self, parts: Sequence[Columns], born: Sequence[int], stored: float) -> None:
+        """Book what the last `born` particles of every group bring, beside what they have `stored` with others [J]."""
+        for k, (columns, number) in enumerate(zip(parts, born, strict=True)):
+            if number:
+                low = len(columns.m) - number
+                at = np.concatenate([np.zeros(low), columns.clock.start[low:]])
+                stored += float(self.books.energies(k, columns, at)[low:].sum())
+        self.books.add("births", stored)
+
+    @LENIENT
+    def book_dead(self, parts: Sequence[Columns], end: float) -> None:
+        """Book what those take away who are dead at the time `end` [s], beside what they have stored with others."""
+        for k, columns in enumerate(parts):
+            dead = columns.clock.stop <= end
+            if dead.any():
+                energies = self.books.energies(k, columns, np.full(len(dead), end))
+                self.books.add("deaths", -float(energies[dead].sum()))
 
     def _halfway(
         self, step: Opened, path: Columns, interactions: tuple[Interaction, ...], span: tuple[float, float]

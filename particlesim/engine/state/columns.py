@@ -15,20 +15,29 @@ from particlesim.laws.registry import KILL, PASS, STICK, Particle, further, move
 
 
 class Thermal(NamedTuple):
-    """Newton cooling in closed form: T(t) = T_a + (T_0 − T_a) exp(−rate (t − birth))."""
+    """Newton cooling in closed form: T(t) = T_a + (T_0 − T_a) exp(−rate (t − birth)); rate and T_a are numbers, or arrays
+    where groups that step together cool differently."""
 
     start: Any
     birth: Any
-    rate: float
-    ambient: float
+    rate: Any
+    ambient: Any
 
 
 class Clock(NamedTuple):
-    """When each particle moves: from `start` to `stop` [s]; `outcome` says what a contact did to it."""
+    """When each particle moves: from `start` to `stop` [s]; `outcome` says what a contact did to it.
+
+    Births and deaths of an interval of many steps are in these two: particles that are born in it wait for their `start`
+    from its beginning, and the dead stay until its end. What acts on them has no effect, as they do not move, and they act
+    on others as far as they are there (`presence`). Pinned and stuck particles, whose `start` is infinite, act as all
+    others do. `begin` and `end` are those of the present step [s] where particles step together (`in_step`), else None.
+    """
 
     start: Any
     stop: Any
     outcome: Any
+    begin: Any = None
+    end: Any = None
 
 
 class Columns(NamedTuple):
@@ -116,12 +125,18 @@ def load(column: Any, i: Any, like: Any) -> Any:
     return type_of(like, 0) if column is None else column[i]
 
 
+def element(column: Any, i: Any) -> Any:
+    """Element i of an array, or the number that all share."""
+    return column[i] if isinstance(column, np.ndarray) else column
+
+
 def temperature(thermal: Any, i: Any, t: Any, like: Any) -> Any:
     """Temperature of particle i at time t [K]; zero when no law asks for it."""
     if thermal is None:
         return type_of(like, 0)
-    excess = (thermal.start[i] - thermal.ambient) * np.exp(-thermal.rate * (t - thermal.birth[i]))
-    return type_of(like, thermal.ambient + excess)
+    rate, ambient = element(thermal.rate, i), element(thermal.ambient, i)
+    excess = (thermal.start[i] - ambient) * np.exp(-rate * (t - thermal.birth[i]))
+    return type_of(like, ambient + excess)
 
 
 def fetch(c: Any, i: Any, t: Any) -> Any:
@@ -206,6 +221,29 @@ def span(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Any:
     length = max(min(end, stop) - begin, 0.0)
     whole = (start <= t) & (stop >= end)
     return begin, h if whole else type_of(h, length)
+
+
+def in_step(c: Any, begin: Any, end: Any) -> Any:
+    """Columns in the step from `begin` to `end`, or at one moment if these are the same."""
+    if c.clock is None:
+        return c
+    clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
+    return Columns(c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further)
+
+
+def presence(clock: Any, i: Any) -> Any:
+    """The part of the present step in which particle i is there, 0 to 1: others feel its force times that.
+
+    As particle j takes the impulse of that part of the step in which it is there itself, the impulses that two give each
+    other are opposite also in steps in which one of them is born or dies, and right to second order in the step.
+    """
+    if clock is None or clock.begin is None:
+        return 1.0
+    begin, end, stop = clock.begin, clock.end, clock.stop[i]
+    first = begin if clock.start[i] == np.inf else max(begin, clock.start[i])
+    whole = (first <= begin) & (stop >= end) & (stop > begin)
+    length = max(min(stop, end) - first, 0.0)
+    return 1.0 if whole else (length / (end - begin) if end > begin else 0.0)
 
 
 def type_of(like: Any, value: Any) -> Any:

@@ -167,15 +167,15 @@ class GroupState:
         columns = (getattr(self, column.name) for column in TABLE)
         return [row for column in columns for row in (column if column.ndim > 1 else (column,))]
 
-    def stretch(self, member: GroupState, part: slice) -> GroupState:
-        """A group as a stretch of this one's arrays, with the member's name and cooling."""
-        view = GroupState(member.name, 0, dtype=self.dtype, parts=self.parts, cooling=member.cooling)
+    def move_into(self, whole: GroupState, part: slice) -> None:
+        """Make this group a stretch of the arrays of a larger one, which has its particles there already.
+
+        It gets a clock where the larger one has one; other parts that it did not have it does not get.
+        """
+        self.parts |= whole.parts & {CLOCK}
         for column in TABLE:
-            array = getattr(self, column.name)
-            setattr(view, column.name, array[..., part] if array.size else array)
-        view.count = part.stop - part.start
-        view.driven = member.driven
-        return view
+            has = column.part is None or column.part in self.parts
+            setattr(self, column.name, getattr(whole, column.name)[..., part if has else slice(0)])
 
     def reserve(self, wanted: int) -> None:
         """Make room for `wanted` particles; grows by half at least, so that births stay cheap."""

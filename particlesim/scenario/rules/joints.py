@@ -10,7 +10,7 @@ from particlesim.groups.group import Particles
 from particlesim.groups.selection import mistakes as selection_mistakes
 from particlesim.integrators import method_for
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back
+from particlesim.scenario.reach import acts_on, group_tables
 from particlesim.scenario.rules.interactions import coupled
 from particlesim.scenario.rules.rods import are_rods, rod_tables, unfit
 from particlesim.scenario.tables import Tables
@@ -107,7 +107,7 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
         what, join, _ = _words(here)
         for name in dict.fromkeys(names):
             path, group = tables[name]
-            if not isinstance(group, Particles):
+            if not isinstance(group, Particles) and here[0] != "interactions":
                 yield Invalid(
                     f"{what} {join} particles that are there from the start, and {name!r} is emitted",
                     here,
@@ -126,7 +126,7 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
 
 
 def joined(scenario: Tables) -> Iterator[Invalid]:
-    """What groups joined by springs or rods have in common, and what they cannot do."""
+    """What groups joined by springs or rods have in common."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
         what, join, joined = _words(here)
@@ -141,24 +141,6 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
                 here,
                 ((path, methods[0].label), (other, methods[1].label)),
             )
-        for where, collider in collider_tables(scenario):
-            if collider.contact == "kill" and held_back(collider, (first.name, second.name)):
-                yield Invalid(
-                    f"a {collider.kind} cannot kill particles that are {joined}",
-                    (*where, "contact"),
-                    ((here, "joined here"),),
-                    hint=f"name the groups that the {collider.kind} acts on with on = [...]",
-                )
-        for place, group in ((path, first), (other, second)):
-            reads = [
-                force for force in scenario.forces if acts_on(force, group) and "temperature" in force.needs()
-            ]
-            if group.cooling is not None and reads:
-                yield Invalid(
-                    f"{reads[0].label} reads the temperature, which must not change for particles {joined}",
-                    (*place, "cooling"),
-                    ((here, "joined here"),),
-                )
 
 
 def _words(here: Path) -> tuple[str, str, str]:

@@ -9,6 +9,12 @@ from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import collider_tables, held_back
 from particlesim.scenario.tables import Tables
 
+CANNOT = {
+    "stick": "cannot hold on to particles of rods: two that stick might not be a rod's length apart",
+    "kill": "cannot kill particles that are joined by rods: a rod needs both ends",
+}
+"""What colliders do that rods do not stand."""
+
 
 def rod_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
     """Where rods are stated, and the groups that they join."""
@@ -42,10 +48,10 @@ def unfit(scenario: Tables, couplings: list[tuple[str, str]]) -> Iterator[Invali
                         hint="springs join particles without inertia",
                     )
         for where, collider in collider_tables(scenario):
-            if collider.contact == "stick" and held_back(collider, names):
+            why = CANNOT.get(collider.contact)
+            if why is not None and held_back(collider, names):
                 yield Invalid(
-                    f"a {collider.kind} cannot hold on to particles of rods: two that stick might not be a rod's length "
-                    "apart",
+                    f"a {collider.kind} {why}",
                     (*where, "contact"),
                     ((here, "joined here"),),
                     hint=f"name the groups that the {collider.kind} acts on with on = [...], or let them bounce",

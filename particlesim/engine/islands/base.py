@@ -1,0 +1,139 @@
+"""What all islands have in common: groups that step together, with their births and deaths.
+
+Births and deaths are a matter of intervals, not of steps. At the beginning of an interval those are appended who are born in
+it, with clocks that start later; at its end the dead are taken out. In between, kernels leave alone who is not there
+(`engine.state.columns.Clock`). An interval is cut short where births wait for deaths, or where work is booked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.colliders import Collider
+from particlesim.emitters import Emitter
+from particlesim.engine.faults import Fault
+from particlesim.engine.islands.births import Births, Source
+from particlesim.engine.ledger.work import Books
+from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.step.step_size import RESOLVED
+from particlesim.forces import Force
+from particlesim.graph.graph import Island
+from particlesim.groups.group import Group
+from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, Method
+from particlesim.model.arrays import Ints
+from particlesim.process.threads import Team
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.topology import Topology
+
+WORTH_THREADS = 500_000
+"""Particle-steps, or spring-steps, below which one thread is faster than waking others."""
+
+OWN_STEPS = 20
+"""Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+
+class BaseIsland:
+    """Groups that step together. `ids` are, for every emitter, the id of its first particle and the distance to the next."""
+
+    names: tuple[str, ...] = ()
+    interactions: tuple[Any, ...] = ()
+    """What acts between particles, and its names in the ledger."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        structure: Island,
+        states: Sequence[GroupState],
+        ids: Mapping[str, tuple[int, int]],
+    ) -> None:
+        self.dt = scenario.grid.dt
+        self.states = list(states)
+        self._method = structure.method
+        self._sources = [
+            Source(scenario, group, ids[group.name]) if isinstance(group, Emitter) else None
+            for group in structure.groups
+        ]
+        read = (
+            attributes_read(*each)
+            for each in zip(structure.forces, structure.colliders, structure.groups, strict=True)
+        )
+        self._read = frozenset[str]().union(*read)
+        self.books = Books(scenario, structure, states[0].dtype) if scenario.output.work else None
+
+    def phase(self, first: int, last: int) -> int:
+        """How far steps may go from `first` towards `last` in one piece."""
+        waits = self.books is not None or any(each is not None and each.waits for each in self._sources)
+        return min(first + 1, last) if waits else last
+
+    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        """Steps first … last − 1: births, motion, deaths."""
+        raise NotImplementedError
+
+    def _emit(self, first: int, last: int) -> Births | None:
+        """Births in steps first … last − 1; groups must have room for them. None without emitters."""
+        born = [
+            source.emit(state, first * self.dt, last * self.dt)
+            for source, state in zip(self._sources, self.states, strict=True)
+            if source is not None
+        ]
+        if not born:
+            return None
+        return Births(
+            np.concatenate([each.ids for each in born]), np.concatenate([each.times for each in born])
+        )
+
+    def _due(self, last: int) -> list[int]:
+        """How many particles every group gets before a step."""
+        return [
+            0 if source is None else source.due(state, last * self.dt)
+            for source, state in zip(self._sources, self.states, strict=True)
+        ]
+
+    def columns(self) -> list[Columns]:
+        """Columns of every group of the island."""
+        raise NotImplementedError
+
+    def island_columns(self) -> Columns:
+        """Columns of the whole island."""
+        raise NotImplementedError
+
+    def forces(self, time: float) -> NDArray[np.floating[Any]]:
+        """Total force on every particle at a time [N], shape [3, n]."""
+        raise NotImplementedError
+
+    def topology(self) -> list[Topology]:
+        """What a trajectory keeps of what joins its particles."""
+        raise NotImplementedError
+
+    def keep(self, first: int) -> None:
+        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+        raise NotImplementedError
+
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
+        """Particle `row` and those that step with it some steps after `first`, where an interval began; their interactions,
+        and which rows these are. Nothing of the island changes."""
+        raise NotImplementedError
+
+    def resettle(self, ids: Ints) -> None:
+        """Fit everything else to groups that have got other particles than those with these ids, as from a checkpoint."""
+
+    def fit(self) -> None:
+        """Bring particles to where constraints want them, after something has changed them from outside."""
+
+
+def shortest_step(method: Method, time: float) -> float:
+    """The shortest step of an adaptive method before a time [s]: what is asked for, or what the clock resolves."""
+    assert isinstance(method, EmbeddedRungeKutta | GaussRadauMethod)
+    return max(method.minimum_step or 0.0, RESOLVED * time)
+
+
+def attributes_read(forces: Sequence[Force], colliders: Sequence[Collider], group: Group) -> frozenset[str]:
+    """Attributes of a group that a kernel must read: those of its laws, and radii where colliders hold back particles that
+    have a size."""
+    read = frozenset[str]().union(*(force.needs() for force in forces))
+    return read | {"radius"} if colliders and group.may_have("radius") else read
