@@ -23,6 +23,7 @@ from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -59,6 +60,9 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
+    RigidIsland: frozenset(
+        ("_joined", "_method", "_scene", "_still", "_motion", "_contacts", "_kept", "kept_from")
+    ),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {

@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-SPHERE, BOX, CAPSULE = 0, 1, 2
-"""Kinds of shapes. Sizes of each: radius; half edges; radius, half the length of the axis z between the centres of its ends."""
 
 WORLD = -1
 """The other side of a contact with a collider."""
@@ -17,7 +15,7 @@ NOBODY = -2
 
 class Bodies(NamedTuple):
     """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m [n]; the
-    principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n], radius of a ball about it [n]; its group [n]."""
+    principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and half the axis z), radius of a ball about it [n]; its group [n]."""
 
     x: Any
     v: Any
@@ -85,8 +83,8 @@ class Motion(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Impulses of the last step by contact: a table with open addresses, first body, second body, feature [size, 3]; impulses
-    [size, 3]; and the order of the bodies along x [n]."""
+    """Impulses of the last step by contact: a table with open addresses, first body, second body, feature [3, size]; impulses
+    [3, size]; and the order of the bodies along x [n]."""
 
     keys: Any
     impulse: Any
@@ -105,7 +103,7 @@ def new_contacts(room: int) -> Contacts:
 def new_memory(room: int, bodies: int) -> Memory:
     """An empty memory for some contacts."""
     size = 1 << max(6, (2 * room - 1).bit_length())
-    return Memory(np.full((size, 3), NOBODY, np.int64), np.zeros((size, 3)), np.arange(bodies))
+    return Memory(np.full((3, size), NOBODY, np.int64), np.zeros((3, size)), np.arange(bodies))
 
 
 def new_motion(bodies: int) -> Motion:

@@ -195,11 +195,14 @@ def step_bodies(
     """Advance bodies by `steps` steps of dt, the first of which begins at first · dt.
 
     Returns the number of steps done; fewer when one could not be made, and then report[0] says why (WILD or FULL) and
-    report[1] how many contacts there were.
+    report[1] how many contacts there were. A step that found no room for its contacts has come half of its way; it is gone
+    on with where report[0] still says so.
     """
     for step in range(steps):
         middle = (first + step + 0.5) * dt
-        drift(b, 0.5 * dt)
+        if report[0] != FULL:
+            drift(b, 0.5 * dt)
+        report[0] = GOOD
         velocities(b, motion)
         find_contacts(scene, b, k, motion, memory, middle, dt)
         if k.number[1] > 0:
@@ -221,17 +224,48 @@ def step_bodies(
 
 
 @kernel
+def velocities_of(b: Any, motion: Any) -> None:
+    """Velocities and angular velocities of all bodies, into motion.now."""
+    velocities(b, motion)
+
+
+@kernel
+def sum_forces_on(scene: Any, b: Any, motion: Any, t: Any, out: Any) -> None:
+    """Total force on every body, into out [3, n] [N]."""
+    velocities(b, motion)
+    for stretch in scene.stretches:
+        if len(stretch.forces) > 0:
+            for i in range(stretch.first, stretch.last):
+                add_force(scene, stretch.forces, b, motion, i, t, out)
+
+
+@outlined
+def add_force(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, out: Any) -> None:
+    """Set the force on body i."""
+    r, turning = matrix(orientation(b, i)), (motion.now[i, 3], motion.now[i, 4], motion.now[i, 5])
+    for axis in range(3):
+        out[axis, i] = 0.0
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, turning, point, t)
+        f = force(forces, p)
+        for axis, part in enumerate(f):
+            out[axis, i] += part / POINTS
+
+
+@kernel
 def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: Any, t: Any, out: Any) -> None:
-    """Kinetic energy of translation and of rotation, and the potential energy of each law, into out [2 + laws] [J]."""
+    """For bodies [first, last): kinetic energy of rotation [J], angular momentum of rotation [kg m²/s], and the potential energy
+    of each law [J], into out [4 + laws]."""
     velocities(b, motion)
     for i in range(first, last):
         m = motion.now[i]
-        out[0] += 0.5 * scene.mass[i] * (m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
-        out[1] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
+        out[0] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
+        for axis in range(3):
+            out[1 + axis] += b.spin[axis, i]
         r = matrix(orientation(b, i))
         for number, each in enumerate(laws):
             total = 0.0
             for point in range(POINTS):
                 p, _ = point_of(scene, b, i, r, (m[3], m[4], m[5]), point, t)
                 total += potential(each, p)
-            out[2 + number] += total / POINTS
+            out[4 + number] += total / POINTS

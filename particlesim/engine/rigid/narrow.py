@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.bodies.shape import BOX, SPHERE
 from particlesim.compiler import on_stack, outlined
-from particlesim.engine.rigid.bodies import BOX, SPHERE, add_contact, orientation, place, row, set_surface
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 
 PARALLEL = 1e-6

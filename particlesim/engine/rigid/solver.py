@@ -312,10 +312,10 @@ def yield_energy(b: Any, k: Any, motion: Any, largest: Any) -> None:
 
 def address(memory: Any, i: Any, j: Any, feature: Any) -> int:
     """Where a contact is in the memory, or the free place for it."""
-    mask = len(memory.keys) - 1
+    mask = memory.keys.shape[1] - 1
     at = (i * 73856093 + j * 19349663 + feature * 83492791) & mask
-    while memory.keys[at, 0] != NOBODY and not (
-        memory.keys[at, 0] == i and memory.keys[at, 1] == j and memory.keys[at, 2] == feature
+    while memory.keys[0, at] != NOBODY and not (
+        memory.keys[0, at] == i and memory.keys[1, at] == j and memory.keys[2, at] == feature
     ):
         at = (at + 1) & mask
     return int(at)
@@ -326,8 +326,8 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
     """Begin with the impulses of the last step."""
     for c in range(k.number[0]):
         at = address(memory, k.first[c], k.second[c], k.feature[c])
-        if memory.keys[at, 0] != NOBODY:
-            p = memory.impulse[at, 0], memory.impulse[at, 1], memory.impulse[at, 2]
+        if memory.keys[0, at] != NOBODY:
+            p = row(memory.impulse, at)
             e = k.rows[c]
             press = max(p[0] * e[0, 0] + p[1] * e[0, 1] + p[2] * e[0, 2], 0.0)
             one = p[0] * e[1, 0] + p[1] * e[1, 1] + p[2] * e[1, 2]
@@ -342,17 +342,17 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
 @outlined
 def remember(k: Any, memory: Any) -> None:
     """Keep the impulses for the next step."""
-    for at in range(len(memory.keys)):
-        memory.keys[at, 0] = NOBODY
+    for at in range(memory.keys.shape[1]):
+        memory.keys[0, at] = NOBODY
     for c in range(k.number[0]):
         if k.impulse[c, 0] > 0:
             at = address(memory, k.first[c], k.second[c], k.feature[c])
-            memory.keys[at, 0], memory.keys[at, 1], memory.keys[at, 2] = k.first[c], k.second[c], k.feature[c]
+            memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = k.first[c], k.second[c], k.feature[c]
             for axis in range(3):
                 total = 0.0
                 for d in range(3):
                     total += k.rows[c, d, axis] * k.impulse[c, d]
-                memory.impulse[at, axis] = total
+                memory.impulse[axis, at] = total
 
 
 # ---- pushing apart

@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.sphere import BallRecord
+from particlesim.bodies.shape import BOX, SPHERE
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import (
-    BOX,
-    SPHERE,
     WORLD,
     add_contact,
     orientation,
@@ -23,7 +22,7 @@ from particlesim.engine.rigid.bodies import (
     set_surface,
 )
 from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, half_axis, minus, plus
-from particlesim.engine.rigid.rotation import matrix, to_body, to_world
+from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 from particlesim.laws.registry import Particle, gap, normal
 from particlesim.model.attributes import FURTHER
 
@@ -34,13 +33,15 @@ SECTIONS = 24
 
 
 class Wall(NamedTuple):
-    """A collider: its shape, which groups it holds back [groups], restitution, static and kinetic friction, its number."""
+    """A collider: its shape, which groups it holds back [groups], restitution, static and kinetic friction, the velocity of its
+    surface along itself [m/s], its number."""
 
     shape: Any
     on: Any
     restitution: float
     static: float
     kinetic: float
+    belt: tuple[float, float, float]
     number: int
 
 
@@ -75,6 +76,10 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any) -> None:
             core_on_wall(wall, b, k, i, margin, t, code)
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
+        n = row(k.normal, number)
+        out = dot(wall.belt, n)  # what points out of the surface counts for nothing
+        for axis, part in enumerate(wall.belt):
+            k.belt[axis, number] = part - out * k.normal[axis, number]
 
 
 def point_on_wall(
