@@ -18,6 +18,7 @@ from reference_words import default_words, type_words
 
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
+from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
@@ -135,6 +136,10 @@ def parts() -> Iterator[str]:
     yield from (collider_section(shape) for shape in COLLIDERS)
     yield "### Orientation"
     yield summary(Orientation) + "\n\n" + table(Orientation)
+    yield "### Friction"
+    yield summary(Friction) + "\n\n" + table(Friction)
+    yield "### Restitution"
+    yield summary(FallingRestitution) + "\n\n" + table(FallingRestitution)
     yield "## `[[impulses]]`"
     yield summary(Impulse) + "\n\n" + table(Impulse)
     yield "## `[[checks]]`"

@@ -13,7 +13,9 @@ from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
 from particlesim.colliders import Collider, Plane
+from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
+from particlesim.colliders.solid import Solid
 from particlesim.emitters import Emitter
 from particlesim.emitters.emitter import Burst, Die
 from particlesim.flows import Flow
@@ -51,6 +53,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Dihedrals, "[dihedrals](#dihedrals)"),
     (Plane, "[planes](#planes)"),
     (Collider, "[colliders](#colliders)"),
+    (Solid, "[shape of a collider](#colliders)"),
     (Orientation, "[orientation](#orientation)"),
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),
@@ -63,6 +66,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     ((SecondOrder, FirstOrder, TracerMotion), "[dynamics](#dynamics)"),
     (Options, "[table](#integrators)"),
     (Cooling, "[cooling](#cooling)"),
+    (Friction, "[friction](#friction)"),
+    (FallingRestitution, "[restitution](#restitution)"),
     (Burst, "[burst](#burst)"),
     (Die, "[die](#die)"),
     (Atmosphere, "[standard_atmosphere](#standard_atmosphere)"),

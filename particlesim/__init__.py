@@ -93,6 +93,9 @@ def __getattr__(name: str) -> Any:
     try:
         value = getattr(importlib.import_module(_HOME[name]), name)
     finally:
+        if gc.get_freeze_count() == 0:  # all that there is becomes old, which spares two looks through it
+            gc.freeze()
+            gc.unfreeze()
         if collecting:
             gc.enable()
     globals()[name] = value

@@ -1,4 +1,5 @@
-"""Kernels compiled by the tests are kept in a temporary directory, unless PSIM_CACHE_DIR says where.
+"""Kernels compiled by the tests are kept in a temporary directory, unless PSIM_CACHE_DIR says where; signals mean what
+they mean by default, also where the tests run in the background of a shell or under nohup, which ignore some.
 
 The directory must be known before any kernel is declared, hence before the package is imported. Hypothesis keeps no
 database here: a test run leaves the working directory as it was.
@@ -7,6 +8,7 @@ database here: a test run leaves the working directory as it was.
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 
 from hypothesis import settings
@@ -15,6 +17,11 @@ if "PSIM_CACHE_DIR" not in os.environ:
     _directory = tempfile.mkdtemp(prefix="psim-kernels-")
     os.environ["PSIM_CACHE_DIR"] = _directory
     atexit.register(shutil.rmtree, _directory, ignore_errors=True)
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("psim")

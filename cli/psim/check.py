@@ -19,6 +19,13 @@ def check(
         typer.Argument(metavar="SCENARIO...", help="Scenarios, TOML files.", autocompletion=scenario_files),
     ],
     overrides: Overrides = None,
+    stability: Annotated[
+        bool,
+        typer.Option(
+            "--stability/--no-stability",
+            help="Place the particles and look for the longest stable step, which takes longer than all the rest.",
+        ),
+    ] = True,
     quiet: Quiet = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON list, an object per scenario.")
@@ -36,7 +43,7 @@ def check(
     results = []
     for number, path in enumerate(scenarios):
         try:
-            planned = plan(ps.load(path, overrides or ()), default_output(path))
+            planned = plan(ps.load(path, overrides or ()), default_output(path), look=stability)
         except ps.PsimError as error:
             worst = max(worst, error.exit_code)
             if not as_json:

@@ -23,8 +23,10 @@ def default_output(scenario: Path) -> Path:
     return Path("outputs") / f"{scenario.stem}.vtkhdf"
 
 
-def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> dict[str, Any]:
-    """Particles, steps, frames, memory and disk of a run, as plain data.
+def plan(
+    scenario: Scenario, output: Path | None, *, must_fit: bool = True, look: bool = True
+) -> dict[str, Any]:
+    """Particles, steps, frames, memory and disk of a run, as plain data; with `look`, also what the initial state tells.
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
@@ -36,7 +38,7 @@ def plan(scenario: Scenario, output: Path | None, *, must_fit: bool = True) -> d
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
-    found, doubts = _first_look(scenario) if required.particles <= most else (None, ())
+    found, doubts = _first_look(scenario) if look and required.particles <= most else (None, ())
     grid = scenario.grid
     return {
         "title": scenario.title,

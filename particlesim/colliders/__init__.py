@@ -6,9 +6,12 @@ from particlesim.colliders.base import Collider
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.box import BoxCollider
 from particlesim.colliders.capsule import CapsuleCollider
+from particlesim.colliders.combination import DifferenceCollider, IntersectionCollider, UnionCollider
 from particlesim.colliders.cone import ConeCollider
 from particlesim.colliders.cylinder import CylinderCollider
 from particlesim.colliders.disc import DiscCollider
+from particlesim.colliders.height_field import HeightFieldCollider
+from particlesim.colliders.mesh import MeshCollider
 from particlesim.colliders.plane import Plane, PlaneCollider
 from particlesim.colliders.rectangle import RectangleCollider
 from particlesim.colliders.sphere import SphereCollider
@@ -24,7 +27,12 @@ AnyCollider = Annotated[
     | ConeCollider
     | TorusCollider
     | RectangleCollider
-    | DiscCollider,
+    | DiscCollider
+    | MeshCollider
+    | HeightFieldCollider
+    | UnionCollider
+    | IntersectionCollider
+    | DifferenceCollider,
     Tagged("type"),
 ]
 COLLIDERS: tuple[type[Collider], ...] = (
@@ -37,6 +45,11 @@ COLLIDERS: tuple[type[Collider], ...] = (
     TorusCollider,
     RectangleCollider,
     DiscCollider,
+    MeshCollider,
+    HeightFieldCollider,
+    UnionCollider,
+    IntersectionCollider,
+    DifferenceCollider,
 )
 
 __all__ = [
@@ -48,10 +61,15 @@ __all__ = [
     "Collider",
     "ConeCollider",
     "CylinderCollider",
+    "DifferenceCollider",
     "DiscCollider",
+    "HeightFieldCollider",
+    "IntersectionCollider",
+    "MeshCollider",
     "Plane",
     "PlaneCollider",
     "RectangleCollider",
     "SphereCollider",
     "TorusCollider",
+    "UnionCollider",
 ]

@@ -29,6 +29,8 @@ class Collider(Model):
     """What the shape is called."""
     killed: ClassVar[int] = ABSORB
     """The outcome of contact = "kill"."""
+    costly: ClassVar[bool] = False
+    """Whether its gap takes a search, so that vectors of particles do not help."""
 
     name: Name | None = None
     """Name for messages and overrides."""
@@ -89,7 +91,9 @@ class Collider(Model):
     @property
     def liveliness(self) -> float:
         """Restitution of slow impacts, the greatest."""
-        return self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
+        return (
+            self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
+        )
 
     def lifts(self) -> bool:
         """Whether particles may gain energy as they are lifted out of it."""

@@ -29,6 +29,7 @@ from particlesim.laws.registry import (
     contact,
     first_contact,
     gap,
+    gap_and_normal,
     has_law,
     law,
     moved_to,
@@ -92,6 +93,11 @@ def collider_normal(c: ColliderRecord, p: Particle) -> Vector:
     return normal(c.shape, p)
 
 
+@law(gap_and_normal, ColliderRecord)
+def collider_gap_and_normal(c: ColliderRecord, p: Particle) -> tuple[float, Vector]:
+    return gap_and_normal(c.shape, p)
+
+
 @law(apart, ColliderRecord)
 def collider_apart(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
     return apart(c.shape, p, q, h, slack)
@@ -107,7 +113,7 @@ def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float
 
 @law(contact, ColliderRecord)
 def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
-    g, n = gap(c.shape, p), normal(c.shape, p)
+    g, n = gap_and_normal(c.shape, p)
     below = g < 0
     approach = along(n, p)
     hit = below & (approach < 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -81,6 +81,71 @@ def arc(
     """Points on a part of a circle, by angles from the horizontal [rad]."""
     angles = np.linspace(first, last, parts + 1)
     return [(center[0] + radius * float(np.cos(a)), center[1] + radius * float(np.sin(a))) for a in angles]
+
+
+def grid_faces(index: Ints) -> Ints:
+    """Two triangles for every cell of a grid of points [rows, columns] with x along columns and z along rows.
+
+    Their fronts look upwards, and the diagonals alternate.
+    """
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    row, column = np.indices(a.shape)
+    rising = ((row + column) % 2 == 0)[..., None]
+    first = np.where(rising, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
+    second = np.where(rising, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
+    return np.stack([first, second], axis=2).reshape(-1, 3)
+
+
+def clipped(surface: Triangles, distance: Callable[[Floats], Floats], longest: float) -> Triangles:
+    """The part of a surface where a distance of places [n, 3], which changes no faster than they do, is negative.
+
+    Triangles on both sides are halved until no edge is longer than `longest` [m], and cut along the line between the zeros
+    on their edges.
+    """
+    kept, corners = [], surface.corners
+    faces = surface.faces
+    value = distance(corners)
+    while len(faces):
+        edge = corners[faces] - corners[np.roll(faces, -1, axis=1)]
+        length = np.sqrt((edge**2).sum(axis=2))
+        clear = np.abs(value[faces]).max(axis=1) > length.max(axis=1)
+        kept.append(faces[clear & (value[faces] < 0).all(axis=1)])
+        small = ~clear & (length.max(axis=1) <= longest)
+        cut, added = _cut(corners, value, faces[small])
+        kept.append(cut)
+        large = ~clear & ~small
+        corners, value = np.concatenate([corners, added]), np.concatenate([value, np.zeros(len(added))])
+        # halved across their longest edges
+        k = length[large].argmax(axis=1)
+        row = np.arange(len(k))
+        a, b, c = (faces[large][row, (k + turn) % 3] for turn in range(3))
+        middle = 0.5 * (corners[a] + corners[b])
+        m = len(corners) + row
+        corners, value = np.concatenate([corners, middle]), np.concatenate([value, distance(middle)])
+        faces = np.concatenate([np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)])
+    return Triangles(corners, np.concatenate([np.empty((0, 3), np.int64), *kept]))
+
+
+def _cut(corners: Floats, value: Floats, faces: Ints) -> tuple[Ints, Floats]:
+    """The parts of triangles where a function that is linear in them is negative, and the corners that they have besides."""
+    inside = value[faces] < 0
+    number = inside.sum(axis=1)
+    kept, added, first = [faces[number == 3]], [np.empty((0, 3))], len(corners)
+    for wanted in (1, 2):
+        # turned so that the corner that differs from the others comes first
+        some = faces[number == wanted]
+        odd = np.argmax(inside[number == wanted] == (wanted == 1), axis=1)
+        a, b, c = (some[np.arange(len(some)), (odd + k) % 3] for k in range(3))
+        cuts = []
+        for end in (b, c):
+            t = (value[a] / (value[a] - value[end]))[:, None]
+            added.append(corners[a] + t * (corners[end] - corners[a]))
+            cuts.append(first + np.arange(len(some)))
+            first += len(some)
+        d, e = cuts
+        parts = ((a, d, e),) if wanted == 1 else ((d, b, c), (d, c, e))
+        kept += [np.stack(each, axis=1) for each in parts]
+    return np.concatenate(kept), np.concatenate(added)
 
 
 def without_slivers(surface: Triangles) -> Triangles:

@@ -7,20 +7,30 @@ from particlesim.compiler.intrinsics import (
     atomic_add,
     atomic_load,
     exact,
+    lanes,
     let_others_run,
     on_stack,
     outlined,
     shared,
 )
-from particlesim.compiler.kernel import Kernel, compiling_seconds, kernel, told_of_compiling, uncompiled
+from particlesim.compiler.kernel import (
+    Kernel,
+    compiled,
+    compiling_seconds,
+    kernel,
+    told_of_compiling,
+    uncompiled,
+)
 
 __all__ = [
     "Kernel",
     "atomic_add",
     "atomic_load",
+    "compiled",
     "compiling_seconds",
     "exact",
     "kernel",
+    "lanes",
     "let_others_run",
     "on_stack",
     "outlined",

@@ -11,7 +11,7 @@ import numpy as np
 
 from particlesim.compiler import elementary, intrinsics
 from particlesim.compiler.calls import Method
-from particlesim.compiler.expressions import Sequence
+from particlesim.compiler.expressions import Lanes, Sequence
 from particlesim.compiler.values import (
     ELEMENTS,
     FLOATS,
@@ -47,6 +47,11 @@ def _range(frame: Frame, *borders: Any) -> Sequence:
     if any(kind_of(each) != "i64" for each in borders):
         raise Unsupported("range counts integers")
     return Sequence(((0, borders[0], 1), (*borders, 1), borders)[len(borders) - 1])
+
+
+@rule(intrinsics.lanes)
+def _lanes(frame: Frame, count: Any) -> Lanes:
+    return Lanes(_range(frame, count))
 
 
 @rule(len)

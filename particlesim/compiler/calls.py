@@ -110,7 +110,7 @@ class Calls(Names):
 
         It is named by what is in it, so that kernels find this one and no other.
         """
-        unit = Unit()
+        unit = Unit(checked=self.unit.checked)
         while True:
             try:
                 made, body = self._written(key, unit)

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from particlesim.compiler import bounds
 from particlesim.compiler.calls import Calls, Method
 from particlesim.compiler.names import fitted
 from particlesim.compiler.values import (
@@ -32,6 +33,10 @@ LARGEST_POWER = 64
 
 class Sequence(tuple):  # type: ignore[type-arg]
     """The turns of a `for` over `range`: start, stop, step."""
+
+
+class Lanes(Sequence):
+    """The turns of a `for` over `lanes`."""
 
 
 class NeedsKnown(Unsupported):
@@ -310,6 +315,10 @@ class Expressions(Calls):
         indices = list(index) if isinstance(index, tuple) else [index]
         if len(indices) > array.ndim:
             raise Unsupported(f"{len(indices)} indices for {words(form_of(array, []))}")
+        if self.unit.checked:
+            for each, length in zip(indices, array.lengths, strict=False):
+                if not isinstance(each, slice):
+                    bounds.check(self, each, length)
         if len(indices) == array.ndim and not any(isinstance(each, slice) for each in indices):
             return indices
         w = self.w
@@ -337,6 +346,8 @@ class Expressions(Calls):
                 return 0
             if value < 0:
                 return self.w.extreme("Gt", [self.w.binary("Add", length, value), 0])
+        elif self.unit.checked:
+            bounds.check(self, value)
         return self.w.extreme("Lt", [value, length])
 
     def set_item(self, array: Any, index: Any, value: Any) -> None:

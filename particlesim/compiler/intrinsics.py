@@ -70,6 +70,14 @@ def on_stack(rows: int, columns: int, dtype: Any) -> NDArray[Any]:
     return np.empty((rows, columns), dtype)
 
 
+def lanes(count: int) -> range:
+    """`range(count)` for a short loop over what fits into vectors: it is not written out turn by turn beforehand.
+
+    LLVM writes out loops of a few turns first, and then sees no loop to vectorise.
+    """
+    return range(count)
+
+
 def atomic_add(array: NDArray[np.int64], index: int, value: int) -> int:
     """Add to an element of an int64 array as one indivisible act; returns what was there."""
     before = int(array[index])

@@ -28,6 +28,7 @@ from particlesim.compiler.values import (
     kinds_in,
     value_of,
 )
+from particlesim.errors import UsageError
 
 _CALL = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_char_p)  # releases the GIL
 _LOCK = threading.RLock()
@@ -167,7 +168,7 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
     from particlesim.compiler.calls import DEEPEST
     from particlesim.compiler.unit import Again, Unit
 
-    unit = Unit()
+    unit = Unit(checked=CHECKED)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
     try:
@@ -269,7 +270,7 @@ def _scalars(x: Any) -> Any:
 def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
     from particlesim.compiler import machine
 
-    entry = store.entry(function, key, machine.identity())
+    entry = None if CHECKED else store.entry(function, key, machine.identity())
     kept = store.read(entry)
     if kept is None and not _compiling.get():
         return None
@@ -291,7 +292,7 @@ def _shared(text: str) -> tuple[Any, bytes]:
     """The code of a shared function, and where it is kept: on disk from another kernel that calls it, or made now."""
     from particlesim.compiler import machine
 
-    path = store.shared(text, machine.identity())
+    path = None if CHECKED else store.shared(text, machine.identity())
     kept = store.read_code(path)
     if kept is not None:
         return path, kept[1]
@@ -309,8 +310,15 @@ def kernel(function: Callable[..., Any]) -> Any:
     return Kernel(function)
 
 
-PLAIN = os.environ.get("PSIM_KERNELS") == "python"
+_MODE = os.environ.get("PSIM_KERNELS", "")
+if _MODE not in ("", "python", "checked"):
+    raise UsageError(
+        f"PSIM_KERNELS is {_MODE!r}", hint="python runs kernels uncompiled, checked looks at every index"
+    )
+PLAIN = _MODE == "python"
 """Whether kernels run as plain Python: slow, for finding mistakes."""
+CHECKED = _MODE == "checked"
+"""Whether kernels look at every index (`bounds`)."""
 
 _compiling = ContextVar("compiling", default=True)
 
@@ -320,6 +328,16 @@ def uncompiled() -> Iterator[None]:
     """In this thread, kernels that are not kept on disk run as plain Python: for little work, where nobody waits for a
     compiler."""
     before = _compiling.set(False)
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
+
+
+@contextmanager
+def compiled(worth: bool) -> Iterator[None]:
+    """In this thread, kernels are compiled in spite of `uncompiled`, if it is worth it: for much work."""
+    before = _compiling.set(worth or _compiling.get())
     try:
         yield
     finally:

@@ -62,13 +62,22 @@ def folder() -> Path | None:
         path = cache_root() / "kernels"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
+        if path.is_symlink():
+            _trouble(f"{path} is a link, and not followed")
+            return None
         if not _own(path.lstat(), stat.S_ISDIR):
             _trouble(f"{path} belongs to, or can be written by, somebody else")
             return None
         if not os.access(path, os.W_OK):
             _trouble(f"{path} cannot be written")
             return None
-    except (OSError, RuntimeError) as error:  # RuntimeError: no home directory
+    except FileExistsError as error:
+        _trouble(f"{error.filename} is no folder")
+        return None
+    except OSError as error:
+        _trouble(f"{error.filename} cannot be made: {error.strerror}")
+        return None
+    except RuntimeError as error:  # no home directory
         _trouble(str(error))
         return None
     return path

@@ -66,6 +66,7 @@ class Unit:
     modules: set[str] = field(default_factory=set)
     numbers: set[tuple[str, str]] = field(default_factory=set)
     count: int = 0
+    checked: bool = False  # indices are looked at
     nameless: bool = False  # functions took something from around them, that no name tells to other processes
 
     def learn(self, key: Any, value: Any) -> None:
@@ -75,7 +76,7 @@ class Unit:
 
     def fresh(self) -> Unit:
         """The same with nothing written yet."""
-        return Unit(learned=self.learned)
+        return Unit(learned=self.learned, checked=self.checked)
 
     def take_in(self, part: Part) -> None:
         """Call a shared function: what went into it has gone into this unit."""

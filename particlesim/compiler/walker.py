@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from particlesim.compiler.expressions import Expressions, NeedsKnown, Sequence, check_known
+from particlesim.compiler.expressions import Expressions, Lanes, NeedsKnown, Sequence, check_known
 from particlesim.compiler.names import Cells, Lost, merged, same, shape_of
 from particlesim.compiler.unit import CompileError
 from particlesim.compiler.values import Number, Unsupported, form_of, words
@@ -33,6 +33,10 @@ class Frame(Expressions):
         """The place that is walked: file, line, column, function."""
         node = self.node or self.source.tree
         return self.source.file, node.lineno, node.col_offset, self.name
+
+    def places(self) -> list[tuple[str, int, int, str]]:
+        """The place that is walked and those that led there, innermost first."""
+        return [self.where(), *(self.caller.places() if isinstance(self.caller, Frame) else ())]
 
     def run(self) -> Any:
         """Walk the function; its result."""
@@ -218,7 +222,7 @@ class Frame(Expressions):
         w.branch(following)
         w.at = following
         w.do(f"store i64 {w.emit(f'add nsw i64 {turn.ref}, {step_ref}')}, ptr {counter}")
-        w.branch(head)
+        w.branch(head, w.kept_whole() if isinstance(over, Lanes) else "")
         self._after_loop(before)
         w.at = after
 

@@ -104,16 +104,23 @@ class Writer:
         """An instruction without a result."""
         self.at.lines.append(text)
 
-    def branch(self, target: Block) -> None:
+    def branch(self, target: Block, mark: str = "") -> None:
         """End the block: go on at `target`."""
         if not self.at.ended:
-            self.do(f"br label %{target.label}")
+            self.do(f"br label %{target.label}{mark}")
             self.at.ended = True
 
     def fork(self, condition: Number, yes: Block, no: Block) -> None:
         """End the block: go on at one of two."""
         self.do(f"br i1 {condition.ref}, label %{yes.label}, label %{no.label}")
         self.at.ended = True
+
+    def kept_whole(self) -> str:
+        """A mark for the way back of a loop that is not to be written out turn by turn."""
+        self.declared.setdefault("!0", '!0 = !{!"llvm.loop.unroll.disable"}')
+        own = f"!{sum(name.startswith('!') for name in self.declared)}"
+        self.declared[own] = f"{own} = distinct !{{{own}, !0}}"
+        return f", !llvm.loop {own}"
 
     def finish(self, text: str) -> None:
         """End the block with a return."""

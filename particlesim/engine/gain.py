@@ -17,6 +17,7 @@ measured from.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -40,8 +41,9 @@ class Gain(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """The gain that is surely one, as a part of the energy there is; 0 where there is none yet."""
-        return max(self.joule - self.noise, 0.0) / self.scale if self.scale > 0 else 0.0
+        """The gain that is surely one, as a part of the energy there is; 0 where there is none yet, or more than numbers
+        can hold."""
+        return max(self.joule - self.noise, 0.0) / self.scale if 0 < self.scale < math.inf else 0.0
 
 
 class Account:

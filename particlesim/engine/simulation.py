@@ -81,6 +81,7 @@ class Simulation(World):
 
     def _advance(self, number: int, first: int, last: int) -> None:
         island = self.islands[number]
+        island.begin(self.team)
         island.keep(first)
         while first < last:
             until = island.phase(first, last)

@@ -87,6 +87,15 @@ class World:
         """For every set of springs that can break: how many are broken, and how many there were."""
         return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
 
+    def methods(self) -> dict[str, str]:
+        """How the forces of interactions are summed, by their names in the ledger, where there is something to tell."""
+        return {
+            name: told
+            for island in self.islands
+            for name, each in zip(island.names, island.interactions, strict=True)
+            if (told := each.summary()) is not None
+        }
+
     def topology(self) -> list[Topology]:
         """Springs by their names in the ledger, surfaces by the names of their groups; particles by their ids."""
         return topology(self.scenario, self.islands, self.states)

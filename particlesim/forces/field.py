@@ -6,15 +6,14 @@ the central difference of its exact gradient, with a relative error of about 10â
 
 from __future__ import annotations
 
-import keyword
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field as _Default
 from pydantic import StringConstraints, model_validator
 
+from particlesim.expressions import constants as names
 from particlesim.expressions.discontinuities import creased, jumping
 from particlesim.expressions.operations import (
-    FUNCTIONS,
     VARIABLES,
     VX,
     VY,
@@ -50,6 +49,10 @@ from particlesim.model.mistakes import invalid
 from particlesim.model.units import Number
 
 Expression = Annotated[str, StringConstraints(max_length=2000)]
+
+FIXED = frozenset(VARIABLES) - {each.symbol for each in FURTHER}
+"""Variables that no constant may hide. One named as a further attribute takes its place, so that formulas from before the
+attribute mean what they did."""
 
 
 class Field(Force):
@@ -137,18 +140,8 @@ def _kinked(node: Node) -> bool:
 
 
 def check_constant(name: str) -> None:
-    """Refuse a constant that no expression could name, or that would hide something else.
-
-    One named as a further attribute takes its place, so that formulas from before the attribute mean what they did.
-    """
-    place = ("constants", name)
-    if name in VARIABLES and name not in {each.symbol for each in FURTHER}:
-        raise invalid(f"{name!r} is a variable of every expression", at=place, hint="choose another name")
-    if name in FUNCTIONS:
-        raise invalid(f"{name!r} is a function of every expression", at=place, hint="choose another name")
-    if not name.isidentifier() or keyword.iskeyword(name):
-        hint = "use letters, digits and _, and no word of Python's grammar such as 'in'"
-        raise invalid(f"{name!r} cannot be written in an expression", at=place, hint=hint)
+    """Refuse a constant that no expression could name, or that would hide something else."""
+    names.check_constant(name, FIXED)
 
 
 class FieldRecord(NamedTuple):

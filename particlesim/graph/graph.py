@@ -20,6 +20,7 @@ from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
+from particlesim.scenario.collider_files import open_colliders
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -117,7 +118,8 @@ class Graph:
 
 
 def build_graph(scenario: Scenario) -> Graph:
-    """The graph of a scenario."""
+    """The graph of a scenario, whose colliders read their files. Raises UsageError when that cannot be done."""
+    open_colliders(scenario)
     groups = {group.name: _group_node(group) for group in scenario.groups}
     labels = scenario.force_labels()
     nodes: list[Node] = list(groups.values())

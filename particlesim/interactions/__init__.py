@@ -5,6 +5,9 @@ from typing import Annotated
 
 from particlesim.interactions.base import PairInteraction, PairSet
 from particlesim.interactions.coulomb import Coulomb
+from particlesim.interactions.flocking import Flocking
+from particlesim.interactions.formula import PairFormula
+from particlesim.interactions.friction import PairFriction
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.interactions.lennard_jones import LennardJones
 from particlesim.interactions.morse import Morse
@@ -21,10 +24,23 @@ INTERACTIONS: tuple[type[PairInteraction], ...] = (
     Morse,
     Yukawa,
     SoftSphere,
+    PairFormula,
+    PairFriction,
+    Flocking,
 )
 
 AnyInteraction = Annotated[
-    MutualGravity | Coulomb | PairPowerLaw | LennardJones | Morse | Yukawa | SoftSphere, Tagged("type")
+    MutualGravity
+    | Coulomb
+    | PairPowerLaw
+    | LennardJones
+    | Morse
+    | Yukawa
+    | SoftSphere
+    | PairFormula
+    | PairFriction
+    | Flocking,
+    Tagged("type"),
 ]
 
 __all__ = ["INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]

@@ -19,7 +19,7 @@ from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 
-PairMethod = Literal["auto", "direct"]
+PairMethod = Literal["auto", "direct", "neighbours", "tree"]
 """How forces of pairs may be summed."""
 Shift = Literal["none", "energy", "force"]
 
@@ -39,7 +39,8 @@ class PairInteraction(Model):
     """What is taken from the law for a better end at the cutoff: its `energy` there, which leaves forces as they are, or its
     `force`, so that both energy and force end at 0."""
     method: PairMethod = "auto"
-    """How forces are summed: `direct` takes every pair, and `auto` what is fastest."""
+    """How forces are summed: `direct` takes every pair, `neighbours` only those within the cutoff, by lists, `tree` lets far
+    particles act by multipoles, and `auto` takes what is fastest."""
 
     formula: ClassVar[str]
     """The law in one line, with the symbols of the parameters."""
@@ -73,6 +74,26 @@ class PairInteraction(Model):
             raise invalid("a shift needs a cutoff", at=("shift",), allowed="cutoff = 2.5 (m), say")
         return self
 
+    @model_validator(mode="after")
+    def _has_multipoles(self) -> PairInteraction:
+        if self.method == "tree" and (why := self.lacks_multipoles()):
+            raise invalid(
+                f"{self.type} cannot be summed with a tree: {why}",
+                at=("method",),
+                allowed='"auto", "direct", "neighbours"',
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _ends(self) -> PairInteraction:
+        if self.method == "neighbours" and self.reach() is None and not self.touching():
+            raise invalid(
+                'method = "neighbours" needs a distance beyond which there is no interaction',
+                at=("method",),
+                allowed="cutoff = 2.5 (m), say",
+            )
+        return self
+
     @property
     def label(self) -> str:
         """Name for people and for the ledger."""
@@ -93,6 +114,10 @@ class PairInteraction(Model):
         """The parameters for a run with steps of dt [s] and a seed, which laws with random forces need."""
         return self.cut_record()
 
+    def lacks_multipoles(self) -> str | None:
+        """Why far particles cannot act by multipoles; None if they can."""
+        return "its law is not that of 1/r, so it has no multipoles"
+
     def random(self) -> bool:
         """Whether its forces are random, and read the ids of particles."""
         return False
@@ -100,6 +125,10 @@ class PairInteraction(Model):
     def reach(self) -> float | None:
         """Distance beyond which it does nothing [m]; None if it has no end."""
         return self.cutoff
+
+    def touching(self) -> bool:
+        """Whether it acts only where two particles touch, within the sum of their radii."""
+        return False
 
     def numbers_of(self, group: str) -> tuple[float, float]:
         """The two numbers `a` and `b` that the law keeps of every particle of a group."""
@@ -112,6 +141,10 @@ class PairInteraction(Model):
     def conserves(self) -> bool:
         """Whether its forces derive from a potential."""
         return has_law(pair_potential, self.record())
+
+    def feeds(self) -> bool:
+        """Whether it may bring energy from outside."""
+        return not self.conserves()
 
     def needs_velocity(self) -> bool:
         """Whether the law reads velocities, which particles without inertia do not have."""
@@ -151,7 +184,7 @@ class PairSet:
     @property
     def feeds(self) -> bool:
         """Whether it may bring energy from outside."""
-        return not self.law.conserves()
+        return self.law.feeds()
 
     def describe(self) -> str:
         """The set in a few words."""

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from particlesim.interactions.base import PairInteraction
-from particlesim.laws.pair import Pair, Terms, central_law
+from particlesim.interactions.far import FarInteraction
+from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import COULOMB_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import CoulombConstant, Metres, Number
 
 
-class Coulomb(PairInteraction):
+class Coulomb(FarInteraction):
     """Coulomb's law: charges of one sign repel each other, and those of different signs attract."""
 
     type: Literal["coulomb"] = "coulomb"
@@ -31,6 +30,7 @@ class Coulomb(PairInteraction):
     softening: Annotated[Metres, Ge(0)] = 0.0
     """Length ε that bounds the force of near charges."""
 
+    by: ClassVar[str] = "charge"
     formula: ClassVar[str] = "f = k q₁ q₂ l/(l² + ε²)^(3/2), l = x₁ − x₂"
     energy: ClassVar[str] = "U = k q₁ q₂/(l² + ε²)^(1/2)"
 
@@ -43,6 +43,9 @@ class Coulomb(PairInteraction):
                 also=[(("constant",), "here")],
             )
         return self
+
+    def coupling(self) -> float:
+        return -self.record().k
 
     def record(self) -> CoulombRecord:
         k = COULOMB_CONSTANT / self.relative_permittivity if self.constant is None else self.constant
@@ -68,7 +71,5 @@ class CoulombRecord(NamedTuple):
 @central_law(CoulombRecord)
 def coulomb(f: CoulombRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
-    inverse = 1 / np.sqrt(square)
-    u = f.k * (p.q1 * p.q2) * inverse
-    k = u * inverse * inverse
-    return u, k, -3 * k * inverse * inverse
+    k = over_cube(f.k * (p.q1 * p.q2), square, p)
+    return k * square, k, -3 * k / square

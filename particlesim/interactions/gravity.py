@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-import numpy as np
 from annotated_types import Ge, Gt
 
-from particlesim.interactions.base import PairInteraction
-from particlesim.laws.pair import Pair, Terms, central_law
+from particlesim.interactions.far import FarInteraction
+from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import GRAVITATIONAL_CONSTANT
 from particlesim.model.units import GravitationalConstant, Metres
 
 
-class MutualGravity(PairInteraction):
+class MutualGravity(FarInteraction):
     """Newton's law of gravitation: every two particles attract each other by their masses."""
 
     type: Literal["gravity"] = "gravity"
@@ -27,8 +26,12 @@ class MutualGravity(PairInteraction):
     softening: Annotated[Metres, Ge(0)] = 0.0
     """Plummer's softening length ε, which bounds the force of near bodies."""
 
+    by: ClassVar[str] = "mass"
     formula: ClassVar[str] = "f = −G m₁ m₂ l/(l² + ε²)^(3/2), l = x₁ − x₂"
     energy: ClassVar[str] = "U = −G m₁ m₂/(l² + ε²)^(1/2)"
+
+    def coupling(self) -> float:
+        return self.constant
 
     def record(self) -> MutualGravityRecord:
         return MutualGravityRecord(self.constant, self.softening**2)
@@ -50,7 +53,5 @@ class MutualGravityRecord(NamedTuple):
 @central_law(MutualGravityRecord)
 def mutual_gravity(f: MutualGravityRecord, p: Pair, s: float) -> Terms:
     square = s + f.eps2
-    inverse = 1 / np.sqrt(square)
-    u = -f.g * (p.m1 * p.m2) * inverse
-    k = u * inverse * inverse
-    return u, k, -3 * k * inverse * inverse
+    k = over_cube(-f.g * (p.m1 * p.m2), square, p)
+    return k * square, k, -3 * k / square

@@ -42,6 +42,9 @@ class SoftSphere(PairInteraction):
         ends = [end for end in (self.cutoff, self.sigma) if end is not None]
         return min(ends) if ends else None
 
+    def touching(self) -> bool:
+        return self.sigma is None
+
     def singular(self) -> bool:
         return False
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.compiler.roots import inverse_sqrt
 from particlesim.laws.registry import (
     GENERICS,
     ZERO_MATRIX,
@@ -31,7 +32,8 @@ from particlesim.laws.registry import (
 
 class Pair(NamedTuple):
     """Two particles as laws see them: l = x₁ − x₂ [m] to the nearest image and v = v₁ − v₂ [m/s], masses [kg], radii [m],
-    charges [C], the time [s]; `a` and `b`, numbers that an interaction keeps of every particle; and their ids."""
+    charges [C], the time [s]; `a` and `b`, numbers that an interaction keeps of every particle; their ids; and whether roots
+    are to be found by products, as others keep the divider busy: known when a kernel is compiled."""
 
     x: float
     y: float
@@ -52,6 +54,7 @@ class Pair(NamedTuple):
     b2: float = 0.0
     id1: int = 0
     id2: int = 0
+    by_products: bool = False
 
 
 Terms = tuple[float, float, float]
@@ -105,6 +108,14 @@ def central_law(record: type) -> Callable[[Callable[..., Terms]], Callable[..., 
 def is_central(f: Any) -> bool:
     """Whether a record's law is a central one."""
     return has_law(central, f)
+
+
+def over_cube(c: float, s: float, p: Pair) -> float:
+    """c/s^(3/2): of laws that fall off as the square of the distance √s."""
+    if p.by_products and not isinstance(s, np.float32):
+        y = inverse_sqrt(s)
+        return c * y * (y * y)
+    return c / (s * np.sqrt(s))
 
 
 def by_distance(u: float, slope: float, curvature: float, r: float) -> Terms:

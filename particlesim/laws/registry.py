@@ -261,6 +261,13 @@ def normal(c: Any, p: Particle) -> Vector:
 
 
 @generic(0)
+def gap_and_normal(c: Any, p: Particle) -> tuple[float, Vector]:
+    """Both at once, for shapes that find them by one search."""
+    laws = GENERICS[gap_and_normal].laws
+    return laws[type(c)](c, p) if type(c) in laws else (gap(c, p), normal(c, p))
+
+
+@generic(0)
 def surface(c: Any, p: Particle) -> Vector:
     """Centre of a particle [m] that is put back on the surface of a collider: for shapes that know it to the last bit."""
     return evaluate(surface, c, p)

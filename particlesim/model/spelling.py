@@ -18,9 +18,12 @@ def near_miss(word: str, known: Iterable[str]) -> str | None:
     """The one of `known` that `word` misspells or cuts short, None where none is near.
 
     Capitals and dashes do not count. Slips are letters left out, added, replaced or swapped with the next one: none in a
-    word of two letters, one in six letters, two in ten, three in longer ones.
+    word of two letters, one in six letters, two in ten, three in longer ones. In a word of three
+    the first and the last letter are right, as it could be any word otherwise; digits may differ.
     """
     wanted, names = folded(word), list(known)
+    if len(wanted) == 3:
+        names = [name for name in names if len(folded(name)) != 3 or _alike(wanted, folded(name))]
     if not wanted or len(word) > LONGEST:
         return None
     far = 1 + (len(wanted) > 2) + (len(wanted) > 6) + (len(wanted) > 10)
@@ -30,6 +33,12 @@ def near_miss(word: str, known: Iterable[str]) -> str | None:
         return names[first]
     begun = [name for name in names if len(wanted) > 2 and folded(name).startswith(wanted)]
     return begun[0] if len(begun) == 1 else None
+
+
+def _alike(word: str, name: str) -> bool:
+    """Whether two words of three letters are near: ends that agree, or the same letters."""
+    ends = (word[0], word[-1]) == (name[0], name[-1])
+    return ends or sorted(filter(str.isalpha, word)) == sorted(filter(str.isalpha, name))
 
 
 def folded(name: str) -> str:

@@ -49,6 +49,8 @@ class Result:
     checks: tuple[CheckResult, ...] = ()
     broken: dict[str, tuple[int, int]] = field(default_factory=dict)
     """For every set of springs that can break: how many are broken, and how many there were."""
+    methods: dict[str, str] = field(default_factory=dict)
+    """How the forces of interactions were summed, by their names in the ledger, where there is something to tell."""
     known_state: str | None = None
     compiling: float = 0.0
     """How much of `seconds` went into compiling kernels, which are kept for the next run."""

@@ -26,7 +26,7 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, misplaced
+from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -165,7 +165,7 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
-    found = (*suspects(simulation).warnings, *misplaced(simulation))
+    found = (*suspects(simulation).warnings, *misplaced(simulation), *flat_triangles(simulation.scenario))
     if warn is not None:
         for text in found:
             warn(text)
@@ -296,6 +296,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
             *filter(None, problems),
         ),
         broken=simulation.broken(),
+        methods=simulation.methods(),
         checks=course.checks.results(),
         known_state=course.state,
         compiling=course.compiling,

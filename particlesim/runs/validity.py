@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.content import files_in
+from particlesim.colliders.mesh import Mesh
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import World
@@ -84,6 +86,16 @@ def misplaced(world: World) -> tuple[str, ...]:
                 "surface, which changes their energy"
             )
     return tuple(found)
+
+
+def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
+    """A sentence for every mesh that particles collide with some of whose triangles have no area."""
+    return tuple(
+        f"{solid.path}: {solid.dropped:,} of its triangles have no area and are left out"
+        for collider in scenario.colliders
+        for _, solid in files_in(collider)
+        if isinstance(solid, Mesh) and solid.dropped
+    )
 
 
 class Watch:

@@ -10,6 +10,7 @@ from typing import Any
 
 import tomli_w
 
+from particlesim.colliders.content import files_in
 from particlesim.errors import UsageError
 from particlesim.layouts.file import File
 from particlesim.layouts.input_file import check_regular
@@ -35,6 +36,15 @@ def layout_files(scenario: Scenario) -> tuple[NamedFile, ...]:
         _named(scenario, group.layout.path, ("particles", k, "layout", "path"))
         for k, group in enumerate(scenario.particles)
         if isinstance(group.layout, File | SurfaceFile)
+    )
+
+
+def collider_files(scenario: Scenario) -> tuple[NamedFile, ...]:
+    """The files that colliders are in."""
+    return tuple(
+        _named(scenario, solid.path, (*where, "path"))
+        for k, collider in enumerate(scenario.colliders)
+        for where, solid in files_in(collider, ("colliders", k))
     )
 
 
@@ -67,7 +77,7 @@ def file_digest(path: Path) -> str:
 def dump_for(scenario: Scenario, folder: Path) -> str:
     """The scenario as TOML for a file in `folder`, from where its relative names lead to the same files as now."""
     table = to_table(scenario)
-    for file in (*layout_files(scenario), *reference_files(scenario)):
+    for file in (*layout_files(scenario), *collider_files(scenario), *reference_files(scenario)):
         if not Path(file.name).is_absolute():
             _put(table, file.address, _name_from(folder, file.path))
     return tomli_w.dumps(table)

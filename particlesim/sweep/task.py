@@ -22,7 +22,13 @@ from particlesim.runs.checks import count, total
 from particlesim.runs.runner import Result, run
 from particlesim.scenario.ledger_columns import totals
 from particlesim.scenario.load import scenario_of
-from particlesim.scenario.named_files import dump_for, file_digest, layout_files, reference_files
+from particlesim.scenario.named_files import (
+    collider_files,
+    dump_for,
+    file_digest,
+    layout_files,
+    reference_files,
+)
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.overrides import Override, overrides_from_mapping
 from particlesim.scenario.text.source import Source
@@ -96,7 +102,12 @@ class Task:
 def named_digests(scenario: Scenario) -> dict[str, str]:
     """Digests of the files that a scenario names, by those names; empty for what cannot be read."""
     return {
-        file.name: present_digest(file.path) for file in (*layout_files(scenario), *reference_files(scenario))
+        file.name: present_digest(file.path)
+        for file in (
+            *layout_files(scenario),
+            *collider_files(scenario),
+            *reference_files(scenario),
+        )
     }
 
 

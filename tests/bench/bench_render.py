@@ -1,12 +1,15 @@
 """Frames per second of the renderer at 1080p, encoding included.
 
     python tests/bench/bench_render.py [threads]
+    python tests/bench/bench_render.py --video scenarios/fountain.toml
 
-Prints, per scene, the time of the first picture (kernels from the cache) and the rate of a whole MP4.
+Prints, per scene, the time of the first picture (kernels from the cache) and the rate of a whole MP4; or what a scenario
+and its video take, on the clock and of processors.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import time
@@ -14,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+import particlesim as ps
 from particlesim.render import PlaneShape, RenderSettings, render_frame, render_video
 
 FLOOR = (PlaneShape((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),)
@@ -67,7 +71,34 @@ def measure(name: str, count: int, frames: int, threads: int | None, planes, **s
     print(f"{name:44s} first picture {first:5.2f} s   {report.frames / report.seconds:6.2f} frames/s")
 
 
+def processor_time() -> tuple[float, float]:
+    """Seconds that this process has computed so far, and those of its children that have ended: ffmpeg."""
+    used = os.times()
+    return used.user + used.system, used.children_user + used.children_system
+
+
+def measure_video(scenario: Path) -> None:
+    """A run and its video, as `psim run --video` makes them, both for the second time."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, size = Path(folder) / "a.vtkhdf", {"render.size": [1280, 720]}
+        for _ in range(2):
+            moments = [(time.perf_counter(), *processor_time())]
+            ps.run(scenario, path, overwrite=True)
+            moments.append((time.perf_counter(), *processor_time()))
+            report = ps.film(path, overrides=size, overwrite=True)
+            moments.append((time.perf_counter(), *processor_time()))
+    for name, before, after in zip(("run", f"{report.frames} pictures"), moments, moments[1:], strict=False):
+        wall, own, encoding = (b - a for a, b in zip(before, after, strict=True))
+        print(
+            f"{name:14s} {wall:6.2f} s on the clock   {own:6.2f} s of processors, {encoding:.2f} s of the encoder's"
+        )
+    print(f"{1000 * own / report.frames:.1f} ms of one core for a picture")
+
+
 def main() -> None:
+    if sys.argv[1:2] == ["--video"]:
+        measure_video(Path(sys.argv[2]))
+        return
     threads = int(sys.argv[1]) if len(sys.argv) > 1 else None
     measure("10^3 spheres, ground, shadows", 1_000, 60, threads, FLOOR)
     measure("10^5 spheres, ground, shadows", 100_000, 60, threads, FLOOR)

@@ -77,3 +77,38 @@ def test_check_compiles_nothing(scene: str, tmp_path: Path) -> None:
     told = run(code, tmp_path)
     assert "walker: False" in told
     assert "stable dt" in told
+
+
+def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:
+    (tmp_path / "free.toml").write_text(FREE)
+    code = """
+import sys
+from psim.app import main
+sys.argv = ["psim", "check", "free.toml", "--no-stability"]
+try:
+    main()
+finally:
+    print(*sorted(sys.modules))
+"""
+    told, imported = run(code, tmp_path).rsplit("\n", 2)[:2]
+    assert "particles  at most 1 at once" in told
+    assert "stable dt" not in told
+    assert not {"particlesim.engine.world", "particlesim.engine.simulation"} & set(imported.split())
+
+
+def test_what_is_imported_is_old_for_the_garbage_collector(tmp_path: Path) -> None:
+    code = """
+import gc
+class Node: pass
+node = Node()
+node.self = node
+import weakref
+gone = weakref.ref(node)
+import particlesim as ps
+ps.load
+print(gc.isenabled(), gc.get_freeze_count(), len(gc.get_objects(0)) + len(gc.get_objects(1)) < 5000)
+del node
+gc.collect()
+print(gone())
+"""
+    assert run(code, tmp_path).splitlines() == ["True 0 True", "None"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import linecache
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +17,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from particlesim.compiler import elementary, exact, kernel, on_stack, outlined, store
+from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, store
+from particlesim.compiler.kernel import write
 from particlesim.compiler.unit import CompileError, Unit
 
 _NUMBERS = itertools.count()
@@ -368,6 +370,27 @@ def test_room_on_the_stack() -> None:
     assert sums(x) == 3 * x.sum()
 
 
+def test_lanes_are_not_written_out_before_they_are_vectorised() -> None:
+    def sums(x: Any, out: Any) -> None:
+        held = on_stack(1, 8, np.float64)[0]
+        for i in lanes(8):
+            held[i] = 0.0
+        for k in range(x.size):
+            for i in lanes(8):
+                held[i] += x[k] * (i + 1)
+        for i in lanes(8):
+            out[i] = held[i]
+
+    x, out = np.arange(5.0), np.zeros(8)
+    kernel(sums)(x, out)
+    assert np.array_equal(out, x.sum() * np.arange(1, 9))
+    text, _, _ = write(sums, (x, out))
+    marks = re.findall(r"br label %\S+, !llvm.loop (!\d+)", text)
+    assert len(set(marks)) == 3
+    assert all(f"{mark} = distinct !{{{mark}, !0}}" in text for mark in marks)
+    assert '!0 = !{!"llvm.loop.unroll.disable"}' in text
+
+
 # Errors
 
 
@@ -522,6 +545,31 @@ def test_a_folder_that_others_may_write_is_not_trusted(
         store.folder.cache_clear()
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("file", "{place} is no folder"),
+        ("file/in/it", "cannot be made: Not a directory"),
+        ("linked", "is a link"),
+    ],
+)
+def test_what_is_no_folder_is_told_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, said: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "kernels").symlink_to(tmp_path)
+    monkeypatch.setenv("PSIM_CACHE_DIR", str(tmp_path / place))
+    monkeypatch.setattr(store, "problem", None)
+    store.folder.cache_clear()
+    try:
+        assert store.folder() is None
+        assert said.format(place=tmp_path / place) in str(store.problem)
+        assert "Errno" not in str(store.problem)
+    finally:
+        store.folder.cache_clear()
+
+
 def test_code_with_elementary_functions_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that compiles nothing has not imported them, and must not take them for changed."""
     (tmp_path / "module.py").write_text(
@@ -543,3 +591,76 @@ def test_a_disk_that_is_full_does_without(tmp_path: Path, monkeypatch: pytest.Mo
     store.write(entry, b"code", "double", Unit(), [])
     assert "No space left on device" in str(store.problem)
     assert not list(tmp_path.iterdir())
+
+
+# Checked indices
+
+BOUNDS = """
+import sys
+import numpy as np
+from particlesim.compiler import kernel, outlined
+
+@outlined
+def at(x, i):
+    return x[i]
+
+@kernel
+def total(x, first, last):
+    result = 0.0
+    for i in range(first, last):
+        result += at(x, i) + x[i:].size
+    return result
+
+@kernel
+def part(x, first, row):
+    return x[row, first:].size
+
+which, first, second = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+x = np.arange(6.0)
+print(total(x, first, second) if which == "total" else part(x.reshape(2, 3), first, second))
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("total", "0", "6"), None),
+        (("total", "4", "7"), "index 6 of an axis of length 6"),
+        (("total", "-1", "2"), "index -1 of an axis of length 6"),
+        (("part", "1", "1"), None),
+        (("part", "0", "2"), "index 2 of an axis of length 2"),
+        (("part", "-1", "1"), "index -1 is negative"),
+    ],
+)
+def test_checked_kernels_end_at_an_index_outside(
+    tmp_path: Path, arguments: tuple[str, ...], said: str | None
+) -> None:
+    (tmp_path / "bounds.py").write_text(BOUNDS)
+    ended = run_checked(tmp_path, arguments)
+    if said is None:
+        assert (ended.returncode, ended.stderr) == (0, "")
+    else:
+        line = 8 if arguments[0] == "total" else 19
+        assert ended.returncode == 70
+        assert f"bounds.py:{line}:" in ended.stderr
+        assert said in ended.stderr
+    assert not (tmp_path / "cache").exists() or not list((tmp_path / "cache").glob("*/*"))
+
+
+def run_checked(folder: Path, arguments: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
+    import os
+
+    root = Path(__file__).parents[2]
+    return subprocess.run(
+        [sys.executable, "bounds.py", *arguments],
+        capture_output=True,
+        text=True,
+        env={
+            **os.environ,
+            "PSIM_KERNELS": "checked",
+            "PSIM_CACHE_DIR": str(folder / "cache"),
+            "PYTHONPATH": str(root),
+        },
+        cwd=folder,
+        check=False,
+    )

@@ -16,14 +16,22 @@ from particlesim.colliders import (
     Collider,
     ConeCollider,
     CylinderCollider,
+    DifferenceCollider,
     DiscCollider,
+    HeightFieldCollider,
+    IntersectionCollider,
+    MeshCollider,
     PlaneCollider,
     RectangleCollider,
     SphereCollider,
     TorusCollider,
+    UnionCollider,
 )
 from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.box import Box
+from particlesim.colliders.cylinder import Cylinder
 from particlesim.colliders.pose import Orientation
+from particlesim.colliders.sphere import Sphere
 from particlesim.expressions.operations import FUNCTIONS
 from particlesim.expressions.parser import parse
 from particlesim.flows import Flow
@@ -95,6 +103,30 @@ FORCE_CASES: dict[str, Force] = {
     ),
 }
 
+_CUBE = (
+    np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]),
+    np.array(
+        [
+            *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
+            *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+        ]
+    ),
+)
+
+
+def opened(mesh: MeshCollider) -> MeshCollider:
+    """A mesh with the surface of a cube of edge 1, as if from a file."""
+    mesh.take(_CUBE)
+    return mesh
+
+
+def opened_field(field: HeightFieldCollider) -> HeightFieldCollider:
+    """A height field of 5 by 6 numbers, as if from a file."""
+    row, column = np.indices((5, 6))
+    field.take(0.4 + 0.5 * np.sin(1.3 * row) * np.cos(0.9 * column))
+    return field
+
+
 # Every registered shape, with every record that it can give.
 COLLIDER_CASES: dict[str, Collider] = {
     "plane": PlaneCollider(
@@ -119,6 +151,20 @@ COLLIDER_CASES: dict[str, Collider] = {
     "torus_inside": TorusCollider(radius=0.8, tube=0.5, inside=True, restitution=0.8),
     "rectangle": RectangleCollider(size=(1.6, 1.1), orientation=TURN, center=_CENTER),
     "rectangle_thick": RectangleCollider(size=(0.9, 1.1), thickness=0.2, restitution=0.3),
+    "mesh": opened(MeshCollider(path="cube.obj", scale=0.8, orientation=TURN, origin=_CENTER)),
+    "mesh_inside": opened(MeshCollider(path="cube.obj", scale=2.2, inside=True)),
+    "mesh_sheet": opened(MeshCollider(path="cube.obj", scale=1.2, thickness=0.02)),
+    "height_field": opened_field(HeightFieldCollider(path="hills.npy", size=(2.4, 2.6), height=0.8)),
+    "union": UnionCollider(
+        of=(Sphere(center=(0.4, 0, 0), radius=0.6), Box(size=(0.9, 0.7, 0.8), orientation=TURN))
+    ),
+    "intersection": IntersectionCollider(of=(Sphere(radius=0.9), Box(size=(1.4, 1.1, 1.3)))),
+    "difference": DifferenceCollider(
+        of=(Box(size=(1.5, 1.2, 1.4)), Sphere(center=(0.75, 0.6, 0.7), radius=0.6))
+    ),
+    "difference_inside": DifferenceCollider(
+        of=(Box(size=(2.5, 2.2, 2.4)), Cylinder(start=(0, -2, 0), end=(0, 2, 0), radius=0.3)), inside=True
+    ),
     "disc": DiscCollider(center=_CENTER, normal=(0.3, 1, -0.4), radius=0.9),
 }
 

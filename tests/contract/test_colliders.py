@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from particlesim.colliders import COLLIDERS, AnyCollider, Collider
+from particlesim.colliders.combination import Difference, Intersection
+from particlesim.colliders.mesh import Mesh
 from particlesim.colliders.solid import Solid
 from particlesim.colliders.way import place_on, way_of
 from particlesim.laws.registry import Particle, apart, contact, first_contact, gap, has_law, moved_to, normal
@@ -77,15 +79,21 @@ def test_the_gap_is_the_distance_to_the_surface(collider: Collider) -> None:
         return
     shape, surface = collider.shape(), collider.triangles()
     a, b, c = surface.corners[surface.faces].transpose(1, 0, 2)
-    near = 1e-3 * np.ptp(surface.corners, axis=0).max() + getattr(collider, "half", lambda: 0.0)()
+    near = 1e-3 * np.ptp(surface.corners, axis=0).max() + (getattr(collider, "thickness", 0.0) or 0.0)
+    cut = isinstance(collider, Intersection | Difference)  # outside of these the gap is a lower bound
+    sheet = isinstance(collider, Mesh) and collider.thickness is not None
     for p in PARTICLES:
         place = np.array(p[:3])
         distance = distance_to_triangles(place, a, b, c).min()
-        assert abs(gap(shape, p._replace(r=0.0))) == pytest.approx(distance, abs=near)
-        if distance > 2 * near:
+        g = abs(gap(shape, p._replace(r=0.0)))
+        assert g <= distance + near
+        assert cut or g == pytest.approx(distance, abs=near)
+        if distance > 2 * near and not sheet:
             free = gap(shape, p._replace(r=0.0)) > 0
             within = free == getattr(collider, "inside", False)
-            assert solid_angles(place, a, b, c).sum() / (4 * np.pi) == pytest.approx(float(within), abs=1e-6)
+            assert solid_angles(place, a, b, c).sum() / (4 * np.pi) == pytest.approx(
+                float(within), abs=2e-2 if cut else 1e-6
+            )
 
 
 def dots(a: Any, b: Any) -> Any:

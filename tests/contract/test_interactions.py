@@ -11,7 +11,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.engine.interactions import registry
-from particlesim.engine.interactions.interaction import Interaction, Site, give
+from particlesim.engine.interactions.interaction import Interaction, Site, give, lone
 from particlesim.engine.simulation import Simulation
 from particlesim.graph import graph
 
@@ -39,6 +39,15 @@ CLOTH = {
     "interactions": [
         {"name": "swarm", "type": "gravity", "constant": 3.0},
         {"name": "ions", "type": "coulomb", "constant": 2.0, "between": ["arm", "sail"], "cutoff": 0.6},
+        {
+            "name": "atoms",
+            "type": "lennard_jones",
+            "epsilon": 0.1,
+            "sigma": 0.2,
+            "cutoff": 0.45,
+            "shift": "force",
+            "method": "neighbours",
+        },
     ],
 }
 
@@ -59,6 +68,9 @@ def forces_of(each: Any, c: Any) -> np.ndarray:
     if each.by_chunks:
         return np.array([each.force_on(c, row, 0.0) for row in range(n)]).T
     total = np.zeros((3, n))
+    if each.prepares:
+        with np.errstate(all="ignore"):  # as kernels in plain Python: those who are nowhere are far away
+            type(each).prepare(each, c, lone(n), 0.0)
     type(each).add_forces(each, c, total, 0, n, 0.0)
     return total
 
@@ -84,7 +96,14 @@ kinds = pytest.mark.parametrize(("name", "each", "c"), ALL, ids=[name for name, 
 
 def test_every_kind_is_here() -> None:
     made = {type(each) for _, each, _ in ALL}
-    assert {kind.__name__ for kind in made} == {"Bonds", "Angles", "Dihedrals", "Triangles", "DirectPairs"}
+    assert {kind.__name__ for kind in made} == {
+        "Bonds",
+        "Angles",
+        "Dihedrals",
+        "Triangles",
+        "DirectPairs",
+        "NearPairs",
+    }
     assert len(registry.KINDS) == 4, "a new kind needs a case here"
 
 
@@ -112,7 +131,7 @@ def test_forces_are_those_of_the_energy_and_the_rest_is_spent(name: str, each: A
     spent = each.power(c, 0.0) if each.spends else 0.0
     scale = float((np.abs(total) * np.abs(np.stack([c.vx, c.vy, c.vz]))).sum())
     assert power == pytest.approx(spent - change, abs=1e-7 * scale)
-    assert each.spends == (name not in ("elbow", "fold", "swarm", "ions"))
+    assert each.spends == (name not in ("elbow", "fold", "swarm", "ions", "atoms"))
 
 
 @kinds

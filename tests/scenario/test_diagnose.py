@@ -231,6 +231,32 @@ def test_misspelt_key_is_marked_at_the_key() -> None:
     assert marked(unknown) == "coeficient"
 
 
+@pytest.mark.parametrize("key", ["mass", "radius", "temperature", "charge"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "a", True, {"type": "normal"}, [1, "a"], []])
+def test_one_mistake_is_told_once(key: str, value: object) -> None:
+    # What may be a number, a list or a table of many types is a union, of which each branch complains.
+    table = {
+        "simulation": {"duration": 1, "dt": 0.1},
+        "particles": [{"name": "a", "layout": {"type": "points", "position": [[0, 0, 0]]}, key: value}],
+        "emitters": [
+            {
+                "name": "b",
+                "rate": 1,
+                "shape": {"type": "point", "position": [0, 0, 0]},
+                "direction": [0, 1, 0],
+                "speed": 1.0,
+                key: value,
+            }
+        ],
+    }
+    with pytest.raises(ScenarioError) as caught:
+        ps.from_table(table)
+    paths = [found.path for found in caught.value.diagnostics]
+    expected = 2 if isinstance(value, dict) else 1  # a normal distribution lacks both of its numbers
+    for owner in ("particles.a", "emitters.b"):
+        assert sum(path.startswith(f"{owner}.{key}") for path in paths) == expected, paths
+
+
 def test_wrong_elements_do_not_make_a_list_too_short() -> None:
     found = mistakes('[[0, "12 cm", 0]]', "[7]")
     assert [(d.message, marked(d)) for d in found] == [("expected a list, got 7", "7")]

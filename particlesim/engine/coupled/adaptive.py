@@ -39,17 +39,18 @@ class Pace(NamedTuple):
     """What the threads of an island tell each other: largest value and its row of each, on cache lines of their own.
 
     `report`: why the island cannot go on, when [s], and the worst particle. `disturbed`: whether contacts or breaking bonds
-    may change the state between steps, so that the last slope is not the next step's first; `changes`: whether particles
-    may be born or die, so that the slopes depend on the end of the step, too. `pauses`: whether to return after every own
-    step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
+    may change the state between steps, so that the last slope is not the next step's first. `pauses`: whether to return
+    after every own step, before contacts and breaking bonds, for somebody to look; the next call goes on from `present`.
+    `events`: when particles are born or die of age [s], sorted: own steps end there, as no error estimate sees a force that
+    begins or ends within a step.
     """
 
     slots: NDArray[np.float64]
     report: NDArray[np.float64]
     disturbed: bool
-    changes: bool
     pauses: bool
     present: NDArray[np.float64]
+    events: NDArray[np.float64]
 
     @property
     def stuck(self) -> bool:
@@ -57,9 +58,24 @@ class Pace(NamedTuple):
         return bool(self.report[0])
 
 
-def new_pace(threads: int, *, disturbed: bool, changes: bool, pauses: bool) -> Pace:
+def new_pace(threads: int, events: NDArray[np.float64], *, disturbed: bool, pauses: bool) -> Pace:
     """For some threads."""
-    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, changes, pauses, np.zeros(PRESENT))
+    return Pace(np.zeros(8 * threads), np.zeros(3), disturbed, pauses, np.zeros(PRESENT), events)
+
+
+def next_event(events: Any, now: Any, end: Any) -> Any:
+    """The first event after `now`, at most `end`."""
+    k = after(events, now)
+    return min(end, events[k]) if k < events.size else end
+
+
+def after(events: Any, now: Any) -> Any:
+    """Index of the first event after `now`."""
+    low, high = 0, events.size
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if events[middle] > now else (middle + 1, high)
+    return low
 
 
 def worst(share: Any, slots: Any, value: Any, row: Any) -> Any:
@@ -199,16 +215,16 @@ def step_island_adaptive(
             land(parts, bonds, c, work, share, pace.disturbed, began, now, type_of(c.x[0], taken))
             stale = pace.disturbed
         while now < end:
-            if not step > 0:
-                find_slopes(parts, bonds, in_step(c, now, end), work, share, 0, now)
-                step, stale = first_step(method, c, work, share, pace.slots, end - t), pace.changes
-            step = min(step, end - t)
-            arrives = end - now <= 1.01 * step
-            taken = end - now if arrives else step
-            then = end if arrives else now + taken
+            goal = next_event(pace.events, now, end)
             if stale:
-                find_slopes(parts, bonds, in_step(c, now, then), work, share, 0, now)
+                find_slopes(parts, bonds, in_step(c, now, goal), work, share, 0, now)
                 stale = False
+            if not step > 0:
+                step = first_step(method, c, work, share, pace.slots, end - t)
+            step = min(step, end - t)
+            arrives = goal - now <= 1.01 * step
+            taken = goal - now if arrives else step
+            then = goal if arrives else now + taken
             h = type_of(c.x[0], taken)
             save(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             attempt(method, parts, bonds, in_step(c, now, then), work, share, now, then, h)
@@ -229,7 +245,7 @@ def step_island_adaptive(
                 stale = pace.disturbed
                 now = then
             else:
-                step, again, stale = wish, True, pace.changes
+                step, again = wish, True
                 restore(block_of(c, share.first, share.last), work.before[:, share.first : share.last])
             if wish < taken and step < least:
                 give_up(share, pace, why_short(six(work.slopes[0], row)), now, row)

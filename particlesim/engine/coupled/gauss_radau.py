@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import exact, kernel, outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.coupled.adaptive import give_up, worst
+from particlesim.engine.coupled.adaptive import after, give_up, next_event, worst
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.coupled.kernel import end_interval, restore, save
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.state.columns import block_of, held, type_of
+from particlesim.engine.state.columns import block_of, in_step, rests, type_of
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, RESOLVED, TOO_MANY, TOO_SHORT
 from particlesim.integrators.ias15 import (
     COEFFICIENTS,
@@ -125,7 +125,7 @@ def go_to_node(method: Any, c: Any, work: Any, first: Any, last: Any, s: Any, h:
     room, before = work.radau, work.before
     memory = room.memory
     for i in range(first, last):
-        if not held(c.clock, i):
+        if not rests(c.clock, i):
             for axis in range(3):
                 in_x, in_v = 0.0, 0.0
                 for k in range(COEFFICIENTS - 1, -1, -1):
@@ -156,7 +156,7 @@ def learn(method: Any, c: Any, work: Any, first: Any, last: Any, node: Any) -> t
     g, nodes = room.g, method.nodes
     change, size = 0.0, 0.0
     for i in range(first, last):
-        if not held(c.clock, i):
+        if not rests(c.clock, i):
             for axis in range(3):
                 a = work.force[axis, i] / c.m[i]
                 term = (a - room.start[axis, i]) / nodes[node]
@@ -187,7 +187,7 @@ def arrive(method: Any, c: Any, work: Any, first: Any, last: Any, h: Any) -> Non
     room, before = work.radau, work.before
     memory = room.memory
     for i in range(first, last):
-        if not held(c.clock, i):
+        if not rests(c.clock, i):
             for axis in range(3):
                 in_x, in_v = 0.0, 0.0
                 for k in range(COEFFICIENTS - 1, -1, -1):
@@ -209,7 +209,7 @@ def haste(room: Any, c: Any, first: Any, last: Any) -> tuple[float, int]:
     """The largest 1/τ² of some particles times h², and whose it is."""
     most, row = 0.0, first
     for i in range(first, last):
-        if not held(c.clock, i):
+        if not rests(c.clock, i):
             a2, jerk2, snap2 = 0.0, 0.0, 0.0
             for axis in range(3):
                 a, jerk, snap = room.start[axis, i], 0.0, 0.0
@@ -232,7 +232,7 @@ def first_step(room: Any, c: Any, first: Any, last: Any) -> float:
     """1/h² of a first step: a hundredth of the time in which the acceleration changes the velocity or the place."""
     most = 0.0
     for i in range(first, last):
-        if not held(c.clock, i):
+        if not rests(c.clock, i):
             x2 = c.x[i] * c.x[i] + c.y[i] * c.y[i] + c.z[i] * c.z[i]
             v2 = c.vx[i] * c.vx[i] + c.vy[i] * c.vy[i] + c.vz[i] * c.vz[i]
             a2 = room.start[0, i] ** 2 + room.start[1, i] ** 2 + room.start[2, i] ** 2
@@ -304,22 +304,25 @@ def step_island_gauss_radau(
     for s in range(steps):
         t, end = (first_step_number + s) * dt, (first_step_number + s + 1) * dt
         # Time runs within the grid step, from 0 to dt: sums of small numbers lose less than those of large ones.
-        passed, tries = 0.0, 0
+        passed, tries, here, landed = 0.0, 0, t, False
         while passed < dt:
-            now = t + passed
-            evaluate(parts, bonds, c, work, share, now, None)
+            now = here if landed else t + passed
+            goal = next_event(pace.events, now, end)
+            left = dt - passed if goal == end else goal - now
+            q = in_step(c, now, goal)
+            evaluate(parts, bonds, q, work, share, now, None)
             keep_accelerations(c, work, first, last)
             save(block_of(c, first, last), work.before[:, first:last])
             if not step > 0:
-                most, _ = worst(share, pace.slots, first_step(room, c, first, last), 0)
+                most, _ = worst(share, pace.slots, first_step(room, q, first, last), 0)
                 step = 1 / np.sqrt(most) if most > 0 else dt
             good = False
             while not good:
-                taken, arrives = next_step(min(step, dt), dt - passed)
-                then = end if arrives else t + passed + taken
+                taken, arrives = next_step(min(step, dt), left)
+                then = goal if arrives else t + passed + taken
                 predict(method, room, first, last, taken / before if before > 0 else 2 * FORGETS)
-                finite = iterate(method, parts, bonds, c, work, share, pace.slots, now, taken)
-                rate, row = haste(room, c, first, last)
+                finite = iterate(method, parts, bonds, q, work, share, pace.slots, now, taken)
+                rate, row = haste(room, q, first, last)
                 rate, row = worst(share, pace.slots, rate, row)
                 wish = taken * (min(method.reach / np.sqrt(rate), TOO_LONG) if rate > 0 else TOO_LONG)
                 good = finite & (wish * TOO_LONG >= taken)
@@ -331,17 +334,27 @@ def step_island_gauss_radau(
                     why = (TOO_SHORT if finite else NOT_FINITE) if short else TOO_MANY
                     give_up(share, pace, why, now, row)
                     return s
-            arrive(method, c, work, first, last, taken)
+            arrive(method, q, work, first, last, taken)
             if pace.disturbed:
                 collide(parts, c, work.before, share, now, then, type_of(c.x[0], taken))
                 meet(share.gate, share.threads)
                 break_bonds(bonds, c, share, then)
             meet(share.gate, share.threads)
-            passed, before = dt if arrives else passed + taken, taken
+            here, landed = goal, arrives
+            if arrives and is_event(pace.events, goal):
+                for i in range(first, last):
+                    room.memory[KNOWN, i] = 0.0
+            passed, before = dt if arrives & (goal == end) else passed + taken, taken
     for i in range(first, last):
         room.memory[STEP, i], room.memory[TAKEN, i] = step, before
     end_interval(parts, bonds, c, work, share, (first_step_number + steps) * dt)
     return steps
+
+
+def is_event(events: Any, t: Any) -> Any:
+    """Whether particles are born or die at a time: forces jump then, and the last polynomial predicts nothing."""
+    k = after(events, t)
+    return False if k == 0 else events[k - 1] == t
 
 
 def next_step(step: Any, left: Any) -> tuple[float, bool]:

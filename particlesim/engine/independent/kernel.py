@@ -79,6 +79,8 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
     left; these are back at the beginning of the step."""
     left = False
     for i in range(c.x.size):
+        if program.contacts.one_by_one is not None and not room.marks[i]:
+            continue
         begin, hi = span(c.clock, i, t, end, h)
         q = fetch(c, i, end)
         p = saved(room.before, i, q, begin)

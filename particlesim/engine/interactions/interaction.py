@@ -11,14 +11,16 @@ of particles (`by_chunks`: springs) come first; all others are added by every th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, Protocol, Self, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
+from particlesim.compiler.barrier import new_gate
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
+from particlesim.process.threads import Team
 from particlesim.scenario.reach import mortal
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -109,6 +111,11 @@ class Interaction:
         """How many interactions there are."""
         raise NotImplementedError
 
+    def renewed(self) -> Self:
+        """The same for a new interval between frames, or for one that is repeated: what it has found out is forgotten, so
+        that a run which is resumed there goes on with the same bits; with more room where it had too little."""
+        return self
+
     @property
     def effort(self) -> int:
         """About how many springs take as long."""
@@ -118,10 +125,29 @@ class Interaction:
         """What concerns particles [first, last), in the same order: the share of a thread."""
         return self
 
+    def in_team(self, threads: int) -> Self:
+        """The same with room for so many threads to work at it together."""
+        return self
+
+    def calibrate(self, c: Any, team: Team) -> None:
+        """Find out once, before the first step, what steps need to know; what is found is among `changing`.
+
+        Raises UsageError where it cannot be as was asked for.
+        """
+
+    def summary(self) -> str | None:
+        """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
+        return None
+
     def laid_again(self, site: Site, place: Ints) -> Self | None:
         """The same among other rows, after births and deaths: what was in row k is in row `place[k]` of `site`, and gone if
         that is −1. Only called between steps. None for a kind that keeps nothing of what was: it is laid out anew."""
         return None
+
+    def after(self, before: Interaction, place: Ints) -> Self:
+        """One that is laid out anew after births and deaths, with what the one before, of which row k is row `place[k]` now,
+        has found out."""
+        return self
 
     def energy(self, c: Any) -> float | None:
         """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
@@ -167,11 +193,29 @@ class Interaction:
         return self
 
 
-class Site:
-    """Where interactions are laid out: the particles of an island at the start, as one state and group by group."""
+class Lone(NamedTuple):
+    """The share of a thread that is alone."""
 
-    def __init__(self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState]) -> None:
-        self.scenario, self.whole = scenario, whole
+    first: int
+    last: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def lone(count: int) -> Lone:
+    """The share of a thread that owns all of some particles."""
+    return Lone(0, count, 0, 1, new_gate())
+
+
+class Site:
+    """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
+    those of the start, where mistakes of the scenario are told."""
+
+    def __init__(
+        self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
+    ) -> None:
+        self.scenario, self.whole, self.began = scenario, whole, began
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}

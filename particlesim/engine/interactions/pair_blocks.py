@@ -13,6 +13,8 @@ from particlesim.model.attributes import FURTHER
 
 TARGETS = 32
 """Particles in a block: their places and sums fill the registers of AVX-512, and divide evenly into those of others."""
+BY_DIVIDER = 24
+"""Those of a block that have their roots from the processor's divider; the others have them by products meanwhile."""
 CHARGE = [each.name for each in FURTHER].index("charge")
 
 
@@ -54,22 +56,22 @@ def particle_of(each: Any, c: Any, i: Any) -> Any:
     )
 
 
-def gathered(each: Any, c: Any, lo: Any, hi: Any) -> Any:
-    """Particles [lo, hi) as a whole block."""
+def gathered(each: Any, c: Any, start: Any, lo: Any, hi: Any) -> Any:
+    """The block of particles that begins at `start`, of which [lo, hi) count: copies of these take the places of others."""
     room = on_stack(len(Block._fields) - 1, TARGETS, c.x.dtype)
     numbers, ids = [room[k] for k in range(len(Block._fields) - 1)], None
     for i in range(TARGETS):
-        one = particle_of(each, c, min(lo + i, hi - 1))
+        one = particle_of(each, c, max(min(start + i, hi - 1), lo))
         for row, number in zip(numbers, one[:-1], strict=True):
             row[i] = number
     if each.ids is not None:
         ids = on_stack(1, TARGETS, np.int64)[0]
         for i in range(TARGETS):
-            ids[i] = each.ids[min(lo + i, hi - 1)]
+            ids[i] = each.ids[max(min(start + i, hi - 1), lo)]
     return Block(*(*numbers, ids))
 
 
-def pair_of(one: Any, other: Any, t: Any) -> Any:
+def pair_of(one: Any, other: Any, t: Any, by_products: Any = False) -> Any:
     """Two particles as laws see them."""
     return Pair(
         one.x - other.x,
@@ -91,19 +93,13 @@ def pair_of(one: Any, other: Any, t: Any) -> Any:
         other.b,
         0 if one.id is None else one.id,
         0 if other.id is None else other.id,
+        by_products,
     )
 
 
-def pair_in(block: Any, i: Any, other: Any, t: Any) -> Any:
+def pair_in(block: Any, i: Any, other: Any, t: Any, by_products: Any = False) -> Any:
     """Particle i of a block and another one, as laws see them."""
-    return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t)
-
-
-def acts(clock: Any, i: Any, t: Any) -> Any:
-    """Whether particle i is there at time t: born, or pinned or stuck, and not dead."""
-    if clock is None:
-        return True
-    return ((clock.start[i] <= t) | (clock.start[i] == np.inf)) & (clock.stop[i] > t)
+    return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t, by_products)
 
 
 def reaches(each: Any, s: Any) -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.interactions.bond_tensors import network
+from particlesim.engine.interactions.interaction import lone, prepare_elements
 from particlesim.engine.interactions.pair_blocks import force_in, pair_of, particle_of, slopes_in
 from particlesim.laws.pair import is_central, pair_force_dv, pair_force_dx, square
 
@@ -50,7 +51,7 @@ class PairTensors(NamedTuple):
 
     def add_tension(self, total: Floats) -> None:
         """Add its forces on all particles to those that rods have to bear, shape [3, particles] [N]."""
-        all_forces(self.each, self.c, total, self.t)
+        all_forces(self.each, self.c, lone(self.c.x.size), total, self.t)
 
     def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
         """A bound for every particle that is looked at, alike in all directions."""
@@ -83,8 +84,9 @@ def pair_jacobians(each: Any, c: Any, first: Any, second: Any, t: Any, out: Any)
 
 
 @kernel
-def all_forces(each: Any, c: Any, total: Any, t: Any) -> None:
-    """Add the forces of a set on all particles."""
+def all_forces(each: Any, c: Any, share: Any, total: Any, t: Any) -> None:
+    """Add the forces of a set on all particles; `share` is the whole island."""
+    prepare_elements((each,), c, share, t)
     type(each).add_forces(each, c, total, 0, c.x.size, t)
 
 

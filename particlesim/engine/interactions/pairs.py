@@ -1,11 +1,12 @@
 """Interactions of all pairs, summed directly: every particle looks at every other.
 
-A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over the
-sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; both forces are
-opposite to the last bit, but sums are rounded.
+A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over
+the sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; its two
+forces are opposite to rounding.
 
 Targets are taken in blocks, each with its sums in vectors, while sources go by one after the other: sums are vectorised
-without changing their order. A block is always whole, its last places filled with copies of its last particle.
+without changing their order. A block is always whole, its first or last places filled with copies of others, and begins
+at a multiple of its size, so that every particle has one place in its block, whoever sums its forces.
 """
 
 from __future__ import annotations
@@ -14,24 +15,29 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, on_stack, outlined
+from particlesim.compiler import compiled, kernel, on_stack, outlined
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
+    BY_DIVIDER,
     TARGETS,
-    acts,
     energy_in,
     force_in,
     gathered,
     pair_in,
     particle_of,
 )
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, all_forces, tensor_bounds
+from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
+from particlesim.laws.pair import pair_potential
+from particlesim.laws.registry import has_law
 
 MOST_LOOKED_AT = 300_000_000
 """Pairs that are looked at for the largest stable step: a second; of more particles, some, evenly spread."""
+WORTH_COMPILING = 100_000
+"""Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
 PAIRS_PER_SPRING = 4
 """About how many pairs take as long as a spring."""
 
@@ -60,8 +66,8 @@ class DirectPairs(Interaction, PairColumns):
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for k in range(len(self.spans)):
             begin, end = max(first, self.spans[k, 0]), min(last, self.spans[k, 1])
-            for lo in range(begin, end, TARGETS):
-                add_block(self, c, total, lo, min(lo + TARGETS, end), self.spans[k, 2], self.spans[k, 3], t)
+            for start in range(begin // TARGETS * TARGETS, end, TARGETS):
+                add_block(self, c, total, start, begin, end, self.spans[k, 2], self.spans[k, 3], t)
 
     @property
     def number(self) -> int:
@@ -71,8 +77,17 @@ class DirectPairs(Interaction, PairColumns):
     def effort(self) -> int:
         return 2 * self.number // PAIRS_PER_SPRING
 
-    def energy(self, c: Any) -> float:
-        return float(sum_pairs(self, c))
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(sum_pairs(self, c))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        total = np.zeros((3, c.x.size), c.x.dtype)
+        all_forces(self, c, total, t)
+        return float((total * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)
@@ -92,7 +107,8 @@ class DirectPairs(Interaction, PairColumns):
         stride = max(1, -(-2 * self.number // MOST_LOOKED_AT))
         rows = np.arange(0, n, stride)
         out = np.zeros((14, len(rows)))
-        pair_bounds(self, c, w, rows, out, t)
+        with compiled(worth=n * len(rows) > WORTH_COMPILING):
+            pair_bounds(self, c, w, rows, out, t)
         return rows, *tensor_bounds(out)
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:
@@ -102,24 +118,34 @@ class DirectPairs(Interaction, PairColumns):
 
 
 @outlined
-def add_block(each: Any, c: Any, total: Any, lo: Any, hi: Any, begin: Any, end: Any, t: Any) -> None:
-    """Add the forces of sources [begin, end) on particles [lo, hi), at most a block of them."""
-    block, sums = gathered(each, c, lo, hi), on_stack(3, TARGETS, c.x.dtype)
+def add_block(
+    each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
+) -> None:
+    """Add the forces of sources [begin, end) on those particles of the block from `start` that are among [first, last)."""
+    lo, hi = max(start, first), min(start + TARGETS, last)
+    block, sums = gathered(each, c, start, lo, hi), on_stack(3, TARGETS, c.x.dtype)
     gx, gy, gz = sums[0], sums[1], sums[2]
     for i in range(TARGETS):
         gx[i] = gy[i] = gz[i] = 0
     for j in range(begin, end):
-        if acts(c.clock, j, t):
+        part = type_of(gx[0], presence(c.clock, j))
+        if part > 0:
             other = particle_of(each, c, j)
-            for i in range(TARGETS):
-                fx, fy, fz = force_in(each, pair_in(block, i, other, t))
-                gx[i] += fx
-                gy[i] += fy
-                gz[i] += fz
-    for i in range(hi - lo):
-        total[0, lo + i] += gx[i]
-        total[1, lo + i] += gy[i]
-        total[2, lo + i] += gz[i]
+            for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
+                for i in some:
+                    fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products))
+                    gx[i] += weighed(c.clock, part, fx)
+                    gy[i] += weighed(c.clock, part, fy)
+                    gz[i] += weighed(c.clock, part, fz)
+    for i in range(lo, hi):
+        total[0, i] += gx[i - start]
+        total[1, i] += gy[i - start]
+        total[2, i] += gz[i - start]
+
+
+def weighed(clock: Any, part: Any, force: Any) -> Any:
+    """The force of a particle that is there for a part of the step, 1 without a clock."""
+    return force if clock is None else part * force
 
 
 @kernel
@@ -130,7 +156,7 @@ def pair_bounds(each: Any, c: Any, w: Any, rows: Any, out: Any, t: Any) -> None:
         for k in range(len(each.spans)):
             if each.spans[k, 0] <= i < each.spans[k, 1]:
                 for j in range(each.spans[k, 2], each.spans[k, 3]):
-                    if j != i and acts(c.clock, j, t):
+                    if j != i and presence(c.clock, j) > 0:
                         add_bounds(each, c, w, i, j, t, out[:, q])
 
 
@@ -143,7 +169,7 @@ def one_force(each: Any, c: Any, total: Any, row: Any, t: Any) -> None:
 @outlined
 def block_energy(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any) -> Any:
     """Potential energy of particles [lo, hi), at most a block of them, with sources [begin, end) [J]."""
-    block, sums = gathered(each, c, lo, hi), on_stack(1, TARGETS, np.float64)
+    block, sums = gathered(each, c, lo, lo, hi), on_stack(1, TARGETS, np.float64)
     u = sums[0]
     for i in range(TARGETS):
         u[i] = 0
@@ -175,7 +201,7 @@ def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     """
     law = pairs.law
     spans = spans_of(site, pairs)
-    if law.singular():
+    if law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2

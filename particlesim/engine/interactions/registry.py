@@ -9,7 +9,7 @@ from particlesim.bonds import BondSet, HingeSet
 from particlesim.engine.interactions.bonds import springs_of
 from particlesim.engine.interactions.hinges import hinges_of
 from particlesim.engine.interactions.interaction import Interaction, Ints, Site
-from particlesim.engine.interactions.pairs import pairs_of
+from particlesim.engine.interactions.methods import summed
 from particlesim.engine.interactions.triangles import triangles_of
 from particlesim.forces.sheet_drag import SurfaceSet
 from particlesim.interactions import PairSet
@@ -18,7 +18,7 @@ KINDS: dict[type, Callable[[Site, Any], Interaction]] = {
     BondSet: springs_of,
     HingeSet: hinges_of,
     SurfaceSet: triangles_of,
-    PairSet: pairs_of,
+    PairSet: summed,
 }
 """What stands in a graph's island, and what lays it out among the particles of the engine's."""
 
@@ -38,6 +38,8 @@ def laid_again(
 ) -> tuple[Interaction, ...]:
     """The same sets after births and deaths: `Interaction.laid_again`."""
     return tuple(
-        KINDS[type(each)](site, each) if (again := record.laid_again(site, place)) is None else again
+        KINDS[type(each)](site, each).after(record, place)
+        if (again := record.laid_again(site, place)) is None
+        else again
         for each, record in zip(sets, records, strict=True)
     )

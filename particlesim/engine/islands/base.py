@@ -26,6 +26,7 @@ from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, Method
+from particlesim.interactions import PairSet
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -63,7 +64,8 @@ class BaseIsland:
             attributes_read(*each)
             for each in zip(structure.forces, structure.colliders, structure.groups, strict=True)
         )
-        self._read = frozenset[str]().union(*read)
+        pairs = (each.law.needs() for each in structure.interactions if isinstance(each, PairSet))
+        self._read = frozenset[str]().union(*read, *pairs)
         self.books = Books(scenario, structure, states[0].dtype) if scenario.output.work else None
 
     def phase(self, first: int, last: int) -> int:

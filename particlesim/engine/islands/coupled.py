@@ -31,7 +31,6 @@ from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.impacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, ImplicitMethod
-from particlesim.interactions import PairSet
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -62,8 +61,6 @@ class CoupledIsland(BaseIsland):
     ) -> None:
         super().__init__(scenario, structure, states, ids)
         self._scenario, self._structure = scenario, structure
-        pairs = (each.law.needs() for each in structure.interactions if isinstance(each, PairSet))
-        self._read = self._read.union(*pairs)
         self._joined = Joined(self.states)
         dtype = self._joined.whole.dtype
         self._staged, self._step = assembly.stepper(structure, self.states, dtype)
@@ -112,7 +109,7 @@ class CoupledIsland(BaseIsland):
 
     def _lay_again(self, place: NDArray[np.int64]) -> None:
         """Lay out all after births and deaths: what was in row k is in row `place[k]` now, and gone if that is −1."""
-        self._site = Site(self._scenario, self._joined.whole, self.states)
+        self._site = Site(self._scenario, self._joined.whole, self.states, began=False)
         self.interactions = laid_again(self._site, self._sets, self.interactions, place)
         if self.rods is not None:
             self.rods.lay_again(self._site.offset, place)
@@ -129,7 +126,8 @@ class CoupledIsland(BaseIsland):
         """What each of some threads works on: its pieces of bonds, scratch, and particles with the other interactions."""
         if threads not in self._shares:
             rods = None if self.rods is None else self.rods.rods
-            found = assembly.shared(self._joined.whole.count, threads, self._driven, self.interactions, rods)
+            interactions = tuple(each.in_team(threads) for each in self.interactions)
+            found = assembly.shared(self._joined.whole.count, threads, self._driven, interactions, rods)
             self._shares[threads] = [
                 (mine, assembly.own_scratch(self._work, share, self._joined.whole.dtype), share)
                 for mine, share in found
@@ -166,6 +164,13 @@ class CoupledIsland(BaseIsland):
         fault = self._move(first, last, team) if self._joined.whole.count else None
         deaths = self._deaths(last) if fault is None and self._changes else None
         return born, deaths, fault
+
+    def begin(self, team: Team) -> None:
+        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
+        was asked for."""
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                each.calibrate(self.island_columns(), team)
 
     def _births(self, first: int, last: int) -> Births | None:
         """Births in steps first … last − 1."""
@@ -224,7 +229,8 @@ class CoupledIsland(BaseIsland):
         done = [0] * len(shares)
         booked, pace = self._booking is not None, None
         if self._method.adaptive:
-            pace = new_pace(len(shares), disturbed=self._disturbed, changes=self._changes, pauses=booked)
+            events = self._joined.events(self.dt) if self._changes else np.empty(0)
+            pace = new_pace(len(shares), events, disturbed=self._disturbed, pauses=booked)
         opened = self._open(first) if booked and pace is None else None
         if self.rods is not None:
             self.rods.begin()
@@ -359,6 +365,9 @@ class CoupledIsland(BaseIsland):
 
     def keep(self, first: int) -> None:
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+        renewed = tuple(each.renewed() for each in self.interactions)
+        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
+            self.interactions, self._shares = renewed, {}
         self.kept_from = first
         now = _changing(self.island_columns(), self.interactions)
         if not self._kept:
@@ -385,6 +394,8 @@ class CoupledIsland(BaseIsland):
 
         Nothing of the island changes.
         """
+        for each in self.interactions:
+            each.renewed()
         kept = [column.copy() for column in self._kept]
         columns, interactions = _with(self.island_columns(), self.interactions, kept)
         self._step_copy(self.parts, interactions, columns, first, steps)

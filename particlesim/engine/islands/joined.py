@@ -10,7 +10,10 @@ import numpy as np
 from particlesim.engine.state.columns import Columns, block_of
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.model.arrays import Ints
+from particlesim.model.arrays import Floats, Ints
+
+NEAR = 1e-6
+"""Part of a grid step that is not worth a step of its own."""
 
 
 class Joined:
@@ -52,6 +55,16 @@ class Joined:
         order = np.argsort(now)
         at = np.minimum(np.searchsorted(now, ids, sorter=order), now.size - 1)
         return np.where(now[order[at]] == ids, order[at], -1)
+
+    def events(self, dt: float) -> Floats:
+        """When particles are born, or will die of what is known beforehand [s], sorted; a part NEAR of dt from a multiple of
+        dt counts as there, and from the one before as none."""
+        n = self.whole.count
+        times = np.concatenate([self.whole.start[:n], self.whole.stop[:n]])
+        times = times[np.isfinite(times)]
+        whole = np.round(times / dt)
+        times = np.unique(np.where(np.abs(times / dt - whole) <= NEAR, whole * dt, times))
+        return times[np.diff(times, prepend=-np.inf) > NEAR * dt]
 
     def cut(self, whole: Columns) -> list[Columns]:
         """Columns of the island cut into those of its groups."""

@@ -246,6 +246,11 @@ def presence(clock: Any, i: Any) -> Any:
     return 1.0 if whole else (length / (end - begin) if end > begin else 0.0)
 
 
+def rests(clock: Any, i: Any) -> Any:
+    """Whether particle i does not move at all in the present step: pinned, stuck, or not there."""
+    return False if clock is None else (clock.start[i] == np.inf) | (presence(clock, i) == 0)
+
+
 def type_of(like: Any, value: Any) -> Any:
     """A value in the precision of `like`."""
     return type(like)(value)

@@ -53,6 +53,8 @@ class Careful(NamedTuple):
     discrete: tuple[Any, ...]
     tolerance: float
     reach: float
+    one_by_one: tuple[()] | None = None
+    """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
 
 
 def meet(colliders: Any, p: Any) -> Any:

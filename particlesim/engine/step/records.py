@@ -55,8 +55,9 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
         return Simple((*discrete, *bounds))
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
+    one_by_one = () if any(each.costly for each in colliders) else None
     reach = max((each.reach() for each in colliders), default=0.0)
-    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach)
+    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one)
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:

@@ -26,7 +26,6 @@ from particlesim.colliders.response import (
     along,
     belt_along,
     crossable,
-    opposite,
     put_back,
     rebound,
     sliding,
@@ -34,7 +33,7 @@ from particlesim.colliders.response import (
     with_slide,
 )
 from particlesim.engine.state.columns import type_of
-from particlesim.laws.registry import PASS, gap, moved_to, normal
+from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
@@ -48,27 +47,22 @@ def lies(c: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
 def sunk(c: Any, p: Any, q: Any) -> Any:
     """Gap and normal of a collider for the end q of a step from p, which touches it: those of the side that p is on. A free
     step may well lead through a thin sheet on which a particle lies, and there is no other side for it."""
-    g, n = gap(c, q), normal(c, q)
+    g, n = gap_and_normal(c, q)
     if not crossable(c):
         return g, n
-    m = normal(c, p)
-    depth = gap(c, p) + m[0] * (q.x - p.x) + m[1] * (q.y - p.y) + m[2] * (q.z - p.z)
-    behind = opposite(c, p, q) & (depth < 0)
+    start, m = gap_and_normal(c, p)
+    depth = start + m[0] * (q.x - p.x) + m[1] * (q.y - p.y) + m[2] * (q.z - p.z)
+    behind = (n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0) & (depth < 0)
     return depth if behind else g, tuple(a if behind else b for a, b in zip(m, n, strict=True))
 
 
 def lifted(c: Any, p: Any, q: Any) -> Any:
     """The place of q put back on the side of a collider that p is on."""
-    if not crossable(c):
-        return put_back(c.shape, q, gap(c, q), normal(c, q))
+    if not crossable(c) or has_law(surface, c.shape):
+        g, n = gap_and_normal(c, q)
+        return put_back(c.shape, q, g, n)
     g, n = sunk(c, p, q)
-    x, y, z = put_back(c.shape, q, gap(c, q), normal(c, q))
-    behind = opposite(c, p, q)
-    return (
-        q.x - g * n[0] if behind else x,
-        q.y - g * n[1] if behind else y,
-        q.z - g * n[2] if behind else z,
-    )
+    return q.x - g * n[0], q.y - g * n[1], q.z - g * n[2]
 
 
 def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:

@@ -83,7 +83,7 @@ def light_at(shadow: ShadowMap, u: float, v: float, deep: float) -> float:
     for q in range(4):
         row = j - 1 + q
         left, right = depth[row, i - 1] >= d, depth[row, i + 2] >= d
-        n = (depth[row, i] >= d) + (depth[row, i + 1] >= d) + (1.0 - fu) * left + fu * right
+        n = 1.0 * (depth[row, i] >= d) + (depth[row, i + 1] >= d) + (1.0 - fu) * left + fu * right
         weight = 1.0 - fv if q == 0 else (fv if q == 3 else 1.0)
         total += weight * n
     return total * (1.0 / 9.0)

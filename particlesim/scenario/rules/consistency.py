@@ -162,6 +162,7 @@ CHECKS = (
     references,
     needs,
     interactions.felt,
+    interactions.kicked,
     undifferentiable,
     times,
     kicks,

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.integrators import method_for
 from particlesim.interactions import PairInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import group_tables, interacting, unmoved
 from particlesim.scenario.tables import Tables
+
+STOCHASTIC = ("velocity_verlet", "symplectic_euler")
+"""Methods that evaluate forces at the ends of steps alone, so that a kick belongs to one step."""
 
 
 def named_groups(scenario: Tables) -> Iterator[tuple[Path, str]]:
@@ -50,6 +54,30 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
                         ((path, f"no {attribute} here"),),
                         hint=f"give the group a {attribute}, or name the groups that interact with on = [...]",
                     )
+
+
+def kicked(scenario: Tables) -> Iterator[Invalid]:
+    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not booked."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for k, each in enumerate(scenario.interactions):
+        if not each.random():
+            continue
+        here: Path = ("interactions", k)
+        for group in interacting(each, scenario.groups):
+            method = method_for(group.integrator or scenario.simulation.integrator)
+            if method.name not in STOCHASTIC:
+                yield Invalid(
+                    f"{each.label} has random kicks, one for each step, which {method.name} cannot take",
+                    here,
+                    ((tables[group.name][0], f"stepped by {method.name}"),),
+                    allowed=", ".join(STOCHASTIC),
+                )
+        if scenario.output.work:
+            yield Invalid(
+                f"the work of the random kicks of {each.label} cannot be booked",
+                ("output", "work"),
+                ((here, "a thermostat"),),
+            )
 
 
 def strangers(each: PairInteraction, groups: list[str]) -> Iterator[tuple[str, str]]:

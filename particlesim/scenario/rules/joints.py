@@ -104,7 +104,7 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
     """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, law in _coupling_tables(scenario):
-        what, join, _ = _words(here)
+        what, join = _words(here)
         for name in dict.fromkeys(names):
             path, group = tables[name]
             if not isinstance(group, Particles) and here[0] != "interactions":
@@ -129,7 +129,7 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
     """What groups joined by springs or rods have in common."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for here, names, _ in _coupling_tables(scenario):
-        what, join, joined = _words(here)
+        what, join = _words(here)
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
             method_for(group.integrator or scenario.simulation.integrator) for group in (first, second)
@@ -143,12 +143,11 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
             )
 
 
-def _words(here: Path) -> tuple[str, str, str]:
-    """What couples groups where this is stated, what it does to them, and what they are then."""
+def _words(here: Path) -> tuple[str, str]:
+    """What couples groups where this is stated, and what it does to them."""
     if here[0] == "interactions":
-        return "interactions", "act on", "coupled by interactions"
-    what = "rods" if are_rods(here) else "springs"
-    return what, "join", f"joined by {what}"
+        return "interactions", "act on"
+    return "rods" if are_rods(here) else "springs", "join"
 
 
 def held(scenario: Tables) -> Iterator[Invalid]:

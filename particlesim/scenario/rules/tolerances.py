@@ -31,7 +31,7 @@ def too_fine(scenario: Tables) -> Iterator[Invalid]:
 
 
 def few_bodies(scenario: Tables) -> Iterator[Invalid]:
-    """What IAS15 is not made for: numbers that round more than it errs, bodies that come and go, the ledger's work."""
+    """What IAS15 is not made for: numbers that round more than it errs, and the ledger's work."""
     for path, integrator in _places(scenario):
         if not isinstance(method_for(integrator), GaussRadauMethod):
             continue
@@ -49,21 +49,6 @@ def few_bodies(scenario: Tables) -> Iterator[Invalid]:
                 ("output", "work"),
                 ((path, "chosen here"),),
                 hint='"dop853" has small errors, too, and its work is booked',
-            )
-        emitters = scenario.emitters if path[0] == "simulation" else ()
-        for k, emitter in enumerate(emitters):
-            if emitter.integrator is None:
-                yield Invalid(
-                    "ias15 steps bodies together that live from the start to the end of a run",
-                    ("emitters", k),
-                    ((path, "chosen here"),),
-                    hint='give the emitter a method of its own, such as integrator = "rk45"',
-                )
-        if path[0] == "emitters":
-            yield Invalid(
-                "ias15 steps bodies together that live from the start to the end of a run",
-                path,
-                hint='"rk45" and "dop853" follow particles that are born and die',
             )
 
 

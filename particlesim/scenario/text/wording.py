@@ -118,8 +118,8 @@ def is_spurious(entry: ErrorDetails, raw: Any) -> bool:
 
 def is_label_of(branch: Node, label: str) -> bool:
     """Whether pydantic means `branch`, which is no model, by `label` in an error's location."""
-    if branch.unit is not None:
-        return label.startswith("function-") and "_validate" in label
+    if branch.unit is not None:  # "function-plain" is a union whose models are built as they are named
+        return label.startswith(("function-before", "function-after")) and "_validate" in label
     name = getattr(branch.origin, "__name__", "")
     return label == name or label.startswith(("literal",) if branch.origin is Literal else (f"{name}[",))
 

@@ -29,19 +29,29 @@ ROOM = 24
 IMAGE_SHIFT = 27
 """Bits of a candidate that are its place; the image is above them."""
 MOST = 1 << IMAGE_SHIFT
+IMAGES = 27
+"""Images of the box that a particle may see: its own and its neighbours, 0, 1 or 2 (that is −1) periods along every axis."""
+NO_ROOM = -1
+"""The count of a list that has no room."""
 FAR = 1e30
 """Where members stand that do not act [m]: the dead, those not yet born, the filling of the last group. Whoever is as far
 away, or where no number tells, is nobody's neighbour."""
 
-STALE, OVERFLOW, BUILDS, USES = range(4)
-"""In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, and used."""
+STALE, OVERFLOW, BUILDS, LIVED, DUE = range(5)
+"""In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, for how many
+uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at them."""
 POOL, NEXT, TURN, SKIP = 8, 16, 24, 32
 """In `report`, on cache lines of their own: room given away, counters of work that threads take, a flag of the sort."""
+
+SKIN, NARROWEST_SKIN, WIDEST_SKIN = 0.12, 0.04, 0.4
+"""A skin that is tuned, at first and within which bounds, as a part of the cutoff. The first is right for a liquid."""
 
 LOW, HIGH, LEAST, LARGEST, MOVED, MOVED_HIGH = 0, 3, 6, 7, 8, 11
 """Columns of `slots`: lowest and highest place of members, smallest and largest radius, lowest and highest displacement."""
 FURTHEST, FURTHEST_DRIFTED = 14, 15
 """Columns of `slots`: the square of the largest displacement, and of the largest about a common one."""
+CHANGED = 16
+"""Column of `slots`: 1 if a number of a member has changed since they were looked at last, else 0."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -51,8 +61,9 @@ class Neighbours(NamedTuple):
     """Members and their lists. `room` is the number of places, whole groups; those that no member takes are far away.
 
     `members` [m]: rows of the members in the island, the first section first; `split`: how many are in the first of two
-    sections, None for one. `cutoff` and `skin` [m]; with `radii` the surfaces, not the centres, of two members
-    are to be within the cutoff. `box`: periods of the three axes, None each where open; None: no axis is periodic.
+    sections, None for one. `cutoff` [m]: how far two members may be apart, or their surfaces where there are `radii`;
+    `skin` [1]: how much further candidates may be [m], `tuned`: None if it stays as it is. `box`: periods of the three
+    axes, None each where open; None: no axis is periodic.
 
     `order` [room]: row at every place, −1 for none; `place` [n]: place of every row, −1 for rows that are no members. `x`
     [3, room]: present positions, those of the state plus `wrap` [3, room], None without a box; `base` [3, room]: positions
@@ -61,9 +72,9 @@ class Neighbours(NamedTuple):
     `boxes` [6, nodes]: lowest and highest corner of every node; `spread` [nodes]: largest radius in it, or None; `levels`:
     where each level begins, the groups first, and the end.
 
-    `begin`, `count` [groups]: where candidates of a group are in `candidates`, and how many; `imaged` [groups]: whether
-    images are among them. A candidate is a place; in periodic boxes with the number of its image above IMAGE_SHIFT bits;
-    `images` [3, 27]: displacement of every image.
+    `begin`, `count` [groups]: where candidates of a group are in `candidates`, and how many, NO_ROOM if that was not enough.
+    A candidate is a place; in periodic boxes with the number of its image above IMAGE_SHIFT bits; `images` [3, IMAGES]:
+    displacement of every image.
 
     `keys`, `index` [2, m], `counts`, `slots`, `report`: scratch and reports.
     """
@@ -72,6 +83,7 @@ class Neighbours(NamedTuple):
     split: Any
     cutoff: Any
     skin: Any
+    tuned: Any
     box: Any
     order: Any
     place: Any
@@ -84,7 +96,6 @@ class Neighbours(NamedTuple):
     levels: Any
     begin: Any
     count: Any
-    imaged: Any
     candidates: Any
     images: Any
     keys: Any
@@ -98,7 +109,7 @@ def new_neighbours(
     members: Ints,
     particles: int,
     cutoff: float,
-    skin: float,
+    skin: float | None = None,
     *,
     split: int | None = None,
     box: Sequence[float | None] | None = None,
@@ -106,7 +117,9 @@ def new_neighbours(
     dtype: Any = np.float64,
     room: int = 0,
 ) -> Neighbours:
-    """Lists of members, not yet built, in an island of some particles; `room`: candidates to have room for, at least.
+    """Lists of members, not yet built, in an island of some particles; a skin that is not given is found.
+
+    `room`: candidates to have room for, at least.
 
     Raises ValueError for more members than a list can name, and for a box that is too small for its images.
     """
@@ -119,20 +132,22 @@ def new_neighbours(
     if box is not None and all(length is None for length in box):
         box = None
     lengths = () if box is None else tuple(None if each is None else float(each) for each in box)
-    if any(each is not None and each < cutoff + skin for each in lengths):
+    widest = WIDEST_SKIN * cutoff if skin is None else skin
+    if any(each is not None and each < cutoff + widest for each in lengths):
         raise ValueError("a period of the box is shorter than the cutoff and the skin")
     levels = level_starts(groups)
     nodes = levels[-1]
     boxes = np.empty((6, nodes))
     boxes[:3], boxes[3:] = np.inf, -np.inf
-    digits = np.arange(27)
+    digits = np.arange(IMAGES)
     steps = np.stack([digits % 3, digits // 3 % 3, digits // 9])
     images = (steps - 3 * (steps == 2)) * np.array([[each or 0.0] for each in lengths or (0.0,) * 3])
     return Neighbours(
         np.ascontiguousarray(members, np.int64),
         split,
         float(cutoff),
-        float(skin),
+        np.array([0.0 if skin is None else skin]),
+        True if skin is None else None,
         lengths or None,
         np.full(places, -1, np.int32),
         np.full(particles, -1, np.int32),
@@ -145,13 +160,12 @@ def new_neighbours(
         levels,
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
-        np.zeros(groups, np.uint8),
         np.zeros(max(room, ROOM * m + 64 * BLOCK), np.uint32),
         images,
         np.zeros((2, m), np.int64),
         np.zeros((2, m), np.int32),
         np.zeros((SLICES, 1 << DIGIT), np.int64),
-        np.zeros((SLICES, 16)),
+        np.zeros((SLICES, 24)),
         new_report(),
     )
 

@@ -8,18 +8,20 @@ threads whether lists hold.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.neighbours.record import (
     BUILDS,
+    CHANGED,
     FAR,
     FURTHEST,
     FURTHEST_DRIFTED,
     GROUP,
+    LIVED,
     MOVED,
     MOVED_HIGH,
     NEXT,
@@ -28,7 +30,6 @@ from particlesim.engine.interactions.neighbours.record import (
     SLICES,
     STALE,
     TURN,
-    USES,
     acts,
     lives,
     slice_of,
@@ -41,13 +42,18 @@ from particlesim.engine.state.columns import type_of
 
 
 @outlined
-def _gather(near: Any, c: Any, share: Any, t: Any) -> None:
-    """Present places of all members, and how far they have moved since the lists were built, slice by slice."""
+def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any) -> None:
+    """Present places of all members, and how far they have moved since the lists were built, slice by slice.
+
+    For each pair of columns in `carried`, what is in a row of the first goes to its place in the second.
+    """
     nowhere = type_of(near.x[0, 0], FAR)
+    places = (near.x[0], near.x[1], near.x[2])
     for s in range(share.number, SLICES, share.threads):
         first, last = slice_of(near.order.size, s)
         x0 = y0 = z0 = type_of(nowhere, np.inf)
         x1 = y1 = z1 = far = type_of(nowhere, -np.inf)
+        changed = False
         for k in range(first, last):
             i = near.order[k]
             if i >= 0:
@@ -55,9 +61,16 @@ def _gather(near: Any, c: Any, share: Any, t: Any) -> None:
                 if near.wrap is not None:
                     x, y, z = x + near.wrap[0, k], y + near.wrap[1, k], z + near.wrap[2, k]
                 here = acts(c.clock, i, t)
-                near.x[0, k] = x if here else nowhere
-                near.x[1, k] = y if here else nowhere
-                near.x[2, k] = z if here else nowhere
+                for number, goes_to in zip(
+                    (x if here else nowhere, y if here else nowhere, z if here else nowhere),
+                    places,
+                    strict=True,
+                ):
+                    changed = changed | (goes_to[k] != number)
+                    goes_to[k] = number
+                for column, goes_to in carried:
+                    changed = changed | (goes_to[k] != column[i])
+                    goes_to[k] = column[i]
                 dx, dy, dz = x - near.base[0, k], y - near.base[1, k], z - near.base[2, k]
                 d = dx * dx + dy * dy + dz * dz
                 x0, x1 = dx if (dx < x0) & here else x0, dx if (dx > x1) & here else x1
@@ -68,6 +81,7 @@ def _gather(near: Any, c: Any, share: Any, t: Any) -> None:
         slot[MOVED], slot[MOVED + 1], slot[MOVED + 2] = x0, y0, z0
         slot[MOVED_HIGH], slot[MOVED_HIGH + 1], slot[MOVED_HIGH + 2] = x1, y1, z1
         slot[FURTHEST] = far
+        slot[CHANGED] = 1.0 if changed else 0.0
 
 
 @outlined
@@ -91,7 +105,7 @@ def _hold(near: Any, share: Any) -> Any:
     """Whether the lists hold; the same for all threads, all of which must call it."""
     if near.report[STALE] != 0:
         return False
-    bar = 0.25 * near.skin * near.skin
+    bar = 0.25 * near.skin[0] * near.skin[0]
     _, far = over_slices(near, FURTHEST)
     if far <= bar:
         return True
@@ -101,7 +115,7 @@ def _hold(near: Any, share: Any) -> Any:
     _, x1 = over_slices(near, MOVED_HIGH)
     _, y1 = over_slices(near, MOVED_HIGH + 1)
     _, z1 = over_slices(near, MOVED_HIGH + 2)
-    if not max(x1 - x0, y1 - y0, z1 - z0) <= near.skin:  # then some have moved apart by more than that
+    if not max(x1 - x0, y1 - y0, z1 - z0) <= near.skin[0]:  # then some have moved apart by more than that
         return False
     _measure_from(near, share, 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1))
     meet(share.gate, share.threads)
@@ -136,7 +150,25 @@ def _arrange(near: Any, c: Any, share: Any, t: Any, at: Any) -> None:
                 near.radii[k] = c.r[i]
 
 
-@outlined
+class Where(NamedTuple):
+    """What lists are built from: columns of places, radii or None, and clocks. No laws: it is the same for all of them."""
+
+    x: Any
+    y: Any
+    z: Any
+    r: Any
+    clock: Any
+
+
+class Crew(NamedTuple):
+    """A thread among those that work together, and where they meet."""
+
+    number: Any
+    threads: Any
+    gate: Any
+
+
+@shared
 def build(near: Any, c: Any, share: Any, t: Any) -> None:
     """Order, tree and lists anew. All threads must call it, when all particles are in their places."""
     at = sort_members(near, c, share, t)
@@ -147,24 +179,28 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
         near.report[STALE] = 0
         near.report[OVERFLOW] = 0
         near.report[BUILDS] += 1
+        near.report[LIVED] = 0
     meet(share.gate, share.threads)
     grow_tree(near, share)
     find_candidates(near, share)
-    _gather(near, c, share, t)
-    meet(share.gate, share.threads)
 
 
-def refresh(near: Any, c: Any, share: Any, t: Any) -> Any:
-    """Present places of all members, and lists that hold; returns whether they were built anew.
+def refresh(near: Any, c: Any, share: Any, t: Any, carried: Any = ()) -> Any:
+    """Present places of all members, and lists that hold; returns whether anything has changed since the last time.
 
+    For each pair of columns in `carried`, what is in a row of the first goes to its place in the second.
     All threads of an island must call it, when all particles are in their places. It sets `report[TURN]` to 0.
     """
-    _gather(near, c, share, t)
+    _gather(near, c, share, t, carried)
     if share.number == 0:
         near.report[TURN] = 0
-        near.report[USES] += 1
+        near.report[LIVED] += 1
     meet(share.gate, share.threads)
     if _hold(near, share):
-        return False
-    build(near, c, share, t)
+        _, changed = over_slices(near, CHANGED)
+        return changed > 0.0
+    where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
+    build(near, where, Crew(share.number, share.threads, share.gate), t)
+    _gather(near, c, share, t, carried)
+    meet(share.gate, share.threads)
     return True

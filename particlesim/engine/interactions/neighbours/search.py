@@ -7,16 +7,18 @@ maybe a little more, and whoever uses them looks at distances again.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import atomic_add, on_stack, outlined
+from particlesim.compiler import atomic_add, lanes, on_stack, outlined
 from particlesim.engine.interactions.neighbours.record import (
     BLOCK,
     GROUP,
     IMAGE_SHIFT,
+    IMAGES,
     NEXT,
+    NO_ROOM,
     OVERFLOW,
     POOL,
 )
@@ -49,15 +51,10 @@ def _others(near: Any, g: Any) -> Any:
 
 
 @outlined
-def _sieve(near: Any, g: Any, found: Any, number: Any, image: Any, begin: Any, o: Any, end: Any) -> Any:
-    """Append to the list of group g, [begin, o) in room up to `end`, its candidates in some groups; returns these three."""
-    members = GROUP * number
-    if end - o < members:
-        begin, o, end = _more_room(near, begin, o, members)
-        if end - o < members:
-            return begin, o, end
+def sieve(near: Any, g: Any, found: Any, number: Any, image: Any, entries: Any, o: Any) -> Any:
+    """Put the candidates of group g in some groups into `entries` from o on, which has room for all; returns the end."""
     base, boxes = near.base, near.boxes
-    limit = near.cutoff + near.skin + (0.0 if near.radii is None else near.spread[g])
+    limit = near.cutoff + near.skin[0] + (0.0 if near.radii is None else near.spread[g])
     unit = 1.0 / limit
     middle = tuple(0.5 * (boxes[axis, g] + boxes[axis + 3, g]) for axis in range(3))
     extent = unit * max(*(boxes[axis + 3, g] - boxes[axis, g] for axis in range(3)))
@@ -69,8 +66,9 @@ def _sieve(near: Any, g: Any, found: Any, number: Any, image: Any, begin: Any, o
         k = GROUP * found[b]
         for from_x, to_x, away in zip(base_rows, (ax, ay, az), shift, strict=True):
             p, q = from_x[k : k + GROUP], to_x[GROUP * b : GROUP * b + GROUP]
-            for i in range(GROUP):
+            for i in lanes(GROUP):
                 q[i] = unit * (p[i] + away)
+    members = GROUP * number
     for j in range(members):
         best[j] = np.float32(np.inf)
     if near.radii is None:
@@ -93,7 +91,7 @@ def _sieve(near: Any, g: Any, found: Any, number: Any, image: Any, begin: Any, o
         for b in range(number):
             k = GROUP * found[b]
             p, q = near.radii[k : k + GROUP], ar[GROUP * b : GROUP * b + GROUP]
-            for i in range(GROUP):
+            for i in lanes(GROUP):
                 q[i] = unit * (1.0 + ROUNDING) * p[i]
         for k in range(GROUP * g, GROUP * g + GROUP):
             u, v, w = (np.float32(unit * (base[axis, k] - middle[axis])) for axis in range(3))
@@ -107,31 +105,52 @@ def _sieve(near: Any, g: Any, found: Any, number: Any, image: Any, begin: Any, o
         k = GROUP * found[b] + mark
         hits = best[GROUP * b : GROUP * b + GROUP]
         for i in range(GROUP):
-            near.candidates[o] = k + i
+            entries[o] = k + i
             o += 1 if hits[i] < bar else 0
-    return begin, o, end
+    return o
 
 
-def _more_room(near: Any, begin: Any, o: Any, members: Any) -> Any:
-    """Room for as many further candidates, and what the list has so far in it; no room at all where that is used up."""
-    wanted = o - begin + members + BLOCK
-    start = atomic_add(near.report, POOL, wanted)
-    if start + wanted > near.candidates.size:
-        near.report[OVERFLOW] = 1
-        return 0, 0, 0
-    for k in range(o - begin):
-        near.candidates[start + k] = near.candidates[begin + k]
-    return start, start + o - begin, start + wanted
+class IntoLists(NamedTuple):
+    """Candidates go to `near.candidates`. `own`: where the list of the group begins and ends, where the room of the thread
+    ends, and whether there was none."""
+
+    own: Any
+
+    def take(self, near: Any, g: Any, found: Any, number: Any, image: Any) -> None:
+        """Append to the list of group g its candidates in some groups."""
+        own, members = self.own, GROUP * number
+        if own[END] - own[LAST] < members:
+            _move(near, own, members)
+        if own[FULL] == 0:
+            own[LAST] = sieve(near, g, found, number, image, near.candidates, own[LAST])
+
+
+BEGIN, LAST, END, FULL = range(4)
 
 
 @outlined
-def _walk(near: Any, g: Any, image: Any, begin: Any, o: Any, end: Any) -> Any:
-    """Append to the list of group g, [begin, o) in room up to `end`, its candidates in an image; returns these three."""
+def _move(near: Any, own: Any, members: Any) -> None:
+    """Ask for room for as many further candidates, and take along what the list has so far."""
+    length = own[LAST] - own[BEGIN]
+    wanted = length + members + BLOCK
+    start = atomic_add(near.report, POOL, wanted)
+    if start + wanted > near.candidates.size:
+        near.report[OVERFLOW] = 1
+        own[FULL] = 1
+    else:
+        for k in range(length):
+            near.candidates[start + k] = near.candidates[own[BEGIN] + k]
+        own[BEGIN], own[LAST], own[END] = start, start + length, start + wanted
+
+
+@outlined
+def _walk(near: Any, g: Any, image: Any, sink: Any) -> None:
+    """Give a sink the groups in which group g may have candidates in an image, some at a time."""
     boxes = near.boxes
     sx, sy, sz = near.images[0, image], near.images[1, image], near.images[2, image]
     x0, y0, z0 = boxes[0, g] - sx, boxes[1, g] - sy, boxes[2, g] - sz
     x1, y1, z1 = boxes[3, g] - sx, boxes[4, g] - sy, boxes[5, g] - sz
-    limit = (near.cutoff + near.skin) * (1.0 + ROUNDING)
+    limit = (near.cutoff + near.skin[0]) * (1.0 + ROUNDING)
     if near.radii is not None:
         limit += near.spread[g]
     first, last = _others(near, g)
@@ -150,7 +169,7 @@ def _walk(near: Any, g: Any, image: Any, begin: Any, o: Any, end: Any) -> Any:
         k = near.levels[level] + child
         low = tuple(boxes[axis, k : k + 8] for axis in range(3))
         high = tuple(boxes[axis, k : k + 8] for axis in range(3, 6))
-        for i in range(8):
+        for i in lanes(8):
             dx = _apart(x0, x1, low[0][i], high[0][i])
             dy = _apart(y0, y1, low[1][i], high[1][i])
             dz = _apart(z0, z1, low[2][i], high[2][i])
@@ -162,7 +181,7 @@ def _walk(near: Any, g: Any, image: Any, begin: Any, o: Any, end: Any) -> Any:
                 apart[i] = apart[i] if inside else np.inf
         if level == 0:
             if number > BATCH - 8:
-                begin, o, end = _sieve(near, g, found, number, image, begin, o, end)
+                type(sink).take(sink, near, g, found, number, image)
                 number = 0
             for i in range(8):
                 found[number] = child + i
@@ -172,11 +191,10 @@ def _walk(near: Any, g: Any, image: Any, begin: Any, o: Any, end: Any) -> Any:
                 waiting[top] = level << LEVEL_SHIFT | child + i
                 top += 1 if apart[i] <= 0.0 else 0
     if number > 0:
-        begin, o, end = _sieve(near, g, found, number, image, begin, o, end)
-    return begin, o, end
+        type(sink).take(sink, near, g, found, number, image)
 
 
-def _sees(near: Any, g: Any, image: Any, axis: Any, limit: Any) -> Any:
+def _overlaps(near: Any, g: Any, image: Any, axis: Any, limit: Any) -> Any:
     """Whether along an axis group g may see members in an image."""
     top = near.levels[near.levels.size - 2]
     low, high = np.inf, -np.inf
@@ -186,40 +204,39 @@ def _sees(near: Any, g: Any, image: Any, axis: Any, limit: Any) -> Any:
     return (near.boxes[axis, g] - limit <= high + shift) & (near.boxes[axis + 3, g] + limit >= low + shift)
 
 
-@outlined
-def _list_of(near: Any, g: Any, o: Any, end: Any) -> Any:
-    """Find the candidates of a group, from o on in room up to `end`; returns these two as they are then."""
-    begin, imaged = o, False
+def search(near: Any, g: Any, sink: Any) -> None:
+    """Give a sink the groups in which group g may have candidates, image by image of the box."""
     if near.boxes[0, g] <= near.boxes[3, g]:
         if near.box is None:
-            begin, o, end = _walk(near, g, 0, begin, o, end)
+            _walk(near, g, 0, sink)
         else:
-            limit = (near.cutoff + near.skin) * (1.0 + ROUNDING)
+            limit = (near.cutoff + near.skin[0]) * (1.0 + ROUNDING)
             if near.radii is not None:
-                limit += near.spread[g] + largest_radius(near)
-            for image in range(27):
-                seen = True
-                for axis in range(3):
-                    if near.box[axis] is None:
-                        seen = seen & (near.images[axis, image] == 0.0) & (_digit(image, axis) == 0)
-                    else:
-                        seen = seen & _sees(near, g, image, axis, limit)
-                if seen:
-                    before = o - begin
-                    begin, o, end = _walk(near, g, image, begin, o, end)
-                    imaged = imaged | ((image > 0) & (o - begin > before))
-    near.begin[g] = begin
-    near.count[g] = o - begin
-    near.imaged[g] = imaged
-    return o, end
+                limit += near.spread[g] + _largest_radius(near)
+            seen = tuple(_periods_seen(near, g, axis, limit) for axis in range(3))
+            for image in range(IMAGES):
+                if (seen[0] >> image % 3) & (seen[1] >> image // 3 % 3) & (seen[2] >> image // 9) & 1:
+                    _walk(near, g, image, sink)
 
 
-def _digit(image: Any, axis: Any) -> Any:
-    """0, 1 or 2 for an image in the same period of an axis, the next, and the one before."""
-    return (image // 3**axis) % 3
+def _periods_seen(near: Any, g: Any, axis: Any, limit: Any) -> Any:
+    """Which periods along an axis group g may see: bit 0 its own, bit 1 the next, bit 2 the one before."""
+    length = near.box[axis]
+    if length is None:
+        return 1
+    top = near.levels[near.levels.size - 2]
+    low, high = np.inf, -np.inf
+    for k in range(top, top + 8):
+        low, high = min(low, near.boxes[axis, k]), max(high, near.boxes[axis + 3, k])
+    least, most = near.boxes[axis, g] - limit, near.boxes[axis + 3, g] + limit
+    return (
+        (1 if (least <= high) & (most >= low) else 0)
+        | (2 if (least <= high + length) & (most >= low + length) else 0)
+        | (4 if (least <= high - length) & (most >= low - length) else 0)
+    )
 
 
-def largest_radius(near: Any) -> Any:
+def _largest_radius(near: Any) -> Any:
     """The largest radius of all members."""
     top, largest = near.levels[near.levels.size - 2], 0.0
     for k in range(top, top + 8):
@@ -228,12 +245,22 @@ def largest_radius(near: Any) -> Any:
 
 
 @outlined
+def _list_of(near: Any, g: Any, own: Any) -> None:
+    """Find the candidates of a group, in the room of a thread."""
+    own[BEGIN], own[FULL] = own[LAST], 0
+    search(near, g, IntoLists(own))
+    near.begin[g] = own[BEGIN]
+    near.count[g] = own[LAST] - own[BEGIN] if own[FULL] == 0 else NO_ROOM
+
+
+@outlined
 def find_candidates(near: Any, share: Any) -> None:
     """Lists of all groups; threads take them by turns. `report[NEXT]` and `report[POOL]` must be 0."""
-    groups, o, end = near.begin.size, 0, 0
+    groups, own = near.begin.size, on_stack(1, 4, np.int64)[0]
+    own[LAST], own[END] = 0, 0
     while True:
         first = atomic_add(near.report, NEXT, AT_ONCE)
         if first >= groups:
             break
         for g in range(first, min(first + AT_ONCE, groups)):
-            o, end = _list_of(near, g, o, end)
+            _list_of(near, g, own)

@@ -20,9 +20,14 @@ from particlesim.engine.interactions.neighbours.record import (
     HIGH,
     LARGEST,
     LEAST,
+    LIVED,
     LOW,
+    NARROWEST_SKIN,
+    SKIN,
     SKIP,
     SLICES,
+    STALE,
+    WIDEST_SKIN,
     lives,
     slice_of,
     within_sight,
@@ -30,6 +35,8 @@ from particlesim.engine.interactions.neighbours.record import (
 
 FINENESS = 4.0
 """Cells of the curve in a cutoff."""
+SHORT_LIVED, LONG_LIVED, WIDEN, NARROW = 6, 30, 1.3, 0.85
+"""Sums of forces for which lists should hold, and the factors of a skin for which they did not."""
 SAMPLE = 128
 """Members whose places tell where most are."""
 
@@ -97,8 +104,23 @@ def _core(near: Any, values: Any, length: Any) -> Any:
     return low - (high - low), high + (high - low)
 
 
+def tuned_skin(near: Any) -> Any:
+    """The skin of lists that are to be built: wider if the last ones held for a few sums only, narrower if for many."""
+    if near.tuned is None:
+        return near.skin[0]
+    reach = near.cutoff
+    if near.radii is not None:
+        least, _ = over_slices(near, LEAST)
+        _, largest = over_slices(near, LARGEST)
+        reach += least + largest
+    if near.report[STALE] != 0:
+        return SKIN * reach
+    factor = WIDEN if near.report[LIVED] < SHORT_LIVED else NARROW if near.report[LIVED] > LONG_LIVED else 1.0
+    return min(max(factor * near.skin[0], NARROWEST_SKIN * reach), WIDEST_SKIN * reach)
+
+
 @outlined
-def frame(near: Any, c: Any) -> Any:
+def frame(near: Any, c: Any, skin: Any) -> Any:
     """The cube that the curve fills: its lowest corner, 1/width of cells, and levels; the same for all threads."""
     x0, _ = over_slices(near, LOW)
     y0, _ = over_slices(near, LOW + 1)
@@ -106,7 +128,7 @@ def frame(near: Any, c: Any) -> Any:
     _, x1 = over_slices(near, HIGH)
     _, y1 = over_slices(near, HIGH + 1)
     _, z1 = over_slices(near, HIGH + 2)
-    width = (near.cutoff + near.skin) / FINENESS
+    width = (near.cutoff + skin) / FINENESS
     if near.radii is not None:
         least, _ = over_slices(near, LEAST)
         width += 2.0 * least / FINENESS
@@ -217,8 +239,11 @@ def sort_members(near: Any, c: Any, share: Any, t: Any) -> Any:
     """Sort the members; returns in which of the two rows of `index` they are. All threads must call it."""
     measure(near, c, share, t)
     meet(share.gate, share.threads)
-    x0, y0, z0, scale, levels = frame(near, c)
+    skin = tuned_skin(near)
+    x0, y0, z0, scale, levels = frame(near, c, skin)
     set_keys(near, c, share, t, x0, y0, z0, scale, levels)
     bits = 3 * levels + (0 if near.split is None else 1)
     meet(share.gate, share.threads)
+    if share.number == 0:
+        near.skin[0] = skin
     return sort_keys(near, share, bits)

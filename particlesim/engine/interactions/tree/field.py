@@ -20,7 +20,7 @@ from particlesim.engine.interactions.tree.cells import (
     weigh,
 )
 from particlesim.engine.interactions.tree.direct import TARGETS
-from particlesim.engine.interactions.tree.form import Form, Height, field_columns, moment_columns
+from particlesim.engine.interactions.tree.form import Form, Height, field_columns, in_box, moment_columns
 from particlesim.engine.interactions.tree.morton import key
 from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
 from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
@@ -113,14 +113,15 @@ def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any,
             tree.report[FULL] = 1
         _empty_cell(tree.cells)
     meet(share.gate, share.threads)
+    form = in_box(tree.form, 1 / side_length)
     _from_leaves(tree, sum_up, share)
     if known == 0:
         by_angle = Limits(np.inf, FIRST_OPENING * FIRST_OPENING, 1.0)
-        _walk_all(tree, by_angle, size, side, unit, 1 / side_length, share)
+        _walk_all(tree, form, by_angle, size, side, unit, 1 / side_length, share)
         known = _mean(size, w, tree.chunks, share)
         _load_needs(tree, size, w, side, first, last, unit, known, share)
         _from_leaves(tree, weigh, share)
-    _walk_all(tree, Limits(limits[0], limits[1], limits[2]), size, side, unit, 1 / side_length, share)
+    _walk_all(tree, form, Limits(limits[0], limits[1], limits[2]), size, side, unit, 1 / side_length, share)
 
 
 def _from_leaves(tree: Any, work: Any, share: Any) -> None:
@@ -244,7 +245,7 @@ def _empty_cell(cells: Any) -> None:
         cells.place[c, k] = 9.0
 
 
-def _walk_all(tree: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
+def _walk_all(tree: Any, form: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
     """The sums of all particles: threads take parts of the walk in turn."""
     given = Given(tree.keys.index[side], tree.field, size, tree.height, unit, scale)
     room = Room(*(each[share.number] for each in tree.room))
@@ -253,7 +254,7 @@ def _walk_all(tree: Any, limits: Any, size: Any, side: Any, unit: Any, scale: An
     part = atomic_add(tree.next, 0, 1)
     while part < parts:
         walk(
-            tree.form,
+            form,
             tree.cells,
             tree.sorted,
             limits,

@@ -19,13 +19,13 @@ class BothSigns(NamedTuple):
 
 
 class Plummer(NamedTuple):
-    """f = 1/√(r² + ε²), with ε² in units of the box; ε = 0 too."""
+    """f = 1/√(r² + ε²), ε = 0 too."""
 
     square: float
 
 
 class Spline(NamedTuple):
-    """f of a cubic spline's mass of radius h, in units of the box; 1/r from there on."""
+    """f of a cubic spline's mass of radius h; 1/r from there on."""
 
     radius: float
 
@@ -45,6 +45,14 @@ class Form(NamedTuple):
     signs: Any
     softening: Any
     wanted: Any
+
+
+def in_box(form: Any, scale: Any) -> Any:
+    """The form where lengths are `scale` times as long."""
+    softening = form.softening
+    if isinstance(softening, Plummer):
+        return Form(form.order, form.signs, Plummer(softening.square * scale * scale), form.wanted)
+    return Form(form.order, form.signs, Spline(softening.radius * scale), form.wanted)
 
 
 def order_of(form: Any) -> int:

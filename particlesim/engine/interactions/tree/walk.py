@@ -273,23 +273,36 @@ def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: 
     out = on_stack(4, TARGETS, np.float64)
     row, leaves = room.fields[depth], room.lists[NEAR]
     place = cells.place[b]
+    alone, _ = pair(form.softening, 0.0)
+    near_itself = _holds(leaves, near, b)
+    # Softened, a cell may be far from itself or from one around it: then particles are in their own potential.
     if place[RADIUS] == 0 and last - first > TARGETS:
         # Many in one place feel the same, but for their own potential.
         add_near(form, span, s, leaves, near, first, place, row, out)
-        alone, _ = pair(form.softening, 0.0)
-        common, own = out[3, 0], s.w[first]
+        whole = out[3, 0] + (s.w[first] * alone if near_itself else 0.0)
         for lane in range(1, TARGETS):
             for k in range(3):
                 out[k, lane] = out[k, 0]
         for at in range(first, last, TARGETS):
             for lane in range(TARGETS):
-                out[3, lane] = common + (own - s.w[at + lane]) * alone
+                out[3, lane] = whole - s.w[at + lane] * alone
             hand_over(given, out, at, min(at + TARGETS, last))
     else:
         for at in range(first, last, TARGETS):
             add_near(form, span, s, leaves, near, at, place, row, out)
+            if not near_itself:
+                for lane in range(TARGETS):
+                    out[3, lane] = out[3, lane] - s.w[at + lane] * alone
             hand_over(given, out, at, min(at + TARGETS, last))
     room.done[1] += (last - first) * _particles(span, leaves, near)
+
+
+def _holds(leaves: Any, count: Any, b: Any) -> Any:
+    """Whether a cell is among so many leaves."""
+    found = False
+    for k in range(count):
+        found = found | (leaves[k] == b)
+    return found
 
 
 def _particles(span: Any, leaves: Any, count: Any) -> Any:

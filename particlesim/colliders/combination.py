@@ -1,0 +1,245 @@
+"""Union, intersection and difference of solids.
+
+The gap of a union is the smallest of those of its parts, that of an intersection the largest; a difference is the
+intersection of the first part with the outsides of the others. The normal is that of the part that decides. Outside of a
+union and inside of an intersection that is the distance; elsewhere it is a lower bound of it. So a ball that comes to an
+edge which a cut has made meets it as if both faces went on: the edge is sharp, for balls too.
+
+Source: J. C. Hart, Sphere tracing, The Visual Computer 12, 527 (1996), section 3.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from particlesim.colliders.box import Box
+from particlesim.colliders.capsule import Capsule
+from particlesim.colliders.cone import Cone
+from particlesim.colliders.cylinder import Cylinder
+from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.height_field import HeightField
+from particlesim.colliders.mesh import Mesh
+from particlesim.colliders.solid import HollowConvexRecord, HollowRecord, Solid, SolidCollider
+from particlesim.colliders.sphere import Sphere
+from particlesim.colliders.torus import Torus
+from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
+from particlesim.colliders.way import lipschitz_apart, marched_contact
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    gap,
+    gap_and_normal,
+    law,
+    normal,
+)
+from particlesim.model.variants import Tagged
+
+AnySolid = Annotated[Sphere | Box | Capsule | Cylinder | Cone | Torus | Mesh | HeightField, Tagged("type")]
+
+FINE = 64
+"""Triangles of a cut surface along the longest side of a part, at least."""
+
+
+class Combination(Solid):
+    """Solids put together."""
+
+    convex: ClassVar[bool] = False
+
+    of: tuple[AnySolid, ...] = Field(min_length=2)
+    """The solids: tables with a type and the keys of that shape."""
+
+    def grain(self) -> float:
+        return min(part.grain() for part in self.of)
+
+    def farthest(self) -> float:
+        return max(part.farthest() for part in self.of)
+
+    def words(self) -> str:
+        return listed(self.of)
+
+    def whole(self) -> tuple[Any, ...]:
+        """The shapes whose intersection it is, as kernels take them."""
+        raise NotImplementedError
+
+    def triangles(self) -> Triangles:
+        """Of each part what lies inside of all the others."""
+        shapes = self.whole()
+        found = []
+        for k, part in enumerate(self.of):
+            surface = part.triangles()
+            hollow = isinstance(shapes[k], HollowRecord | HollowConvexRecord)
+            longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
+            for other in (*shapes[:k], *shapes[k + 1 :]):
+                surface = clipped(surface, functools.partial(distances, other), longest)
+            surface = without_slivers(surface)
+            found.append(Triangles(surface.corners, surface.faces[:, ::-1]) if hollow else surface)
+        return joined(found)
+
+
+def listed(parts: Sequence[Solid]) -> str:
+    """Solids in a sentence: a sphere, a box and a cone."""
+    *some, last = (f"a {part.kind}" for part in parts)
+    return f"{', '.join(some)} and {last}" if some else last
+
+
+def distances(shape: Any, corners: Any) -> Any:
+    """Signed distances of places [n, 3] to a shape [m], shape [n]."""
+    x, y, z = np.ascontiguousarray(corners.T, float)
+    out = np.empty(x.size)
+    gaps_of(shape, x, y, z, np.zeros(x.size), 0.0, out)
+    return out
+
+
+class Union(Combination):
+    """Solids that are one: particles stay out of all of them."""
+
+    kind: ClassVar[str] = "union"
+
+    type: Literal["union"] = "union"
+
+    def geometry(self) -> Any:
+        return UnionRecord(tuple(part.geometry() for part in self.of))
+
+    def triangles(self) -> Triangles:
+        return joined([part.triangles() for part in self.of])  # what lies inside of another is not seen
+
+
+class UnionCollider(Union, SolidCollider):
+    """Solids that are one: particles stay out of all of them."""
+
+    costly: ClassVar[bool] = True
+
+
+class Intersection(Combination):
+    """What several solids have in common."""
+
+    kind: ClassVar[str] = "intersection"
+
+    type: Literal["intersection"] = "intersection"
+
+    def whole(self) -> tuple[Any, ...]:
+        return tuple(part.geometry() for part in self.of)
+
+    def geometry(self) -> Any:
+        return IntersectionRecord(self.whole(), self.grain())
+
+
+class IntersectionCollider(Intersection, SolidCollider):
+    """What several solids have in common."""
+
+    costly: ClassVar[bool] = True
+
+
+class Difference(Combination):
+    """The first solid without the others."""
+
+    kind: ClassVar[str] = "difference"
+
+    type: Literal["difference"] = "difference"
+
+    def whole(self) -> tuple[Any, ...]:
+        first, *others = self.of
+        return (
+            first.geometry(),
+            *(
+                (HollowConvexRecord if part.convex else HollowRecord)(part.geometry(), part.grain())
+                for part in others
+            ),
+        )
+
+    def geometry(self) -> Any:
+        return IntersectionRecord(self.whole(), self.grain())
+
+    def words(self) -> str:
+        first, *others = self.of
+        return f"a {first.kind} without {listed(others)}"
+
+
+class DifferenceCollider(Difference, SolidCollider):
+    """The first solid without the others."""
+
+    costly: ClassVar[bool] = True
+
+
+class UnionRecord(NamedTuple):
+    """Shapes."""
+
+    parts: tuple[Any, ...]
+
+
+class IntersectionRecord(NamedTuple):
+    """Shapes, and the shortest step of a search [m]."""
+
+    parts: tuple[Any, ...]
+    grain: float
+
+
+def extreme(parts: Any, p: Any, sign: Any) -> Any:
+    """Gap and normal of the part whose gap times `sign` is the smallest; the first of equals."""
+    g, n = gap_and_normal(parts[0], p)
+    if len(parts) == 1:
+        return g, n
+    f, m = extreme(parts[1:], p, sign)
+    first = sign * g <= sign * f
+    return (g if first else f), tuple(a if first else b for a, b in zip(n, m, strict=True))
+
+
+@law(gap, UnionRecord)
+def union_gap(c: UnionRecord, p: Particle) -> float:
+    return min(*[gap(part, p) for part in c.parts])
+
+
+@law(gap, IntersectionRecord)
+def intersection_gap(c: IntersectionRecord, p: Particle) -> float:
+    return max(*[gap(part, p) for part in c.parts])
+
+
+@law(gap_and_normal, UnionRecord)
+def union_gap_and_normal(c: UnionRecord, p: Particle) -> tuple[float, Vector]:
+    return extreme(c.parts, p, 1)
+
+
+@law(gap_and_normal, IntersectionRecord)
+def intersection_gap_and_normal(c: IntersectionRecord, p: Particle) -> tuple[float, Vector]:
+    return extreme(c.parts, p, -1)
+
+
+@law(normal, UnionRecord)
+def union_normal(c: UnionRecord, p: Particle) -> Vector:
+    return extreme(c.parts, p, 1)[1]
+
+
+@law(normal, IntersectionRecord)
+def intersection_normal(c: IntersectionRecord, p: Particle) -> Vector:
+    return extreme(c.parts, p, -1)[1]
+
+
+@law(apart, UnionRecord)
+def union_apart(c: UnionRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    return all(tuple(apart(part, p, q, h, slack) for part in c.parts))
+
+
+@law(first_contact, UnionRecord)
+def union_first_contact(c: UnionRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+    return min(*[first_contact(part, p, q, h, slack) for part in c.parts])
+
+
+@law(apart, IntersectionRecord)
+def intersection_apart(c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    # what misses one part misses the intersection
+    one = any(tuple(apart(part, p, q, h, slack) for part in c.parts))
+    return one | lipschitz_apart(c, p, q, h, slack)
+
+
+@law(first_contact, IntersectionRecord)
+def intersection_first_contact(
+    c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float
+) -> float:
+    return marched_contact(c, p, q, h, slack, c.grain)

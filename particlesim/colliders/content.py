@@ -1,0 +1,42 @@
+"""Shapes whose surface is in a file, which the scenario reads for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import PrivateAttr, StringConstraints
+
+from particlesim.colliders.solid import Solid
+
+
+class SolidFromFile(Solid):
+    """A solid that is described by a file."""
+
+    endings: ClassVar[tuple[str, ...]]
+    """Endings of the files that it may be in."""
+
+    path: Annotated[str, StringConstraints(min_length=1, max_length=4096)]
+    """The file, relative to the scenario's folder; its ending says what it is."""
+
+    _content: Any = PrivateAttr(default=None)
+
+    def take(self, content: Any) -> None:
+        """What the file holds: vertices and triangles, or an array. Raises UsageError where no such shape is in it."""
+        raise NotImplementedError
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the file has been read."""
+        return self._content is not None
+
+
+def files_in(
+    solid: Any, where: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], SolidFromFile]]:
+    """The shapes from files that a shape is made of, itself or its parts, and where they are stated."""
+    if isinstance(solid, SolidFromFile):
+        yield where, solid
+    for name in ("of", "without"):
+        for k, part in enumerate(getattr(solid, name, None) or ()):
+            yield from files_in(part, (*where, name, k))

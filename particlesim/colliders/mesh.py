@@ -1,0 +1,249 @@
+"""Meshes: surfaces of triangles, closed ones with an inside and an outside, or thin sheets.
+
+The distance is that to the nearest triangle, its sign that of (x − c)·N, with c the nearest place of the surface and N its
+pseudonormal (`bvh`). A closed mesh whose triangles are wound so that their fronts look outwards is solid.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from pydantic import PrivateAttr, model_validator
+
+from particlesim.colliders.bvh import BvhRecord, build, coarse, first_triangle, nearest_triangle
+from particlesim.colliders.content import SolidFromFile
+from particlesim.colliders.pose import UNTURNED, Orientation, Rows
+from particlesim.colliders.solid import SolidCollider
+from particlesim.colliders.triangulation import Triangles
+from particlesim.colliders.way import Way, longest, place_on, way_of
+from particlesim.compiler import outlined
+from particlesim.errors import UsageError
+from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, gap_and_normal, law, normal
+from particlesim.model.arrays import Floats, Ints
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, Number
+from particlesim.model.units import Vector as VectorOf
+
+MOST_GRAZES = 32
+"""Touches without contact, as of an edge, after which a way is taken to be free."""
+
+
+class TriangleSolid(SolidFromFile):
+    """A solid whose surface is triangles."""
+
+    convex: ClassVar[bool] = False
+
+    _surface: Triangles | None = PrivateAttr(default=None)
+    _tree: BvhRecord | None = PrivateAttr(default=None)
+
+    def triangles(self) -> Triangles:
+        assert self._surface is not None, "the file has not been read"
+        return self._surface
+
+    def tree(self) -> BvhRecord:
+        """The hierarchy of its triangles, which is built when it is first needed."""
+        if self._tree is None:
+            self._tree = build(*self.triangles())
+        return self._tree
+
+    def geometry(self) -> Any:
+        return MeshRecord(self.tree(), 1.0, 0.0)
+
+    def grain(self) -> float:
+        return 1e-6 * self.farthest()
+
+    def farthest(self) -> float:
+        return float(np.abs(self.triangles().corners).max())
+
+
+class Mesh(TriangleSolid):
+    """The triangles of a file (OBJ, PLY or STL): a closed surface, or with a `thickness` a sheet of any form."""
+
+    kind: ClassVar[str] = "mesh"
+    endings: ClassVar[tuple[str, ...]] = (".obj", ".ply", ".stl")
+
+    type: Literal["mesh"] = "mesh"
+    origin: VectorOf[Metres] = (0.0, 0.0, 0.0)
+    """Where the origin of the file's coordinates is."""
+    scale: Annotated[Number, Gt(0)] = 1.0
+    """Metres per unit of the file."""
+    orientation: Orientation | None = None
+    """How it is turned about its origin."""
+    thickness: Annotated[Metres, Gt(0)] | None = None
+    """Makes it a sheet of this thickness, which particles touch from both sides and which need not be closed."""
+
+    _dropped: int = PrivateAttr(default=0)
+
+    def rotation(self) -> Rows:
+        """From the axes of the file to those of the world."""
+        return UNTURNED if self.orientation is None else self.orientation.rotation()
+
+    @property
+    def dropped(self) -> int:
+        """Triangles of the file that have no area, and are left out."""
+        return self._dropped
+
+    def take(self, content: tuple[Floats, Ints]) -> None:
+        """Vertices [n, 3] and triangles [m, 3]. Raises UsageError when they enclose nothing, though they should."""
+        vertices, faces = content
+        corners = Triangles(self.scale * vertices, faces).placed(self.origin, self.rotation()).corners
+        solid, self._dropped = without_flat(corners, faces)
+        if len(solid) == 0:
+            raise UsageError(f"{self.path}: none of its triangles has an area", "is it flat?")
+        if self.thickness is None:
+            require_solid(corners, faces, self.path)
+        self._surface = Triangles(corners, solid)
+        self._content = content
+
+    def geometry(self) -> Any:
+        if self.thickness is None:
+            return super().geometry()
+        return MeshRecord(self.tree(), 0.0, 0.5 * self.thickness)
+
+    def words(self) -> str:
+        x, y, z = self.origin
+        return f"{'sheet ' if self.thickness else ''}{self.path} at ({x:g}, {y:g}, {z:g})"
+
+
+class MeshCollider(Mesh, SolidCollider):
+    """The triangles of a file (OBJ, PLY or STL): a closed surface, or with a `thickness` a sheet of any form."""
+
+    costly: ClassVar[bool] = True
+
+    @model_validator(mode="after")
+    def _sheets_have_two_sides(self) -> MeshCollider:
+        if self.inside and self.thickness is not None:
+            raise invalid(
+                "a sheet has no inside", at=("inside",), also=[(("thickness",), "makes it a sheet")]
+            )
+        return self
+
+    def shape(self) -> Any:
+        record = self.geometry()
+        return record._replace(side=-1.0) if self.inside else record
+
+
+def without_flat(corners: Floats, faces: Ints) -> tuple[Ints, int]:
+    """The triangles that have an area, and how many have none: no higher than the rounding of a file in single precision."""
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    double = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.sqrt(np.max([((u - v) ** 2).sum(axis=1) for u, v in ((a, b), (b, c), (c, a))], axis=0))
+    flat = double <= FLAT * longest * np.ptp(corners, axis=0).max()
+    return faces[~flat], int(flat.sum())
+
+
+def require_solid(corners: Floats, faces: Ints, name: str) -> None:
+    """Raises UsageError for triangles that enclose no body with their fronts outwards."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    size = len(corners) + 1
+    there, back = ends[:, 0] * size + ends[:, 1], ends[:, 1] * size + ends[:, 0]
+    alone = ~np.isin(there, back)
+    hint = "thickness makes it a sheet, which particles touch from both sides and which may be open"
+    if alone.any():
+        k = int(alone.argmax())
+        x, y, z = corners[ends[k]].mean(axis=0)
+        raise UsageError(
+            f"{name} is open: {int(alone.sum())} of its edges have a triangle on one side only, as at "
+            f"({x:.4g}, {y:.4g}, {z:.4g})",
+            hint,
+        )
+    _, times = np.unique(there, return_counts=True)
+    if (times > 1).any():
+        raise UsageError(
+            f"{name}: {int((times > 1).sum())} of its edges have more than two triangles, or two that are wound differently",
+            hint,
+        )
+    if enclosed(corners, faces) < 0:
+        raise UsageError(
+            f"{name} is inside out: its triangles turn their fronts inwards",
+            "wind the corners of its triangles the other way round; a container is inside = true",
+        )
+
+
+def enclosed(corners: Floats, faces: Ints) -> float:
+    """Volume that the triangles of a closed surface enclose [m³]; negative where their fronts look inwards."""
+    a, b, c = (corners - corners.mean(axis=0))[faces].transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+
+FLAT = 2e-7
+"""Height of a triangle in parts of the size of its mesh, up to which it has no area."""
+
+
+class MeshRecord(NamedTuple):
+    """A tree of triangles; which side particles are on: 1 outside, −1 inside, 0 both; half the thickness of a sheet [m]."""
+
+    tree: BvhRecord
+    side: float
+    half: float
+
+
+def mesh_distance(c: Any, p: Particle) -> Any:
+    """The distance of a place from the surface on the side of the particles [m], and the unit normal there."""
+    d, side, x, y, z = nearest_triangle(c.tree, float(p.x), float(p.y), float(p.z))
+    sign = side * c.side if c.side != 0 else 1.0
+    turn = c.side if c.side != 0 else side
+    like = type(p.x)
+    return like(sign * d - c.half), like(turn * x), like(turn * y), like(turn * z)
+
+
+@law(gap, MeshRecord)
+def mesh_gap(c: MeshRecord, p: Particle) -> float:
+    return mesh_distance(c, p)[0] - p.r
+
+
+@law(normal, MeshRecord)
+def mesh_normal(c: MeshRecord, p: Particle) -> Vector:
+    _, x, y, z = mesh_distance(c, p)
+    return x, y, z
+
+
+@law(gap_and_normal, MeshRecord)
+def mesh_gap_and_normal(c: MeshRecord, p: Particle) -> tuple[float, Vector]:
+    d, x, y, z = mesh_distance(c, p)
+    return d - p.r, (x, y, z)
+
+
+@law(apart, MeshRecord)
+@outlined
+def mesh_apart(c: MeshRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    reach = longest(way_of(p, q, h)) + p.r
+    lower = coarse(c.tree, float(p.x), float(p.y), float(p.z))
+    free = lower * c.side if c.side != 0 else abs(lower)
+    if free - c.half > reach:
+        return True
+    return mesh_gap(c, p) + p.r > reach
+
+
+@law(first_contact, MeshRecord)
+@outlined
+def mesh_first_contact(c: MeshRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+    v = way_of(p, q, h)
+    one = type(p.x)(1)
+    w = Way(float(v.ux), float(v.uy), float(v.uz), float(v.cx), float(v.cy), float(v.cz))
+    x, y, z, size = float(p.x), float(p.y), float(p.z), float(p.r) + c.half
+    tiny = float(slack)
+    speed = float(longest(v))
+    side = c.side
+    if side == 0:
+        side = nearest_triangle(c.tree, x, y, z)[1]
+    begin = 0.0
+    for _ in range(MOST_GRAZES):
+        s = first_triangle(c.tree, w, x, y, z, begin, size, side, tiny)
+        if not s < 1:
+            return one
+        # it touches: on by some rounding errors, twice as far each time, until it is inside or has left again
+        ahead = tiny / speed
+        while s + ahead < 1:
+            g = gap(c, place_on(v, p, type(p.x)(s + ahead)))
+            if g < -slack:
+                return type(p.x)(s + ahead)
+            if g > 8 * slack:
+                break
+            ahead = 2 * ahead
+        begin = s + ahead
+        if not begin < 1:
+            return one
+    return one

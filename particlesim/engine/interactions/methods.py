@@ -1,0 +1,41 @@
+"""How forces of pairs are summed: the methods, and which one is taken where the scenario leaves it open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from particlesim.engine.interactions.interaction import Interaction, Site
+from particlesim.engine.interactions.near_pairs import near_pairs_of
+from particlesim.engine.interactions.pairs import pairs_of
+from particlesim.engine.interactions.tree.tree_pairs import tree_of
+from particlesim.interactions import PairSet
+
+METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
+    "direct": pairs_of,
+    "neighbours": near_pairs_of,
+    "tree": tree_of,
+}
+
+WORTH_LISTS = 300
+"""Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
+WORTH_A_TREE = 4_000
+"""Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
+
+
+def method_of(site: Site, pairs: PairSet) -> str:
+    """The method by which an interaction is summed among the particles of an island."""
+    if pairs.law.method != "auto":
+        return pairs.law.method
+    count = sum(site.state[name].count for name in pairs.groups)
+    ends = pairs.law.reach() is not None or pairs.law.touching()
+    if ends:
+        return "neighbours" if count > WORTH_LISTS else "direct"
+    return "tree" if count >= WORTH_A_TREE and pairs.law.lacks_multipoles() is None else "direct"
+
+
+def summed(site: Site, pairs: PairSet) -> Interaction:
+    """An interaction of pairs among the particles of an island, laid out for its method.
+
+    Raises UsageError for two at one place, if they have no force there.
+    """
+    return METHODS[method_of(site, pairs)](site, pairs)

@@ -1,0 +1,60 @@
+"""The files that colliders are in: read once, when the graph of a scenario is built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from particlesim.colliders.content import SolidFromFile, files_in
+from particlesim.errors import ResourceError, UsageError
+from particlesim.layouts.grid_file import read_grid
+from particlesim.layouts.mesh_formats import read_surface
+from particlesim.model.mistakes import Invalid
+from particlesim.model.mistakes import Path as Place
+from particlesim.model.spelling import did_you_mean
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    **dict.fromkeys((".obj", ".ply", ".stl"), read_surface),
+    **dict.fromkeys((".npy", ".png"), read_grid),
+}
+"""What reads a file, by its ending."""
+
+
+def open_colliders(scenario: Scenario) -> None:
+    """Read the files of colliders that have not been read.
+
+    Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known,
+    ResourceError where this machine has too little memory, which is no mistake of the scenario.
+    """
+    for k, collider in enumerate(scenario.colliders):
+        for where, solid in files_in(collider, ("colliders", k)):
+            if not solid.is_open:
+                _open(scenario, where, solid)
+
+
+def _open(scenario: Scenario, where: Place, solid: SolidFromFile) -> None:
+    path = Path(solid.path)
+    if not path.is_absolute() and scenario.folder is not None:
+        path = scenario.folder / path
+    try:
+        ending = path.suffix.lower()
+        if ending not in solid.endings:
+            raise UsageError(
+                f"a {solid.kind} is not read from a file with the ending {path.suffix!r}",
+                did_you_mean(ending, solid.endings) or f"known endings: {', '.join(solid.endings)}",
+            )
+        solid.take(READERS[ending](path))
+    except ResourceError:
+        raise
+    except UsageError as error:
+        if scenario.source is None:
+            raise
+        from particlesim.scenario.text.diagnose import scenario_error
+
+        raise scenario_error(
+            scenario.source, [Invalid(error.message, (*where, "path"), hint=error.hint)]
+        ) from None

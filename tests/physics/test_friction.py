@@ -1,0 +1,270 @@
+"""Coulomb friction against closed forms: at impacts, at rest and sliding on slopes, on belts, alone and in islands."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import EPS, G, points, simulate
+
+import particlesim as ps
+
+GRAVITY = [{"type": "gravity"}]
+STEPS = pytest.mark.parametrize("dt", [1e-2, 1e-3, 1e-4])
+
+
+def slope(angle: float, **plane: Any) -> dict[str, Any]:
+    """A plane through the origin that falls towards +x; no rebound."""
+    return {"normal": [math.sin(angle), math.cos(angle), 0], "restitution": 0.0} | plane
+
+
+def downhill(angle: float) -> np.ndarray:
+    return np.array([math.cos(angle), -math.sin(angle), 0])
+
+
+def slide(duration: float, dt: float, planes: list[Any], velocity: Any = (0, 0, 0), **more: Any) -> Any:
+    """A block that begins at the origin: its last position and velocity."""
+    block = points((0, 0, 0), velocity=[tuple(velocity)], radius=0.0)
+    final = simulate(duration, dt, particles=[block], forces=GRAVITY, planes=planes, **more).final
+    return final.position[0], final.velocity[0]
+
+
+# On a slope
+
+
+@STEPS
+@pytest.mark.parametrize("share", [0.2, 0.999])
+def test_a_block_holds_on_a_slope_below_its_friction_angle(dt: float, share: float) -> None:
+    angle = 0.5
+    position, velocity = slide(200 * dt, dt, [slope(angle, friction=math.tan(angle) / share)])
+    assert position.tolist() == [0, 0, 0]
+    assert velocity.tolist() == [0, 0, 0]
+
+
+@STEPS
+@pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "stormer_verlet"])
+def test_a_block_slides_on_a_slope_above_it(dt: float, method: str) -> None:
+    # a = g (sin θ − μ_k cos θ): x = ½ a t², v = a t. Static friction lets it start.
+    angle, static, kinetic = 0.6, 0.68, 0.4
+    assert math.tan(angle) > static
+    t = 200 * dt
+    position, velocity = slide(
+        t, dt, [slope(angle, friction={"static": static, "kinetic": kinetic})], method=method
+    )
+    a = G * (math.sin(angle) - kinetic * math.cos(angle))
+    assert position == pytest.approx(a * t * t / 2 * downhill(angle), rel=1e-11, abs=1e-14)
+    assert velocity == pytest.approx(a * t * downhill(angle), rel=1e-11, abs=1e-14)
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "backward_euler", "bdf2", "rk45"])
+def test_methods_of_low_order_and_own_steps_slide_as_they_fall(method: str) -> None:
+    # Euler's place is off by ½ a_free t dt; the velocity is right.
+    angle, mu, dt, t = 0.6, 0.4, 1e-3, 0.5
+    position, velocity = slide(t, dt, [slope(angle, friction=mu)], method=method)
+    a = G * (math.sin(angle) - mu * math.cos(angle))
+    assert velocity == pytest.approx(a * t * downhill(angle), rel=1e-6)
+    assert position == pytest.approx(a * t * t / 2 * downhill(angle), abs=G * math.sin(angle) * t * dt)
+
+
+def test_static_friction_holds_where_kinetic_would_not() -> None:
+    angle = 0.5
+    mu = {"static": math.tan(angle) * 1.01, "kinetic": 0.1}
+    assert slide(1.0, 0.01, [slope(angle, friction=mu)])[0].tolist() == [0, 0, 0]
+    started = slide(1.0, 0.01, [slope(angle, friction=mu)], velocity=1e-3 * downhill(angle))[0]
+    a = G * (math.sin(angle) - 0.1 * math.cos(angle))
+    assert started == pytest.approx((1e-3 + a / 2) * downhill(angle), rel=1e-10)
+
+
+@STEPS
+def test_a_block_slides_up_a_slope_stops_in_mid_step_and_stays(dt: float) -> None:
+    # It stops after v²/(2 g (sin θ + μ cos θ)).
+    angle, mu, v = 0.3, 0.5, 1.0
+    position, velocity = slide(100 * dt if dt > 5e-3 else 0.3, dt, [slope(angle, friction=mu)], -v * downhill(angle))
+    up = v * v / (2 * G * (math.sin(angle) + mu * math.cos(angle)))
+    assert velocity.tolist() == [0, 0, 0]
+    assert position == pytest.approx(-up * downhill(angle), rel=1e-12)
+
+
+@STEPS
+def test_a_block_slides_up_a_slope_and_down_again(dt: float) -> None:
+    angle, mu, v = 0.7, 0.3, 1.0
+    rise, fall = (G * (math.sin(angle) + s * mu * math.cos(angle)) for s in (1, -1))
+    position, velocity = slide(0.4, dt, [slope(angle, friction=mu)], -v * downhill(angle))
+    s = 0.4 - v / rise
+    assert velocity == pytest.approx(fall * s * downhill(angle), rel=1e-10)
+    assert position == pytest.approx((-v * v / (2 * rise) + fall * s * s / 2) * downhill(angle), rel=1e-10)
+
+
+def test_a_puck_on_a_slope_curls_as_it_should() -> None:
+    # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck that
+    # is pushed across ends downhill with half of its speed.
+    angle, v = 0.4, 1.0
+    mu = math.tan(angle)
+    ends = []
+    for dt in (4e-3, 2e-3, 1e-3):
+        _, velocity = slide(4.0, dt, [slope(angle, friction=mu)], (0, 0, v))
+        ends.append(float(velocity @ downhill(angle)))
+        assert np.linalg.norm(velocity) + ends[-1] == pytest.approx(v, rel=3 * dt / 1e-1)
+    assert ends[-1] == pytest.approx(v / 2, abs=5e-3)
+
+
+# Impacts
+
+
+@pytest.mark.parametrize(("mu", "left"), [(0.1, None), (5.0, 0.0), (0.0, None)])
+def test_an_impact_takes_at_most_mu_times_its_impulse(mu: float, left: float | None) -> None:
+    # v_t' = v_t (1 − μ (1 + e) |v_n|/|v_t|), not below zero
+    e, v = 0.5, np.array([3.0, -2.0, 4.0])
+    block = points((0, 1, 0), velocity=[tuple(v)], radius=0.0)
+    final = simulate(1.0, 0.2, particles=[block], planes=[{"restitution": e, "friction": mu}]).final
+    keep = max(0.0, 1 - mu * (1 + e) * 2 / 5) if left is None else left
+    assert final.velocity[0] == pytest.approx([3 * keep, 1, 4 * keep], abs=1e-14)
+    assert final.position[0] == pytest.approx([1.5 * (1 + keep), 0.5, 2 * (1 + keep)], abs=1e-13)
+
+
+def test_bounces_slow_a_ball_as_lasting_contact_does() -> None:
+    # The normal impulses of a fall and all its bounces add up to the weight times the time: in the end a ball that never
+    # stopped sliding has lost μ g t, whatever its bounces, but for what is in the air.
+    mu, v, e, height = 0.1, 5.0, 0.5, 0.05
+    block = points((0, height, 0), velocity=[(v, 0, 0)], radius=0.0)
+    final = simulate(
+        2.0, 1e-3, particles=[block], forces=GRAVITY, planes=[{"restitution": e, "friction": mu}]
+    ).final
+    assert final.position[0, 1] == pytest.approx(0, abs=1e-12)
+    assert final.velocity[0, 0] == pytest.approx(v - mu * G * 2.0, rel=1e-6)
+
+
+def test_the_time_of_zeno() -> None:
+    # All bounces end after t0 (1 + e)/(1 − e); before, the ball hops, and after, it lies.
+    e, height = 0.8, 0.5
+    t0 = math.sqrt(2 * height / G)
+    zeno = t0 * (1 + e) / (1 - e)
+    rested = []
+    for t in (0.97 * zeno, 1.01 * zeno):
+        final = simulate(
+            t, t / 2000, particles=[points((0, height, 0), radius=0.0)], forces=GRAVITY, planes=[{"restitution": e}]
+        ).final
+        rested.append(final.position[0, 1] <= 1e-12 and final.velocity[0, 1] == 0)
+    assert rested == [False, True]
+
+
+@pytest.mark.parametrize(("v", "e"), [(0.5, 0.8), (1.0, 0.8), (16.0, 0.4), (1e4, 0.08)])
+def test_restitution_falls_with_speed(v: float, e: float) -> None:
+    # e = 0.8 up to 1 m/s, and 0.8 (v/1 m/s)^(−1/4) above
+    falling = {"value": 0.8, "speed": 1.0}
+    block = points((0, v / 2, 0), velocity=[(0, -v, 0)], radius=0.0)
+    final = simulate(1.0, 0.1, particles=[block], planes=[{"restitution": falling}]).final
+    assert final.velocity[0, 1] == pytest.approx(e * v, rel=1e-14)
+
+
+# Surfaces that run
+
+
+@STEPS
+def test_a_belt_takes_a_block_along(dt: float) -> None:
+    # It slips for u/(μ g), then rides.
+    mu, u, t = 0.5, 1.0, 0.5
+    position, velocity = slide(t, dt, [slope(0, friction=mu, surface_velocity=[u, 0, 0])])
+    slip = u / (mu * G)
+    assert velocity == pytest.approx([u, 0, 0], abs=1e-15)
+    assert position == pytest.approx([u * t - u * slip / 2, 0, 0], rel=1e-12, abs=1e-15)
+
+
+def test_a_belt_carries_a_block_uphill() -> None:
+    angle, u = 0.2, 0.7
+    belt = slope(angle, friction=0.5, surface_velocity=list(-u * downhill(angle)))
+    position, velocity = slide(2.0, 0.01, [belt], velocity=-u * downhill(angle))
+    assert position == pytest.approx(-2 * u * downhill(angle), rel=1e-12)
+    assert velocity == pytest.approx(-u * downhill(angle), rel=1e-13)
+
+
+# Several colliders
+
+
+def test_what_slides_into_a_wall_rebounds_from_it() -> None:
+    # Rest on the floor does not swallow the impact at the wall.
+    planes = [slope(0), {"normal": [-1, 0, 0], "point": [1, 0, 0], "restitution": 1.0}]
+    position, velocity = slide(0.88, 0.01, planes, (2.0, 0, 0))
+    assert velocity.tolist() == [-2, 0, 0]
+    assert position == pytest.approx([2 - 1.76, 0, 0], abs=1e-8)
+
+
+@pytest.mark.parametrize("opening", [0.6, 1.2, 2.0, 2.8])
+def test_a_ball_slides_along_a_groove(opening: float) -> None:
+    # Two planes, a groove that falls along z by 0.3 rad: a = g sin 0.3 without friction.
+    half, fall = opening / 2, 0.3
+    def turned(x: float, y: float) -> list[float]:
+        return [x, y * math.cos(fall), y * math.sin(fall)]
+    planes = [
+        {"normal": turned(s * math.cos(half), math.sin(half)), "restitution": 0.0} for s in (1, -1)
+    ]
+    position, velocity = slide(0.5, 0.005, planes)
+    a = G * math.sin(fall)
+    way = np.array([0, -math.sin(fall), math.cos(fall)])
+    assert velocity == pytest.approx(a * 0.5 * way, rel=1e-6, abs=1e-9)
+    assert position == pytest.approx(a * 0.125 * way, rel=1e-6, abs=1e-9)
+
+
+# Islands of springs
+
+
+@pytest.mark.parametrize("integrator", ["velocity_verlet", "backward_euler"])
+def test_a_block_of_springs_slides_and_holds_as_a_rigid_one(integrator: str) -> None:
+    angle, dt, t = 0.5, 2e-4, 0.3
+    for mu, a in ((0.3, G * (math.sin(angle) - 0.3 * math.cos(angle))), (0.8, 0.0)):
+        base = np.array([[x, 0.0, z] for x in (0.0, 0.1) for z in (0.0, 0.1)])
+        body = np.vstack([base, base + [0, 0.1, 0]])
+        turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]).T
+        pairs = [[i, j] for i in range(8) for j in range(i)]
+        block = {
+            "name": "block",
+            "layout": {"type": "points", "position": (body @ turn.T).tolist()},
+            "mass": 0.1,
+            "radius": 0.0,
+        }
+        final = simulate(
+            t,
+            dt,
+            particles=[block],
+            forces=GRAVITY,
+            springs=[{"on": "block", "pairs": pairs, "stiffness": 2e5, "damping": 5.0}],
+            planes=[slope(angle, friction=mu)],
+            method=integrator,
+        ).final
+        moved = (final.position - body @ turn.T).mean(axis=0) @ downhill(angle)
+        speed = final.velocity.mean(axis=0) @ downhill(angle)
+        # It sinks into its springs at the start: some 10 µm.
+        assert moved == pytest.approx(a * t * t / 2, abs=1e-4)
+        assert speed == pytest.approx(a * t, abs=2e-3)
+
+
+def test_kinetic_friction_at_rest_takes_energy_as_its_work_says() -> None:
+    result = simulate(
+        0.4, 1e-3, particles=[points((0, 0, 0), velocity=[(3.0, 0, 0)], radius=0.0, mass=2.0)],
+        forces=GRAVITY, planes=[slope(0, friction=0.3)],
+    )
+    v = 3 - 0.3 * G * 0.4
+    assert result.final.velocity[0] == pytest.approx([v, 0, 0], rel=1e-12)
+
+
+# What may be said
+
+
+@pytest.mark.parametrize(
+    ("plane", "said"),
+    [
+        ({"friction": -0.1}, "must be at least 0"),
+        ({"restitution": 1.1}, "must be at most 1"),
+        ({"restitution": {"value": 1.2, "speed": 1}}, "must be at most 1"),
+        ({"friction": {"static": 0.4}}, "kinetic"),
+        ({"friction": 0.3, "detection": "discrete"}, 'detection = "continuous"'),
+        ({"friction": 0.3, "contact": "kill"}, "acts only with contact"),
+        ({"surface_velocity": [1, 0, 0]}, "there is neither"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(plane: dict[str, Any], said: str) -> None:
+    with pytest.raises(ps.ScenarioError) as refused:
+        slide(0.1, 0.01, [plane])
+    assert said in str(refused.value)

@@ -1,0 +1,154 @@
+"""Meshes, height fields and shapes that are put together: what is read, what is refused, and that nothing gets through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from simulate import EPS, G, points
+from support import careful, columns, position, program, run, velocity
+
+import particlesim as ps
+from particlesim.colliders import DifferenceCollider, MeshCollider
+from particlesim.colliders.box import Box
+from particlesim.colliders.cylinder import Cylinder
+from particlesim.laws.registry import Particle, gap
+
+
+def ball(path: Path, change: Any = None) -> None:
+    """A file with a ball of radius 1 of 320 triangles, changed before it is written."""
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    if change is not None:
+        vertices, faces = change(vertices, faces)
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+
+
+def scenario(tmp_path: Path, *colliders: dict[str, Any], **tables: Any) -> ps.Scenario:
+    (tmp_path / "s.toml").write_text("format = 1\n[simulation]\nduration = 1\ndt = 0.01\n")
+    overrides = {
+        "particles": [points((0, 3, 0), name="grain", radius=0.05)],
+        "forces": [{"type": "gravity"}],
+        "colliders": list(colliders),
+        **tables,
+    }
+    return ps.load(tmp_path / "s.toml", overrides)
+
+
+def test_a_grain_bounces_off_the_top_of_a_mesh(tmp_path: Path) -> None:
+    # A cube of edge 2: a fall of 3 − 1 − 0.05 m, and up again by e² of it.
+    trimesh.creation.box(extents=(2, 2, 2)).export(tmp_path / "cube.stl")
+    h, e = 3 - 1 - 0.05, 0.5
+    t = np.sqrt(2 * h / G)
+    made = scenario(
+        tmp_path,
+        {"type": "mesh", "path": "cube.stl", "restitution": e},
+        simulation={"duration": t * (1 + e), "dt": t / 100, "integrator": "velocity_verlet"},
+    )
+    final = ps.run(made).final
+    assert final.position[0] == pytest.approx([0, 1.05 + e * e * h, 0], abs=1e-10)
+    assert final.velocity[0] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+def test_open_and_inside_out_meshes_are_no_solids(tmp_path: Path) -> None:
+    ball(tmp_path / "open.ply", lambda v, f: (v, f[3:]))
+    ball(tmp_path / "inverted.ply", lambda v, f: (v, f[:, ::-1]))
+    ball(tmp_path / "mixed.ply", lambda v, f: (v, np.concatenate([f[:1, ::-1], f[1:]])))
+    for name, why in (("open", "is open"), ("inverted", "inside out"), ("mixed", "is open|differently")):
+        with pytest.raises(ps.UsageError, match=why):
+            ps.run(scenario(tmp_path, {"type": "mesh", "path": f"{name}.ply"}))
+    result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "open.ply", "thickness": 1e-3}))
+    assert result.final.position[0, 1] > 1
+    with pytest.raises(ps.ScenarioError, match="a sheet has no inside"):
+        scenario(tmp_path, {"type": "mesh", "path": "open.ply", "thickness": 1e-3, "inside": True})
+    with pytest.raises(ps.UsageError, match="does not exist"):
+        ps.run(scenario(tmp_path, {"type": "mesh", "path": "none.ply"}))
+    with pytest.raises(ps.UsageError, match="not read from a file"):
+        ps.run(scenario(tmp_path, {"type": "mesh", "path": "open.png"}))
+
+
+def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
+    # A corner is put on the middle of an edge, and the flat triangle that closes the gap has no area.
+    def split(v: NDArray[Any], f: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        a, b, _ = f[0]
+        other = next(k for k, t in enumerate(f) if k and a in t and b in t)
+        c = next(k for k in f[other] if k not in (a, b))
+        v = np.concatenate([v, [(v[a] + v[b]) / 2]])
+        m = len(v) - 1
+        extra = [[b, a, m], [m, a, c], [b, m, c]]
+        kept = np.delete(f, other, axis=0)
+        return v, np.concatenate([kept, extra])
+
+    ball(tmp_path / "flat.ply", split)
+    result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "flat.ply", "thickness": 1e-3}))
+    assert any("1 of its triangles have no area" in line for line in result.warnings)
+
+
+def test_a_height_field_is_the_ground(tmp_path: Path) -> None:
+    # A plane slope y = x/2: without friction a grain at rest on it gains g sin θ t along it.
+    x = np.linspace(-2, 2, 9)
+    np.save(tmp_path / "slope.npy", np.broadcast_to(x / 2, (5, 9)))
+    n = np.array([-0.5, 1, 0]) / np.sqrt(1.25)
+    start = np.array([1.0, 0.5, 0]) + 0.05 * n
+    made = scenario(
+        tmp_path,
+        {"type": "height_field", "path": "slope.npy", "size": [4, 2], "height": 1.0, "restitution": 0},
+        particles=[points(tuple(start), name="grain", radius=0.05)],
+        simulation={"duration": 0.5, "dt": 0.01, "integrator": "velocity_verlet"},
+    )
+    final = ps.run(made).final
+    along = np.array([-1, -0.5, 0]) / np.sqrt(1.25)
+    assert final.velocity[0] == pytest.approx(G / np.sqrt(5) * 0.5 * along, abs=1e-9)
+    assert final.position[0] == pytest.approx(start + G / np.sqrt(5) * 0.125 * along, abs=1e-9)
+
+
+def test_a_picture_is_a_height_field(tmp_path: Path) -> None:
+    from PIL import Image
+
+    Image.fromarray(np.full((4, 6), 128, np.uint8)).save(tmp_path / "grey.png")
+    made = scenario(
+        tmp_path,
+        {"type": "height_field", "path": "grey.png", "size": [4, 2], "height": 2.0, "contact": "stick"},
+    )
+    assert ps.run(made).final.position[0, 1] == pytest.approx(2 * 128 / 255 + 0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize("sheet", [False, True])
+@pytest.mark.parametrize("speed", [1.0, 1e5])
+def test_nothing_passes_through_a_mesh(sheet: bool, speed: float) -> None:
+    mesh = MeshCollider(path="ball.ply", thickness=1e-4 if sheet else None)
+    ico = trimesh.creation.icosphere(subdivisions=3)
+    mesh.take((np.array(ico.vertices), np.array(ico.faces)))
+    rng = np.random.default_rng(5)
+    n = 300
+    x, target = rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+    x *= rng.uniform(1.3, 2, n)[:, None] / np.linalg.norm(x, axis=1)[:, None]
+    target *= rng.uniform(0, 0.95, n)[:, None] / np.linalg.norm(target, axis=1)[:, None]
+    way = (target - x) / np.linalg.norm(target - x, axis=1)[:, None]
+    for radius in (0.0, 0.02):
+        c = columns(x, speed * way, radius=radius)
+        contacts = careful(continuous=[mesh.record()], reach=1.0, tolerance=16 * EPS)
+        run(program("velocity_verlet", (), contacts), c, 1, 6 / speed)
+        assert (np.linalg.norm(position(c), axis=1) > 2).all()  # all came back, and none went on as it was
+        assert (np.linalg.norm(position(c) - x - 6 * way, axis=1) > 1e-3).all()
+        np.testing.assert_allclose(np.linalg.norm(velocity(c), axis=1), speed, rtol=1e-12)
+
+
+def test_a_hole_lets_through_what_fits() -> None:
+    # A plate with a round hole: grains above the hole fall through, grains beside it do not.
+    plate = DifferenceCollider(
+        of=(Box(size=(2, 0.2, 2)), Cylinder(start=(0, -1, 0), end=(0, 1, 0), radius=0.3)), restitution=0.0
+    )
+    x = np.array([[r, 0.5, 0.0] for r in (0.0, 0.2, 0.24, 0.26, 0.5, 0.9)])
+    c = columns(x, np.tile([0.0, -5.0, 0.0], (6, 1)), radius=0.05)
+    contacts = careful(continuous=[plate.record()], reach=2.0, tolerance=16 * EPS)
+    run(program("velocity_verlet", (), contacts), c, 100, 0.003)
+    assert (c.y[:3] < -0.5).all()
+    assert c.y[3:] == pytest.approx(0.15, abs=1e-12)
+    for k in range(6):
+        p = Particle(c.x[k], c.y[k], c.z[k], 0, 0, 0, 1, 0.05, 0, 0)
+        assert gap(plate.shape(), p) >= -1e-12

@@ -1,0 +1,208 @@
+"""Laws of pairs at work: the thermostat's temperature, its random numbers, flocks, formulas, and mixing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import points, table
+
+import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.laws.scatter import kick
+
+
+def simulation_of(steps: int, dt: float, threads: int = 1, **parts: Any) -> Simulation:
+    return Simulation(ps.from_table(table(steps * dt, dt, **parts)), threads=threads)
+
+
+def fluid(**law: Any) -> dict[str, Any]:
+    """150 particles in a harmonic well, all of which feel each other's friction."""
+    return {
+        "particles": [
+            {
+                "name": "fluid",
+                "mass": 1.0,
+                "layout": {"type": "random", "count": 150, "shape": {"type": "ball", "radius": 1}},
+            }
+        ],
+        "forces": [{"type": "point_spring", "stiffness": 2.0}],
+        "interactions": [
+            {"type": "friction", "coefficient": 1.0, "range": 3.0, "boltzmann": 1.0, **law},
+        ],
+    }
+
+
+def test_the_thermostat_brings_every_direction_to_its_temperature() -> None:
+    # Equipartition: m ⟨v²⟩ = k_B T in each direction, in the frame of the centre of mass, which pair forces leave alone.
+    # Relaxation takes some 1/(γ n w²/m) ≈ 1/20 time units, so that 60 moments 0.2 apart are independent: the mean square of
+    # 149 · 60 normal numbers has a relative error of √(2/8940) = 1.5 %; four times that, and 1 % for the step.
+    simulation = simulation_of(2600, 0.005, seed=5, **fluid(temperature=0.5))
+    simulation.advance_to(200)
+    found = []
+    for k in range(60):
+        simulation.advance_to(200 + 40 * (k + 1))
+        v = simulation.states[0].velocity
+        found.append(((v - v.mean(axis=0)) ** 2).sum(axis=0) / 149)
+    simulation.close()
+    np.testing.assert_allclose(np.mean(found, axis=0), 0.5, rtol=0.07)
+
+
+def test_the_thermostat_keeps_momentum() -> None:
+    parts = fluid(temperature=0.5)
+    parts.pop("forces")
+    simulation = simulation_of(100, 0.005, **parts)
+    simulation.advance_to(100)
+    v = simulation.states[0].velocity
+    assert np.abs(v.sum(axis=0)).max() < 1e-12 * np.abs(v).sum()
+    simulation.close()
+
+
+def test_friction_alone_takes_what_the_ledger_says() -> None:
+    parts = fluid()
+    parts["forces"] = []
+    simulation = simulation_of(50, 0.002, output={"work": True, "ledger": True}, **parts)
+    simulation.states[0].v[:] = np.random.default_rng(1).normal(size=(3, 150))
+    before = simulation.ledger()
+    simulation.advance_to(50)
+    after = simulation.ledger()
+    lost = after["kinetic"] - before["kinetic"]
+    assert lost < -0.1 * before["kinetic"]
+    # Simpson's rule along the path of a first-order method: the work is right to that order
+    assert after["work.friction"] == pytest.approx(lost, rel=0.02)
+    simulation.close()
+
+
+def test_kicks_are_the_same_for_any_number_of_threads_and_for_a_seed() -> None:
+    found = []
+    for threads, seed in ((1, 3), (2, 3), (1, 4)):
+        parts = fluid(temperature=0.5)
+        parts["particles"][0]["layout"]["count"] = 1100
+        parts["interactions"][0]["range"] = 0.2
+        simulation = simulation_of(3, 0.005, threads, seed=seed, **parts)
+        simulation.advance_to(3)
+        found.append(simulation.states[0].v.tobytes())
+        simulation.close()
+    assert found[0] == found[1] != found[2]
+
+
+def test_random_numbers_of_pairs_are_uniform_and_independent() -> None:
+    # 2016 numbers: means and correlations have an error of 1/√2016 = 0.022, variances of √(0.8/2016) = 0.02
+    first = np.array([kick(7, 3, i, j) for i in range(64) for j in range(i)])
+    later = np.array([kick(7, 4, i, j) for i in range(64) for j in range(i)])
+    other = np.array([kick(8, 3, i, j) for i in range(64) for j in range(i)])
+    for numbers in (first, later, other):
+        assert abs(numbers.mean()) < 0.1
+        assert numbers.var() == pytest.approx(1, abs=0.1)
+        assert np.abs(numbers).max() <= math.sqrt(3)
+    for a, b in ((first, later), (first, other), (first[1:], first[:-1])):
+        assert abs((a * b).mean()) < 0.1
+    assert kick(7, 3, 5, 9) == kick(7, 3, 9, 5)
+
+
+def test_a_flock_comes_to_fly_one_way_and_keeps_its_distance() -> None:
+    parts = {
+        "particles": [
+            {
+                "name": "birds",
+                "mass": 1.0,
+                "layout": {
+                    "type": "random",
+                    "count": 60,
+                    "shape": {"type": "ball", "radius": 2},
+                    "speed": {"distribution": "uniform", "low": 0, "high": 2},
+                },
+            }
+        ],
+        "interactions": [
+            {
+                "type": "flocking",
+                "sight": 5.0,
+                "distance": 0.6,
+                "separation": 4.0,
+                "alignment": 0.5,
+                "cohesion": 0.05,
+            }
+        ],
+    }
+    parts["particles"][0]["layout"].pop("speed")
+    simulation = simulation_of(600, 0.01, **parts)
+    simulation.states[0].v[:] = np.random.default_rng(2).normal(1, 1, (3, 60))
+    mean = simulation.states[0].velocity.mean(axis=0)
+    simulation.advance_to(600)
+    v, x = simulation.states[0].velocity, simulation.states[0].position
+    np.testing.assert_allclose(
+        v.mean(axis=0), mean, rtol=1e-12
+    )  # what one does to another, that one does to it
+    assert np.abs(v - mean).max() < 0.1
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2) + 10 * np.eye(60)
+    assert apart.min() > 0.3
+    simulation.close()
+
+
+def test_a_formula_is_the_law_that_it_writes() -> None:
+    group = points((0, 0, 0), (1.1, 0.2, 0), (0.3, 1.0, 0.7), name="atoms", mass=1.0)
+    written = {
+        "type": "formula",
+        "potential": "4*e0*((s/r)**12 - (s/r)**6)",
+        "constants": {"e0": 0.7, "s": 0.9},
+    }
+    plain = {"type": "lennard_jones", "epsilon": 0.7, "sigma": 0.9}
+    found = []
+    for law in (written, plain):
+        simulation = simulation_of(1, 0.01, particles=[group], interactions=[law])
+        found.append((simulation.islands[0].forces(0.0), simulation.ledger()[f"potential.{law['type']}"]))
+        simulation.close()
+    np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-12, atol=1e-12)
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-13)
+
+
+def test_groups_mix_by_lorentz_and_berthelot() -> None:
+    # an argon and a krypton atom at their mixed minimum, 2^(1/6) (σ₁ + σ₂)/2, have the energy −√(ε₁ ε₂) and feel no force
+    epsilon, sigma = {"argon": 1.0, "krypton": 1.69}, {"argon": 0.8, "krypton": 1.2}
+    r = 2 ** (1 / 6) * 1.0
+    simulation = simulation_of(
+        1,
+        0.01,
+        particles=[
+            points((0, 0, 0), name="argon", mass=1.0),
+            points((r, 0, 0), name="krypton", mass=2.0),
+        ],
+        interactions=[{"type": "lennard_jones", "epsilon": epsilon, "sigma": sigma}],
+    )
+    assert simulation.ledger()["potential.lennard_jones"] == pytest.approx(-1.3, rel=1e-14)
+    assert np.abs(simulation.islands[0].forces(0.0)).max() < 1e-13 * 24 * 1.3
+    simulation.close()
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ({"type": "coulomb"}, "needs a charge, and the particles of 'b' have none"),
+        ({"type": "gravity", "between": ["a", "c"]}, "unknown group 'c'"),
+        ({"type": "gravity", "between": ["a", "a"]}, "names one group twice"),
+        ({"type": "gravity", "on": ["a"], "between": ["a", "b"]}, "contradict each other"),
+        ({"type": "gravity"}, "particle 1 of 'a' and particle 0 of 'b' are at the same place"),
+        ({"type": "gravity", "shift": "force"}, "a shift needs a cutoff"),
+        ({"type": "lennard_jones", "epsilon": {"a": 1}, "sigma": 1}, "epsilon of 'b' is missing"),
+        ({"type": "lennard_jones", "epsilon": {"a": 1, "b": 1, "c": 2}, "sigma": 1}, "'c' is no group"),
+        ({"type": "formula", "potential": "m1/r"}, "which of the two is the first"),
+        ({"type": "formula", "potential": "x + r"}, "x"),
+        ({"type": "flocking", "sight": 1, "distance": 2}, "beyond their sight"),
+    ],
+)
+def test_what_cannot_be_is_told_before_the_run(law: dict[str, Any], said: str) -> None:
+    groups = [
+        points((0, 0, 0), (1, 0, 0), name="a", mass=1.0, charge=1.0),
+        points((1, 0, 0), name="b", mass=1.0),
+    ]
+    with pytest.raises(ps.UsageError) as caught:
+        simulation_of(1, 0.01, particles=groups, interactions=[law])
+    assert said in str(caught.value)
+
+
+def test_random_kicks_need_a_method_that_takes_one_a_step() -> None:
+    with pytest.raises(ps.ScenarioError, match="random kicks, one for each step, which rk4 cannot take"):
+        ps.from_table(table(1, 0.01, "rk4", **fluid(temperature=1.0)))
