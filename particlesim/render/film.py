@@ -90,11 +90,15 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball."""
+    """All other shapes among the colliders: containers and whatever is no ball; and rigid bodies."""
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
         if isinstance(each, Solid) and (hollow or not isinstance(each, SphereCollider)):
             surface = each.triangles()
             shapes.append(MeshShape(surface.corners, surface.faces, hollow))
+    groups = [group.name for group in scenario.groups]
+    for body in scenario.bodies:
+        surface = body.shape.triangles()
+        shapes.append(MeshShape(surface.corners, surface.faces, group=groups.index(body.name)))
     return tuple(shapes)

@@ -97,6 +97,9 @@ class BaseIsland:
             for source, state in zip(self._sources, self.states, strict=True)
         ]
 
+    def begin(self, team: Team) -> None:
+        """Find out what needs to be known before the first step. Raises UsageError where it cannot be as was asked for."""
+
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
         raise NotImplementedError
