@@ -30,7 +30,7 @@ from particlesim.forces import FORCES, SURFACE_FORCES, Force
 from particlesim.forces.drag import Atmosphere
 from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.groups.impulse import Impulse
-from particlesim.groups.motion import Waypoint
+from particlesim.groups.motion import Spin, Waypoint
 from particlesim.integrators import METHODS
 from particlesim.interactions import INTERACTIONS, PairInteraction
 from particlesim.layouts import LAYOUTS
@@ -128,6 +128,8 @@ def parts() -> Iterator[str]:
     yield from section(Scenario, "motions")
     yield "### Waypoint"
     yield summary(Waypoint) + "\n\n" + table(Waypoint)
+    yield "### Spin"
+    yield summary(Spin) + "\n\n" + table(Spin)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
     yield "## `[[colliders]]`"

@@ -24,7 +24,7 @@ from particlesim.forces import Force
 from particlesim.forces.drag import Atmosphere
 from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.groups.impulse import Impulse
-from particlesim.groups.motion import Motion, Waypoint
+from particlesim.groups.motion import Motion, Spin, Waypoint
 from particlesim.integrators import MethodName, Options
 from particlesim.interactions import PairInteraction
 from particlesim.layouts import Layout
@@ -58,6 +58,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Impulse, "[impulses](#impulses)"),
     (Motion, "[motions](#motions)"),
     (Waypoint, "[waypoint](#waypoint)"),
+    (Spin, "[spin](#spin)"),
     (Check, "[checks](#checks)"),
     (Layout, "[layout](#layouts)"),
     (Shape, "[shape](#shapes)"),

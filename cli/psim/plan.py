@@ -31,7 +31,7 @@ def plan(
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
     from particlesim.integrators import method_for
-    from particlesim.preflight.advice import advice, sliding
+    from particlesim.preflight.advice import advice, long_sums, sliding
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
@@ -60,7 +60,7 @@ def plan(
         "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
-        "advice": [*doubts, *advice(scenario), *sliding(scenario)],
+        "advice": [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)],
     }
 
 

@@ -141,8 +141,9 @@ def _with_grid(tree: BvhRecord, number: int) -> BvhRecord:
     fine = int(np.clip(np.cbrt(8.0 * number), 8, CELLS))
     cell = (longest + 2 * margin) / fine
     shape = np.maximum(np.ceil((high - low + 2 * margin) / cell), 1).astype(int)
-    bounds, hints = np.empty(tuple(shape), np.float32), np.empty(tuple(shape), np.int32)
-    corner = 0.5 * (low + high - shape * cell)
+    sides = tuple(int(side) for side in shape)
+    bounds, hints = np.empty(sides, np.float32), np.empty(sides, np.int32)
+    corner: Floats = 0.5 * (low + high - shape * cell)
     x, y, z = (float(v) for v in corner)
     tree = tree._replace(low=(x, y, z), cell=cell)
     fill_bounds(tree, bounds, hints)

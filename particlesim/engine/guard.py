@@ -35,7 +35,7 @@ LIGHT = 299_792_458.0
 class Guard:
     """Looks at every frame whether islands are still in their senses.
 
-    An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
+    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential that
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
     method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since nothing is left
     that would take it back. Islands that start inside of a collider begin after a step, which puts them on it; others begin
@@ -179,6 +179,8 @@ def _closed(structure: Island) -> bool:
     return (
         not any(each.feeds for each in structure.interactions)
         and not any(structure.motions)
+        and not any(each.surface_velocity for colliders in structure.colliders for each in colliders)
+        and all(c.motion is None for colliders in structure.colliders for c in colliders)
         and all(
             not isinstance(group, Emitter) and all(_conserves(law) for law in forces)
             for group, forces in zip(structure.groups, structure.forces, strict=True)

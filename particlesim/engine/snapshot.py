@@ -23,6 +23,7 @@ from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.layout import Layout
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
@@ -66,30 +67,14 @@ FOLLOWS: dict[type, frozenset[str]] = {
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *(
-                "names",
-                "parts",
-                "kept_from",
-                "_joined",
-                "_booking",
-                "_bounds",
-                "_driven",
-                "_scenario",
-                "_structure",
-            ),
-            *(
-                "_kept",
-                "_pinned",
-                "_method",
-                "_shares",
-                "_staged",
-                "_step",
-                "rods",
-                "_site",
-                "_sets",
-                "_cooling",
-                "_work",
-            ),
+            *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
+            *("_books", "_kept", "_method"),
+        }
+    ),
+    Layout: frozenset(
+        {
+            *("bounds", "parts", "driven", "constraint", "work", "count", "dtype", "effort"),
+            *("_cooling", "_method", "_shares"),
         }
     ),
     Roster: frozenset(("number", "pairs", "rest")),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
@@ -23,9 +24,6 @@ from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
-
-
-AnyIsland = IndependentIsland | CoupledIsland | RigidIsland
 
 
 class World:
@@ -45,7 +43,7 @@ class World:
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
 
-    def _populate(self, block: int | None) -> list[AnyIsland]:
+    def _populate(self, block: int | None) -> list[BaseIsland]:
         emitters = [group for group in self.scenario.groups if isinstance(group, Emitter)]
         states: dict[str, GroupState] = {}
         first_id = 0
@@ -53,13 +51,14 @@ class World:
             for group in island.groups:
                 if not isinstance(group, Emitter):
                     states[group.name] = populate(self.scenario, island, group)
-        for group in (*self.scenario.particles, *self.scenario.bodies):  # ids run through the groups in the scenario's order
+        # Ids run through the groups in the scenario's order.
+        for group in (*self.scenario.particles, *self.scenario.bodies):
             state = states[group.name]
             state.id[: state.count] += first_id
             first_id += state.count
         # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
         ids = {group.name: (first_id + k, len(emitters)) for k, group in enumerate(emitters)}
-        islands: list[AnyIsland] = []
+        islands: list[BaseIsland] = []
         extra = {} if block is None else {"block": block}
         for island in self.graph.islands:
             mine = [

@@ -20,7 +20,7 @@ from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
-from particlesim.scenario.collider_files import open_colliders
+from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -54,7 +54,8 @@ Interaction = BondSet | HingeSet | SurfaceSet | PairSet
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. Independent particles have no interactions and no rods."""
+    """Groups that step together, with all that acts on them. Independent particles have no interactions and no
+    constraints (rods)."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
@@ -62,12 +63,12 @@ class Island:
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
-    rods: tuple[RodSet, ...] = ()
+    constraints: tuple[RodSet, ...] = ()
 
     @property
     def coupled(self) -> bool:
         """Whether its particles step together: they act on each other, or their method has one step for all."""
-        return bool(self.interactions or self.rods) or self.method.together
+        return bool(self.interactions or self.constraints) or self.method.together
 
     @property
     def rigid(self) -> bool:
@@ -154,7 +155,13 @@ def build_graph(scenario: Scenario) -> Graph:
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
     for k, motion in enumerate(scenario.motions):
         what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
-        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
+        if motion.collider is not None:
+            turn = "" if motion.spin is None else f"{motion.spin.rate:g} rad/s"
+            way = "" if motion.path is None and motion.waypoints is None else what
+            led = f"collider {motion.collider}: {' and '.join(each for each in (way, turn) if each)}"
+            act(Node("motion", motion.name or str(k), led), "leads", [])
+        else:
+            act(Node("motion", motion.name or str(k), what), "leads", [motion.on or ""])
     islands = _islands(scenario)
     recorder = Node(
         "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"

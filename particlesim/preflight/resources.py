@@ -16,7 +16,7 @@ from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.sampling.distributions import largest
-from particlesim.scenario.reach import may_break, mortal
+from particlesim.scenario.reach import may_break, mortal, pair_sets
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
@@ -128,7 +128,9 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     assert isinstance(group, Particles)
     if group.pinned:
         size += CLOCK_BYTES
-    joined = [*(bonds.groups for bonds in scenario.bonds), *(rods.groups for rods in scenario.rod_sets)]
+    joined: list[tuple[str, ...]] = [each.groups for each in scenario.bonds]
+    joined += [each.groups for each in scenario.rod_sets]
+    joined += [each.groups for each in pair_sets(scenario)]
     if any(group.name in names for names in joined):
         stages = method.evaluations if isinstance(method, RungeKutta) else 0
         size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes

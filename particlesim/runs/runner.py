@@ -17,7 +17,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import suspects
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, UsageError
-from particlesim.preflight.advice import advice
+from particlesim.preflight.advice import advice, long_sums
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
 from particlesim.runs.checks import Checks
@@ -165,7 +165,13 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
-    found = (*suspects(simulation).warnings, *misplaced(simulation), *flat_triangles(simulation.scenario))
+    scenario = simulation.scenario
+    found = (
+        *suspects(simulation).warnings,
+        *misplaced(simulation),
+        *flat_triangles(scenario),
+        *long_sums(scenario),
+    )
     if warn is not None:
         for text in found:
             warn(text)

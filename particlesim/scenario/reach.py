@@ -88,5 +88,7 @@ def may_break(scenario: Tables, bonds: BondSet) -> bool:
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
+    for k, bodies in enumerate(scenario.bodies):
+        yield ("bodies", k), bodies
     for k, emitter in enumerate(scenario.emitters):
         yield ("emitters", k), emitter

@@ -34,10 +34,12 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import AT_ONCE, BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block, energy_in, force_in, pair_of
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.interactions.pairs import refuse_coincident, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
+from particlesim.laws.pair import pair_potential
+from particlesim.laws.registry import has_law
 
 SPRINGS = 20
 """About how many springs take as long as a particle with its neighbours."""
@@ -105,8 +107,18 @@ class NearPairs(Interaction, NearColumns):
         near = enlarged(self.near)
         return self if near is self.near else self._replace(near=near)
 
-    def energy(self, c: Any) -> float:
-        return float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+
+    def summary(self) -> str:
+        return f"neighbour lists of {len(self.near.members)} particles"
 
     def virial(self, c: Any, t: float) -> Floats:
         """Σ l ⊗ f over all pairs [J], shape [3, 3]; its trace is −3 V times the pressure that the forces make."""
@@ -148,22 +160,20 @@ class NearPairs(Interaction, NearColumns):
 
 def bring_up(each: Any, c: Any, share: Any, t: Any) -> Any:
     """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed."""
-    return refresh(each.near, c, share, t, carried(each, c))
+    columns, seen = columns_read(each, c), each.seen
+    moving, fixed = _read(columns[3:6], seen[3:6]), _read(columns[6:], seen[6:])
+    return refresh(each.near, c, share, t, moving, fixed)
+
+
+def _read(columns: Any, rows: Any) -> Any:
+    """Columns that are read, and where what is in them goes."""
+    return tuple((column, row) for column, row in zip(columns, rows, strict=True) if row is not None)
 
 
 def look_in(each: Any, c: Any, share: Any, t: Any) -> None:
     """`bring_up` for others than forces, which are due afterwards."""
     bring_up(each, c, share, t)
     each.near.report[DUE] = 1
-
-
-def carried(each: Any, c: Any) -> Any:
-    """Columns, and where what is in them goes."""
-    return tuple(
-        (column, row)
-        for column, row in zip(columns_read(each, c)[3:], each.seen[3:], strict=True)
-        if row is not None
-    )
 
 
 def columns_read(each: Any, c: Any) -> Any:
@@ -278,11 +288,12 @@ def _add(
             own[k, i] = sums[k, i]
     for j in range(first, last):
         place, other = candidate(each, entries[j], shifted)
+        part = None if near.part is None else near.part[place]
         row, there = near.order[place], other.x < FAR
         for i in lanes(GROUP):
             counts = (rows[i] != row) & (x[i] < FAR) & there
             for k, term in enumerate(terms(each, pair_of(lane(block, i), other, t), counts)):
-                own[k, i] += term
+                own[k, i] += term if part is None else part * term
     for k in range(own.shape[0]):
         for i in lanes(GROUP):
             sums[k, i] = own[k, i]
@@ -369,7 +380,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
 
     Raises UsageError for two at one place, if they have no force there.
     """
-    if pairs.law.singular():
+    if pairs.law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
     record, _, least, most, a, b, ids = what_acts(site, pairs, spans_of(site, pairs))
@@ -385,6 +396,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
         reach,
         radii=touching,
         split=None if law.between is None else len(rows[0]),
+        clocked=site.whole.clocked,
         dtype=site.dtype,
     )
     room, moving, read = near.order.size, law.needs_velocity(), law.needs()

@@ -26,7 +26,7 @@ from particlesim.engine.interactions.pair_blocks import (
     pair_in,
     particle_of,
 )
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, all_forces, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
@@ -85,9 +85,7 @@ class DirectPairs(Interaction, PairColumns):
         return not has_law(pair_potential, self.law)
 
     def power(self, c: Any, t: float) -> float:
-        total = np.zeros((3, c.x.size), c.x.dtype)
-        all_forces(self, c, total, t)
-        return float((total * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)

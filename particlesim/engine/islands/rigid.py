@@ -33,8 +33,8 @@ from particlesim.engine.rigid.kernel import (
     sum_forces_on,
     velocities_of,
 )
-from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.solver import address
+from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
@@ -85,7 +85,7 @@ class RigidIsland(BaseIsland):
             done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
             if done < last and report[0] != FULL:
                 fault = self._fault(done)
-                self._go_back()
+                self.go_back()
                 return None, None, fault
             if done < last:
                 self._make_room(2 * int(report[1]))
@@ -108,7 +108,7 @@ class RigidIsland(BaseIsland):
         self.kept_from = first
         self._kept = [array.copy() for array in self._changing()]
 
-    def _go_back(self) -> None:
+    def go_back(self) -> None:
         """Return to the beginning of the last interval."""
         for mine, kept in zip(self._changing(), self._kept, strict=True):
             np.copyto(mine, kept)
@@ -120,7 +120,7 @@ class RigidIsland(BaseIsland):
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
-        self._go_back()
+        self.go_back()
         self.memory = new_memory(self._contacts.first.size, len(memory.order))
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
@@ -184,7 +184,11 @@ def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[NDArr
 
 
 def _scene(
-    structure: Island, groups: Sequence[BodyGroup], bounds: Sequence[int], owner: NDArray[np.int64], whole: GroupState
+    structure: Island,
+    groups: Sequence[BodyGroup],
+    bounds: Sequence[int],
+    owner: NDArray[np.int64],
+    whole: GroupState,
 ) -> Scene:
     """What acts on the bodies."""
     stretches = tuple(

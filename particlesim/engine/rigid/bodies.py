@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-
 WORLD = -1
 """The other side of a contact with a collider."""
 NOBODY = -2
@@ -111,9 +110,7 @@ def new_motion(bodies: int) -> Motion:
     now, inverse, apart = (np.zeros((bodies, 6)) for _ in range(3))
     start, other, parent = np.zeros((bodies, 9)), np.zeros((bodies, 9)), np.zeros(bodies, np.int64)
     margin, gain, low, bend = (np.zeros(bodies) for _ in range(4))
-    return Motion(
-        now, inverse, apart, np.zeros((bodies, 3)), margin, start, other, parent, gain, low, bend
-    )
+    return Motion(now, inverse, apart, np.zeros((bodies, 3)), margin, start, other, parent, gain, low, bend)
 
 
 def place(b: Any, i: Any) -> Any:

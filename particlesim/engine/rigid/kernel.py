@@ -182,7 +182,11 @@ def finite(b: Any) -> bool:
     drop = 0.0
     for i in range(b.w.size):
         for axis in range(3):
-            drop += (b.x[axis, i] - b.x[axis, i]) + (b.v[axis, i] - b.v[axis, i]) + (b.spin[axis, i] - b.spin[axis, i])
+            drop += (
+                (b.x[axis, i] - b.x[axis, i])
+                + (b.v[axis, i] - b.v[axis, i])
+                + (b.spin[axis, i] - b.spin[axis, i])
+            )
         for axis in range(4):
             drop += b.turn[axis, i] - b.turn[axis, i]
     return drop == 0

@@ -277,7 +277,18 @@ def edge_middle(r: Any, half: Any, axis: Any, towards: Any) -> Any:
 
 
 def faces(
-    b: Any, k: Any, i: Any, j: Any, ri: Any, rj: Any, hi: Any, hj: Any, d: Any, axis: Any, margin: Any, sign: Any
+    b: Any,
+    k: Any,
+    i: Any,
+    j: Any,
+    ri: Any,
+    rj: Any,
+    hi: Any,
+    hj: Any,
+    d: Any,
+    axis: Any,
+    margin: Any,
+    sign: Any,
 ) -> None:
     """Contacts of a face of box i across its axis and the face of box j that looks at it; d goes from i to j. Sign −1 notes j
     as the first."""

@@ -397,5 +397,3 @@ def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any) -> None:
         for axis in range(3):
             o[axis] -= size * b.w[j] * e[axis]
             o[3 + axis] -= size * e[12 + axis]
-
-

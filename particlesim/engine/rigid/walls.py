@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from particlesim.bodies.shape import BOX, SPHERE
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.sphere import BallRecord
-from particlesim.bodies.shape import BOX, SPHERE
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import (
     WORLD,
@@ -166,5 +166,3 @@ def box_on_ball(wall: Any, b: Any, k: Any, i: Any, margin: Any, code: Any) -> No
         n = to_world(r, box_normal(half, a))
         at = plus((c.x, c.y, c.z), -c.radius, n)
         add_contact(k, i, WORLD, code, at, (-n[0], -n[1], -n[2]), distance)
-
-

@@ -219,7 +219,7 @@ def _judged(world: World, number: int) -> IslandStability:
         found.how,
         values,
         spectra,
-        bool(structure.rods),
+        bool(structure.constraints),
     )
 
 

@@ -63,8 +63,8 @@ class Props:
         for shape, corner, normal in zip(self._shapes, self._corners, self._normals, strict=True):
             place = corner
             if shape.group is not None:
-                center, rotation = poses(frame, members(frame, shape.group))
-                place = (center[:, None] + corner @ rotation.transpose(0, 2, 1)).reshape(-1, 3)
+                centers, rotation = poses(frame, members(frame, shape.group))
+                place = (centers[:, None] + corner @ rotation.transpose(0, 2, 1)).reshape(-1, 3)
                 normal = (normal @ rotation.transpose(0, 2, 1)).reshape(-1, 3)
             elif shape.pose is not None:
                 center, rotation = shape.pose(float(frame.time))
