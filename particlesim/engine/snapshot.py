@@ -62,7 +62,18 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
     RigidIsland: frozenset(
-        ("_joined", "_method", "_scene", "_still", "_motion", "_contacts", "_kept", "kept_from")
+        (
+            "_joined",
+            "_structure",
+            "_method",
+            "_scene",
+            "_still",
+            "_motion",
+            "_contacts",
+            "_kept",
+            "_kept_memory",
+            "kept_from",
+        )
     ),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(

@@ -100,7 +100,9 @@ class Graph:
             lines.append(f"island {number + 1} ({kind}, {island.method.label})")
             for group in island.groups:
                 node = next(
-                    n for n in self.nodes if n.kind in ("particles", "bodies", "emitter") and n.name == group.name
+                    n
+                    for n in self.nodes
+                    if n.kind in ("particles", "bodies", "emitter") and n.name == group.name
                 )
                 lines.append(f"  {node.kind} {node.name}: {node.detail}")
                 sources = [edge.source for edge in self.edges if edge.target == node]
@@ -257,7 +259,9 @@ def _group_node(group: Group) -> Node:
     assert isinstance(group, Particles)
     number = group.layout.number()
     if isinstance(group, Bodies):
-        return Node("bodies", group.name, f"{number if number is not None else 'rigid'} {group.shape.words()}")
+        return Node(
+            "bodies", group.name, f"{number if number is not None else 'rigid'} {group.shape.words()}"
+        )
     count = f"{number} particles" if number is not None else "particles"
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 

@@ -16,7 +16,9 @@ from particlesim.model.units import Hertz, Seconds
 if TYPE_CHECKING:
     FieldName = str
 else:
-    FieldName = Literal[("velocity", "orientation", "angular_velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")]
+    FieldName = Literal[
+        ("velocity", "orientation", "angular_velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")
+    ]
 
 
 class SimulationSettings(Model):

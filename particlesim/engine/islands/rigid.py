@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
+from particlesim.colliders import Collider
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
+    FEATURES,
     NOBODY,
+    WORLD,
     Bodies,
     Memory,
     Surfaces,
@@ -28,6 +31,7 @@ from particlesim.engine.rigid.kernel import (
     FULL,
     Scene,
     Stretch,
+    look_for_contacts,
     step_bodies,
     sum_energies,
     sum_forces_on,
@@ -45,8 +49,18 @@ from particlesim.trajectory.topology import Topology
 
 SLOP = 1e-4
 """Overlap that contacts leave alone, in units of the smallest size: impulses take up what rounding and steps leave of it."""
+DEEP = 10.0
+"""Overlap at the start that is told, in units of that which contacts leave alone."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
+
+
+class Intrusion(NamedTuple):
+    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
+
+    body: tuple[str, int]
+    other: Collider | tuple[str, int]
+    depth: float
 
 
 class RigidIsland(BaseIsland):
@@ -60,7 +74,7 @@ class RigidIsland(BaseIsland):
         ids: Mapping[str, tuple[int, int]],
     ) -> None:
         super().__init__(scenario, structure, states, ids)
-        self._joined = Joined(self.states)
+        self._joined, self._structure = Joined(self.states), structure
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
@@ -70,6 +84,7 @@ class RigidIsland(BaseIsland):
         self.memory = new_memory(ROOM * count + 64, count)
         self._contacts = new_contacts(ROOM * count + 64)
         self._kept: list[NDArray[Any]] = []
+        self._kept_memory = self.memory
         self.kept_from = 0
 
     def bodies(self) -> Bodies:
@@ -104,14 +119,41 @@ class RigidIsland(BaseIsland):
         member, row = self._joined.member_of(int(np.argmin(good)))
         return Fault(member, row, step)
 
+    def intrusions(self) -> list[Intrusion]:
+        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
+        k, bounds = self._contacts, self._joined.bounds
+        time = 0.0 if self.kept_from is None else self.kept_from * self.dt
+        look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
+        while k.number[1]:
+            self._make_room(2 * int(k.number.sum()))
+            k = self._contacts
+            look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
+        colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
+        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        names = np.repeat([state.name for state in self.states], np.diff(bounds))
+        found: dict[tuple[int, int], Intrusion] = {}
+        for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
+            i, j, depth = int(k.first[c]), int(k.second[c]), -float(k.gap[c])
+            if depth <= DEEP * self._scene.slop:
+                break
+            mine = (str(names[i]), int(ids[i]))
+            if j == WORLD:
+                number = int(k.feature[c]) // FEATURES - 1
+                found.setdefault((i, -1 - number), Intrusion(mine, colliders[number], depth))
+            else:
+                found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(ids[j])), depth))
+        return list(found.values())
+
     def keep(self, first: int) -> None:
         self.kept_from = first
         self._kept = [array.copy() for array in self._changing()]
+        self._kept_memory = copy_of(self.memory)
 
     def go_back(self) -> None:
         """Return to the beginning of the last interval."""
         for mine, kept in zip(self._changing(), self._kept, strict=True):
             np.copyto(mine, kept)
+        self.memory = copy_of(self._kept_memory)
 
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
@@ -121,7 +163,6 @@ class RigidIsland(BaseIsland):
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
-        self.memory = new_memory(self._contacts.first.size, len(memory.order))
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -162,9 +203,14 @@ class RigidIsland(BaseIsland):
         return []
 
 
+def copy_of(memory: Memory) -> Memory:
+    """A memory of its own."""
+    return Memory(*(array.copy() for array in memory))
+
+
 def larger(memory: Memory, contacts: int) -> Memory:
     """A memory with room for more contacts, and the same impulses in it."""
-    found = new_memory(contacts, len(memory.order))
+    found = new_memory(max(contacts, memory.keys.shape[1] // 2), len(memory.order))
     found.order[:] = memory.order
     for old in np.flatnonzero(memory.keys[0] != NOBODY).tolist():
         at = address(found, *(int(key) for key in memory.keys[:, old]))
@@ -199,7 +245,7 @@ def _scene(
     for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
         on = np.array([collider in colliders for colliders in structure.colliders], np.int64)
         belt = collider.surface_velocity or (0.0, 0.0, 0.0)
-        shape = collider.shape()
+        shape = collider.body()
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count

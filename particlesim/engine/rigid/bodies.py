@@ -8,6 +8,8 @@ import numpy as np
 
 WORLD = -1
 """The other side of a contact with a collider."""
+FEATURES = 16384
+"""Numbers for the features of a body at each collider."""
 NOBODY = -2
 """A free place in the memory."""
 

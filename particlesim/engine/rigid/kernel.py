@@ -134,7 +134,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     for wall in scene.walls:
         for i in range(n):
             if wall.on[b.group[i]] > 0:
-                touch_wall(wall, b, k, i, margin[i], t)
+                touch_wall(wall, b, k, i, margin[i], t, h)
     for s in range(1, n):
         i, at = order[s], s
         begin = b.x[0, i] - b.reach[i] - margin[i]
@@ -225,6 +225,13 @@ def step_bodies(
             report[0] = WILD
             return step
     return steps
+
+
+@kernel
+def look_for_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any) -> None:
+    """All contacts there are at a time."""
+    velocities(b, motion)
+    find_contacts(scene, b, k, motion, memory, t, 0.0)
 
 
 @kernel

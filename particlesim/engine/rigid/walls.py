@@ -2,18 +2,26 @@
 
 A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the place between them that
 is nearest; a box is its corners and, likewise, the nearest place of each edge. A ball that touches the inside of a face is
-found from its centre.
+found from its centre; what else touches it there, as the corner of another box, by projections in turn onto the box and
+onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10, 448, 1959).
+
+The surface of a collider that moves carries its velocity into the contact, all of it; that of a belt, which runs along
+itself, only what is along the surface.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.bodies.shape import BOX, SPHERE
+from particlesim.colliders.moving import MovingRecord, frame_at, out_of, surface_velocity
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import (
+    FEATURES,
     WORLD,
     add_contact,
     orientation,
@@ -21,7 +29,7 @@ from particlesim.engine.rigid.bodies import (
     row,
     set_surface,
 )
-from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, half_axis, minus, plus
+from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, clamped, half_axis, minus, plus
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 from particlesim.laws.registry import Particle, gap, normal
 from particlesim.model.attributes import FURTHER
@@ -30,6 +38,10 @@ FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 """Shapes whose nearest place to an edge is at one of its ends."""
 SECTIONS = 24
 """Golden sections of an edge."""
+TURNS = 40
+"""Projections in turn onto a box and a collider."""
+DRAWN_IN = 0.25
+"""How far a collider is drawn in for them, in units of the smallest half edge of the box."""
 
 
 class Wall(NamedTuple):
@@ -62,14 +74,24 @@ def away(shape: Any, p: Any) -> Any:
 
 
 @outlined
-def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any) -> None:
+def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -> None:
     """Note the contacts of body i with a collider that are nearer than a margin."""
     begin = k.number[0]
+    if isinstance(wall.shape, MovingRecord):
+        f = frame_at(wall.shape, t, 0.0)
+        w = surface_velocity(wall.shape, f, b.x[0, i], b.x[1, i], b.x[2, i])
+        rate = 0.0 if wall.shape.spin is None else abs(wall.shape.spin.rate)
+        margin = margin + h * (np.sqrt(dot(w, w)) + rate * b.reach[i])
     if gap(wall.shape, probe(place(b, i), b.reach[i], t)) < margin:
-        code = 16384 * (1 + wall.number)
+        code = FEATURES * (1 + wall.number)
         if b.kind[i] == BOX:
             if isinstance(wall.shape, BallRecord):
-                box_on_ball(wall, b, k, i, margin, code)
+                c = wall.shape
+                box_on_ball(c, (c.x, c.y, c.z), b, k, i, margin, code)
+            elif isinstance(wall.shape, MovingRecord) and isinstance(wall.shape.shape, BallRecord):
+                c, f = wall.shape.shape, frame_at(wall.shape, t, 0.0)
+                away_from = (c.x - wall.shape.x, c.y - wall.shape.y, c.z - wall.shape.z)
+                box_on_ball(c, plus((f.x, f.y, f.z), 1.0, out_of(f.rows, away_from)), b, k, i, margin, code)
             else:
                 box_on_wall(wall, b, k, i, margin, t, code)
         else:
@@ -80,6 +102,10 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any) -> None:
         out = dot(wall.belt, n)  # what points out of the surface counts for nothing
         for axis, part in enumerate(wall.belt):
             k.belt[axis, number] = part - out * k.normal[axis, number]
+        if isinstance(wall.shape, MovingRecord):
+            at, f = row(k.point, number), frame_at(wall.shape, t, 0.0)
+            for axis, part in enumerate(surface_velocity(wall.shape, f, at[0], at[1], at[2])):
+                k.belt[axis, number] += part
 
 
 def point_on_wall(
@@ -123,6 +149,40 @@ def box_on_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, code: An
             if 0.01 < s < 0.99:
                 at = plus(one, s, minus(two, one))
                 point_on_wall(wall, b, k, i, at, 0.0, margin, t, code + 8 + edge)
+        face_on_wall(wall.shape, b, k, i, r, half, margin, t, code + 20)
+
+
+@outlined
+def face_on_wall(
+    shape: Any, b: Any, k: Any, i: Any, r: Any, half: Any, margin: Any, t: Any, code: Any
+) -> None:
+    """The contact of a collider with the inside of a face of a box; corners and edges have been looked at."""
+    x, depth = place(b, i), DRAWN_IN * min(half[0], min(half[1], half[2]))
+    y, last = (0.0, 0.0, 0.0), 0.0
+    for _ in range(TURNS):
+        p = probe(plus(x, 1.0, to_world(r, y)), 0.0, t)
+        step = gap(shape, p) + depth
+        z = plus(y, -step, to_body(r, away(shape, p)))
+        z = (
+            clamped(z[0], -half[0], half[0]),
+            clamped(z[1], -half[1], half[1]),
+            clamped(z[2], -half[2], half[2]),
+        )
+        d = minus(z, y)
+        y, last = z, dot(d, d)
+        if last < 1e-24 * depth * depth:
+            break
+    bound = 0
+    for axis in range(3):
+        if abs(y[axis]) > 0.99 * half[axis]:
+            bound += 1
+    if bound == 1:
+        at = plus(x, 1.0, to_world(r, y))
+        p = probe(at, 0.0, t)
+        distance = gap(shape, p)
+        if distance < margin:
+            n = away(shape, p)
+            add_contact(k, i, WORLD, code, plus(at, -distance, n), n, distance)
 
 
 def corner_of(half: Any, corner: Any) -> Any:
@@ -157,12 +217,12 @@ def nearest_part(shape: Any, a: Any, c: Any, t: Any) -> float:
     return 0.5 * (low + high)
 
 
-def box_on_ball(wall: Any, b: Any, k: Any, i: Any, margin: Any, code: Any) -> None:
-    """The contact of a box with a solid ball."""
-    c, r, half = wall.shape, matrix(orientation(b, i)), row(b.size, i)
-    a = to_body(r, minus((c.x, c.y, c.z), place(b, i)))
+def box_on_ball(c: Any, center: Any, b: Any, k: Any, i: Any, margin: Any, code: Any) -> None:
+    """The contact of a box with a solid ball, whose centre is there now."""
+    r, half = matrix(orientation(b, i)), row(b.size, i)
+    a = to_body(r, minus(center, place(b, i)))
     distance = box_distance(half, a) - c.radius
     if distance < margin:
         n = to_world(r, box_normal(half, a))
-        at = plus((c.x, c.y, c.z), -c.radius, n)
+        at = plus(center, -c.radius, n)
         add_contact(k, i, WORLD, code, at, (-n[0], -n[1], -n[2]), distance)

@@ -197,7 +197,9 @@ def _judged(world: World, number: int) -> IslandStability:
     structure, grid = world.graph.islands[number], world.scenario.grid
     method = structure.method
     if structure.rigid:  # contacts are solved, and turns are exact
-        return IslandStability(_names(structure), method, {}, math.inf, -math.inf, "rigid bodies", np.empty(0, complex), {})
+        return IslandStability(
+            _names(structure), method, {}, math.inf, -math.inf, "rigid bodies", np.empty(0, complex), {}
+        )
     model = _model(world, number)
     found = model.linearise()
     names = _names(structure)

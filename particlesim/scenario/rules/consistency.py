@@ -10,7 +10,7 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
-from particlesim.scenario.rules import interactions, joints
+from particlesim.scenario.rules import bodies, interactions, joints
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
@@ -201,6 +201,9 @@ def booked(scenario: Tables) -> Iterator[Invalid]:
 CHECKS = (
     names,
     references,
+    bodies.joined,
+    bodies.kept,
+    bodies.held,
     needs,
     interactions.felt,
     interactions.kicked,
