@@ -53,7 +53,7 @@ class BodyShape(Model):
         raise NotImplementedError
 
     def words(self) -> str:
-        """The shape in a few words."""
+        """A body of this shape in a few words."""
         raise NotImplementedError
 
 
@@ -83,7 +83,7 @@ class BallBody(BodyShape):
         return revolved(arc((0, 0), self.radius, -math.pi / 2, math.pi / 2, 24), 48)
 
     def words(self) -> str:
-        return f"balls of radius {self.radius:g} m"
+        return f"a ball of radius {self.radius:g} m"
 
 
 class BoxBody(BodyShape):
@@ -115,7 +115,7 @@ class BoxBody(BodyShape):
 
     def words(self) -> str:
         a, b, c = self.size
-        return f"boxes of {a:g} × {b:g} × {c:g} m"
+        return f"a box of {a:g} × {b:g} × {c:g} m"
 
 
 class CapsuleBody(BodyShape):
@@ -153,7 +153,7 @@ class CapsuleBody(BodyShape):
         return Triangles(surface.corners[:, [2, 0, 1]], surface.faces)
 
     def words(self) -> str:
-        return f"capsules of radius {self.radius:g} m and length {self.length:g} m"
+        return f"a capsule of radius {self.radius:g} m and length {self.length:g} m"
 
 
 AnyBodyShape = Annotated[BallBody | BoxBody | CapsuleBody, Tagged("type")]

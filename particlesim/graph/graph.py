@@ -259,9 +259,8 @@ def _group_node(group: Group) -> Node:
     assert isinstance(group, Particles)
     number = group.layout.number()
     if isinstance(group, Bodies):
-        return Node(
-            "bodies", group.name, f"{number if number is not None else 'rigid'} {group.shape.words()}"
-        )
+        what = group.shape.words()
+        return Node("bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}")
     count = f"{number} particles" if number is not None else "particles"
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 
