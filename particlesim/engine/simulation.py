@@ -13,7 +13,7 @@ from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
 from particlesim.engine.guard import Guard
 from particlesim.engine.islands.base import OWN_STEPS
 from particlesim.engine.islands.births import Births
-from particlesim.engine.ledger.sums import MOTION, measure
+from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
 from particlesim.engine.step.records import as_precision
@@ -207,9 +207,9 @@ class Simulation(World):
         """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
         island, structure = self.islands[number], self.graph.islands[number]
         found = {"kinetic": 0.0}
-        for columns, group in zip(island.columns(), structure.groups, strict=True):
+        for member, group in enumerate(structure.groups):
             forces, records = self._sources[self.scenario.groups.index(group)]
-            sums = measure(records, columns, self.time, self.team).tolist()
+            sums = island.sums(member, records, self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
                 found["kinetic"] += sums[0]
                 for key, value in zip(MOTION[1:], sums[1:], strict=False):

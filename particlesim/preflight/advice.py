@@ -85,6 +85,13 @@ def _projection(scenario: Scenario) -> list[str]:
 def _friction(scenario: Scenario) -> list[str]:
     """Friction that no surface shows, and friction that acts on nothing."""
     found = []
+    for body in scenario.bodies:
+        static, kinetic = body.coefficients
+        if kinetic > static:
+            found.append(
+                f"{body.name!r}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back "
+                "more than what lies, and what starts stops again"
+            )
     for k, each in enumerate(scenario.all_colliders):
         name, (static, kinetic) = f"{each.kind} {each.name or k}", each.coefficients
         if kinetic > static:

@@ -53,14 +53,16 @@ def film(
         if not trajectory.scenario:
             raise UsageError(f"{path} does not say which scenario made it", "Was it written by `psim run`?")
         scenario = loads(trajectory.scenario, overrides)
-        open_colliders(scenario)
+        if scenario.render.ground:  # from where the run found the files of its colliders
+            folder = Path(str(trajectory.provenance.get("folder", "")))
+            open_colliders(scenario.loaded_from(folder, scenario.overrides))
         return render_video(
             trajectory,
             out,
             look_of(scenario),
             planes=plane_shapes(scenario),
             balls=ball_shapes(scenario),
-            meshes=mesh_shapes(scenario),
+            meshes=mesh_shapes(scenario) if scenario.render.ground else (),
             title=scenario.title,
             frames=frames,
             overwrite=overwrite,
@@ -96,7 +98,7 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball."""
+    """All other shapes among the colliders: containers and whatever is no ball; and rigid bodies."""
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
@@ -105,6 +107,10 @@ def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
             pose = None if each.motion is None else functools.partial(_pose, each)
             pivot = np.zeros(3) if pose is None else np.array(each.pivot())
             shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose))
+    groups = [group.name for group in scenario.groups]
+    for body in scenario.bodies:
+        surface = body.shape.triangles()
+        shapes.append(MeshShape(surface.corners, surface.faces, group=groups.index(body.name)))
     return tuple(shapes)
 
 

@@ -117,14 +117,14 @@ class Renderer:
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         solid = balls if settings.ground else ()
-        stage = meshes if settings.ground else ()
+        stage = tuple(each for each in meshes if settings.ground or each.group is not None)
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
         self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, stage)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         self.balls = Balls.of(solid, self.center, self.scale)
-        self.props = Props(stage, self.center, self.scale)
+        self.props = Props(stage, self.center, self.scale, source[0])
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
@@ -336,7 +336,7 @@ class Renderer:
         world, sphere = np.empty((every, 3), np.float32), np.empty((every, 4), np.float32)
         box = np.empty((every, 4), np.int32)
         world[n:last] = balls.center
-        world[last:], normal = self.props.at(float(frame.time))
+        world[last:], normal = self.props.at(frame)
         chunks = -(-n // CHUNK)
         bad = [0] * chunks
 
@@ -349,13 +349,15 @@ class Renderer:
         project.to_view(world, radius, n, every, view, planes, 0.0, sphere, box)
         with self._lock:
             self.bad_positions += sum(bad)
-        hidden = np.concatenate([self.bodies.concealed(frame, sized), np.arange(n, every) >= last])
+        concealed = self.bodies.concealed(frame, sized) | self.props.carried(frame)
+        hidden = np.concatenate([concealed, np.arange(n, every) >= last])
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
         solids, whole = self._with_props(solids, whole, world, last, normal, view)
-        stone = np.full(every - n, len(self.palette) - 1, color.dtype)
-        color = np.concatenate([self._painted(frame, color), stone])
+        painted, stone = self._painted(frame, color), len(self.palette) - 1
+        balls_color = np.full(last - n, stone, color.dtype)
+        color = np.concatenate([painted, balls_color, self.props.colors(frame, painted, stone)])
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX

@@ -59,6 +59,10 @@ def _fill(
         out[:] = simulation.forces_on(state)
     elif field == "acceleration":
         out[:] = simulation.forces_on(state) / state.mass[:n, None]
+    elif field == "orientation":
+        out[:] = state.orientations().T
+    elif field == "angular_velocity":
+        out[:] = simulation.turning(state)
     elif field == "speed":
         out[:] = np.sqrt((state.v[:, :n].astype(float) ** 2).sum(axis=0))
     elif field == "temperature":

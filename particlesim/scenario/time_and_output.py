@@ -17,7 +17,12 @@ from particlesim.scenario.box import PeriodicBox
 if TYPE_CHECKING:
     FieldName = str
 else:
-    FieldName = Literal[("velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age", "image")]
+    FieldName = Literal[
+        (
+            *("velocity", "orientation", "angular_velocity", "speed", "acceleration", "force"),
+            *(*ATTRIBUTES, "age", "image"),
+        )
+    ]
 
 
 class SimulationSettings(Model):

@@ -34,8 +34,8 @@ from particlesim.interactions import PairSet
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
 
-MOST_LOOKED_AT = 300_000_000
-"""Pairs that are looked at for the largest stable step: a second; of more particles, some, evenly spread."""
+MOST_LOOKED_AT = 50_000_000
+"""Pairs that are looked at for the largest stable step: about a second; of more particles, some, evenly spread."""
 WORTH_COMPILING = 100_000
 """Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
 PAIRS_PER_SPRING = 4

@@ -37,13 +37,14 @@ class MeshShape:
     """Any other shape: corners [m], shape [n, 3], and triangles [m, 3] with their fronts outwards.
 
     Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
-    is at a time [s].
+    is at a time [s]. `group` is the number of a group of rigid bodies, each of which has this shape in its own frame.
     """
 
     corners: npt.NDArray[Any]
     triangles: npt.NDArray[Any]
     hollow: bool = False
     pose: Callable[[float], Pose] | None = None
+    group: int | None = None
 
 
 class Frame(Protocol):
