@@ -46,7 +46,6 @@ TOTALS = (
 VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3 and spec.kind == "float")
 
 
-
 def axes_of(field: str) -> tuple[str, ...]:
     """Names of the components of a field; quaternions begin with w."""
     return AXES if FIELDS[field].components == 3 else ("w", *AXES)
