@@ -32,9 +32,10 @@ def plot(
     """Draw `quantity` over time into the image `out` (PNG, SVG or PDF by its ending).
 
     quantity: "energy" (parts and total), "drift" (relative energy drift), "momentum", "angular_momentum",
-    "count", "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "rdf" (the radial
-    distribution function of the last frame, over the distance), or a component such as "x", "vy", "speed", "temperature": a line
-    per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of them. ids, group: only these particles.
+    "count", "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "rdf" (the
+    radial distribution function of the last frame, over the distance), or a component such as "x", "vy", "speed",
+    "temperature": a line per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of
+    them. ids, group: only these particles.
     Raises UsageError for what the file does not hold, an output that exists (unless `overwrite`), an unknown
     ending, and when matplotlib is missing.
     """
