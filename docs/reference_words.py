@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
+from particlesim.bodies import Bodies, BodyShape
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
@@ -44,6 +45,8 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Output, "[output](#output)"),
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),
+    (Bodies, "[bodies](#bodies)"),
+    (BodyShape, "[shape of a body](#shapes-of-bodies)"),
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),
     (Force, "[forces](#forces)"),

@@ -1,6 +1,7 @@
 """`[[bodies]]`: rigid bodies of one shape, one by one or in a layout.
 
-A group of bodies is a group of particles at their centres of mass, which have an orientation and an angular momentum as well.
+A group of bodies is a group of particles at their centres of mass, which have an orientation and an angular momentum as
+well.
 """
 
 from __future__ import annotations
@@ -161,7 +162,8 @@ class Bodies(Particles):
 
 
 def quaternion(rotation: Floats) -> Floats:
-    """The unit quaternion w, x, y, z of a rotation matrix, with w ≥ 0. Source: S. Shepperd, J. Guidance Control 1, 223 (1978)."""
+    """The unit quaternion w, x, y, z of a rotation matrix, with w ≥ 0. Source: S. Shepperd, J. Guidance Control 1, 223
+    (1978)."""
     r = rotation
     squares = np.array([np.trace(r), r[0, 0], r[1, 1], r[2, 2]])
     k = int(np.argmax(squares))

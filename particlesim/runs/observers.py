@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.checks.check import Check, Initial
-from particlesim.checks.quantities import AXES, FIELD_QUANTITIES
+from particlesim.checks.quantities import AXES, FIELD_QUANTITIES, axes_of
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import rows
 from particlesim.errors import UsageError
@@ -80,7 +80,7 @@ def values(simulation: Simulation, quantity: str) -> Floats:
         whole = np.concatenate([state.position.astype(float) for state in simulation.states])
     else:
         whole = column(simulation, name, np.empty(FIELDS[name].shape(simulation.count)))
-    return np.asarray(whole[:, AXES.index(axis)] if axis else whole)
+    return np.asarray(whole[:, axes_of(name).index(axis)] if axis else whole)
 
 
 class Statistic:
@@ -236,7 +236,7 @@ class Reference:
         here = values(simulation, self._field)[_places(ids, wanted)].astype(stored.dtype).astype(float)
         expected = stored[_places(frame.id, wanted)].astype(float)
         if self._axis:
-            here, expected = (v[:, AXES.index(self._axis)] for v in (here, expected))
+            here, expected = (v[:, axes_of(self._field).index(self._axis)] for v in (here, expected))
         apart = np.abs(here - expected) if here.ndim == 1 else np.linalg.norm(here - expected, axis=1)
         apart[np.isnan(apart)] = np.inf
         worst = int(apart.argmax())

@@ -15,8 +15,9 @@ NOBODY = -2
 
 
 class Bodies(NamedTuple):
-    """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m [n]; the
-    principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and half the axis z), radius of a ball about it [n]; its group [n]."""
+    """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m
+    [n]; the principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and
+    half the axis z), radius of a ball about it [n]; its group [n]."""
 
     x: Any
     v: Any
@@ -31,7 +32,8 @@ class Bodies(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """What contact does between two groups [groups, groups]: whether they touch, restitution, static and kinetic friction."""
+    """What contact does between two groups [groups, groups]: whether they touch, restitution, static and kinetic
+    friction."""
 
     touch: Any
     restitution: Any
@@ -40,11 +42,11 @@ class Surfaces(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal from the
-    second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a collider's surface
-    [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and one that only pushes
-    apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW]. `number`: how many there
-    are, and how many found no room."""
+    """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
+    from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
+    collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
+    one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW].
+    `number`: how many there are, and how many found no room."""
 
     first: Any
     second: Any
@@ -65,10 +67,10 @@ ROW = 16
 
 
 class Motion(NamedTuple):
-    """What a solve works on, body by body [n, 6]: velocity and angular velocity; the inverse of the inertia in the world (xx, yy,
-    zz, xy, xz, yz); velocities that only push apart what overlaps; angular momentum from contact [n, 3]; how far a body may
-    come in a step [n]; velocities and momenta before impulses, and with rebounds [n, 9]; the body that stands for those that
-    touch it, and their energies [n]."""
+    """What a solve works on, body by body [n, 6]: velocity and angular velocity; the inverse of the inertia in the
+    world (xx, yy, zz, xy, xz, yz); velocities that only push apart what overlaps; angular momentum from contact [n, 3];
+    how far a body may come in a step [n]; velocities and momenta before impulses, and with rebounds [n, 9]; the body
+    that stands for those that touch it, and their energies [n]."""
 
     now: Any
     inverse: Any
@@ -84,8 +86,8 @@ class Motion(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Impulses of the last step by contact: a table with open addresses, first body, second body, feature [3, size]; impulses
-    [3, size]; and the order of the bodies along x [n]."""
+    """Impulses of the last step by contact: a table with open addresses, first body, second body, feature [3, size];
+    impulses [3, size]; and the order of the bodies along x [n]."""
 
     keys: Any
     impulse: Any

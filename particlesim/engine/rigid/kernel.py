@@ -37,8 +37,8 @@ class Stretch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What acts on bodies: forces, colliders, contact between groups; `arms` of the six points [3, n], mass, radius of the ball
-    of the same volume and further attributes of each [n]; the overlap that is left alone [m]."""
+    """What acts on bodies: forces, colliders, contact between groups; `arms` of the six points [3, n], mass, radius of
+    the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]."""
 
     stretches: tuple[Stretch, ...]
     walls: tuple[Any, ...]
@@ -265,8 +265,8 @@ def add_force(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, out:
 
 @kernel
 def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: Any, t: Any, out: Any) -> None:
-    """For bodies [first, last): kinetic energy of rotation [J], angular momentum of rotation [kg m²/s], and the potential energy
-    of each law [J], into out [4 + laws]."""
+    """For bodies [first, last): kinetic energy of rotation [J], angular momentum of rotation [kg m²/s], and the
+    potential energy of each law [J], into out [4 + laws]."""
     velocities(b, motion)
     for i in range(first, last):
         m = motion.now[i]

@@ -290,13 +290,14 @@ def faces(
     margin: Any,
     sign: Any,
 ) -> None:
-    """Contacts of a face of box i across its axis and the face of box j that looks at it; d goes from i to j. Sign −1 notes j
-    as the first."""
+    """Contacts of a face of box i across its axis and the face of box j that looks at it; d goes from i to j. Sign −1
+    notes j as the first."""
     n = turned(column(ri, axis), np.copysign(1.0, dot(d, column(ri, axis))))
     towards = to_body(rj, n)
     x, y, z = abs(towards[0]), abs(towards[1]), abs(towards[2])
     facing = 0 if x >= y and x >= z else (1 if y >= z else 2)
-    # The corners of the face of j, in the frame of i without the axis: two coordinates u, w; the height h over the face of i.
+    # The corners of the face of j, in the frame of i without the axis: two coordinates u, w; the height h over the face
+    # of i.
     one, two = (axis + 1) % 3, (axis + 2) % 3
     corners, clipped = on_stack(4, 16, np.float64), on_stack(4, 16, np.float64)
     number = 4

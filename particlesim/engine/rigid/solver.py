@@ -9,8 +9,8 @@ They are found contact by contact until none changes (projected Gauss and Seidel
 with the impulses of the last step. What overlaps by more than the slop is pushed apart by velocities of its own, which move
 bodies in this step and are then forgotten, so that they give no energy.
 
-Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal coherence, GDC
-2005; split impulses: E. Coumans, GDC 2006.
+Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
+coherence, GDC 2005; split impulses: E. Coumans, GDC 2006.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ MOST_SWEEPS = 120
 PUSHES = 12
 """Sweeps over all contacts in a step at most: for impulses, and for pushing apart."""
 SETTLED = 1e-9
-"""Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes any more."""
+"""Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
+any more."""
 PART = 0.2
 """Part of an overlap that is taken away in a step."""
 RESTING = 2.0
@@ -137,8 +138,8 @@ def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any,
 
 @outlined
 def aim(k: Any, motion: Any, h: Any) -> float:
-    """Set the speed that each contact is to have along its normal; forces have been added since `lay_out`. Returns the largest
-    speed that contact has to deal with."""
+    """Set the speed that each contact is to have along its normal; forces have been added since `lay_out`. Returns the
+    largest speed that contact has to deal with."""
     largest = 0.0
     for c in range(k.number[0]):
         before, now = k.target[c], speed_along(k, motion, c, 0)
@@ -234,8 +235,8 @@ def root(parent: Any, i: Any) -> int:
 
 @outlined
 def gains(b: Any, k: Any, motion: Any) -> bool:
-    """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that stands for
-    it. Surfaces that run may give energy: what touches them counts as not gaining."""
+    """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that
+    stands for it. Surfaces that run may give energy: what touches them counts as not gaining."""
     parent, gain = motion.parent, motion.gain
     for i in range(b.w.size):
         parent[i] = i
@@ -254,10 +255,10 @@ def gains(b: Any, k: Any, motion: Any) -> bool:
     for c in range(k.number[0]):
         if k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0:
             gain[root(parent, k.first[c])] = -np.inf
+    gained = False
     for i in range(b.w.size):
-        if parent[i] == i and gain[i] > 0:
-            return True
-    return False
+        gained = gained or (parent[i] == i and gain[i] > 0)
+    return gained
 
 
 @outlined

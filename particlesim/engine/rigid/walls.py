@@ -3,7 +3,8 @@
 A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the place between them that
 is nearest; a box is its corners and, likewise, the nearest place of each edge. A ball that touches the inside of a face is
 found from its centre; what else touches it there, as the corner of another box, by projections in turn onto the box and
-onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10, 448, 1959).
+onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10, 448,
+1959).
 
 The surface of a collider that moves carries its velocity into the contact, all of it; that of a belt, which runs along
 itself, only what is along the surface.
@@ -45,8 +46,8 @@ DRAWN_IN = 0.25
 
 
 class Wall(NamedTuple):
-    """A collider: its shape, which groups it holds back [groups], restitution, static and kinetic friction, the velocity of its
-    surface along itself [m/s], its number."""
+    """A collider: its shape, which groups it holds back [groups], restitution, static and kinetic friction, the
+    velocity of its surface along itself [m/s], its number."""
 
     shape: Any
     on: Any
