@@ -311,6 +311,7 @@ LJ = '[[interactions]]\ntype = "lennard_jones"\nepsilon = 1\nsigma = 1\n'
         (HEAD + '[[interactions]]\ntype = "gravity"\nmethod = "tree"\n', 15, ("does not see the images",)),
         (HEAD + "[[planes]]\nnormal = [0, 1, 0]\n", 13, ("cuts a periodic box",)),
         (HEAD + '[[colliders]]\ntype = "sphere"\nradius = 1\n', 13, ("stands in one image",)),
+        (HEAD + '[[bodies]]\nshape = { type = "sphere", radius = 0.1 }\n', 13, ("not across the boundary",)),
         (HEAD.replace("size = [6, 8, 8]", "size = [6, 0, 8]"), 5, ("greater than 0",)),
         (HEAD.replace("8, 8]", "8, 8], periodic = [false, false, false]"), 5, ("periodic along no axis",)),
         (HEAD.replace("[1, 1, 1]", "[9, 3, 3]") + LJ + "cutoff = 2\n", 13, ("are at the same place",)),
