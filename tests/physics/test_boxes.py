@@ -223,6 +223,58 @@ def test_same_bytes_for_any_number_of_threads_and_after_a_resume() -> None:
     assert len(found) == 1
 
 
+def test_births_and_deaths_in_a_box_are_those_of_direct_sums() -> None:
+    found = []
+    for method, threads in (("direct", 1), ("neighbours", 1), ("neighbours", 2)):
+        scenario = ps.from_table(
+            {
+                "simulation": {
+                    "duration": 0.3,
+                    "dt": 0.002,
+                    "integrator": "velocity_verlet",
+                    "seed": 3,
+                    "box": {"size": [6.0] * 3, "origin": [-3.0] * 3},
+                },
+                "output": {"every": 25},
+                "particles": [
+                    {
+                        "name": "block",
+                        "mass": 1.0,
+                        "layout": {
+                            "type": "lattice",
+                            "counts": [5, 5, 5],
+                            "spacing": 1.2,
+                            "origin": [-3, -3, -3],
+                        },
+                    }
+                ],
+                "emitters": [
+                    {
+                        "name": "drops",
+                        "mass": 0.5,
+                        "shape": {"type": "sphere", "center": [0, 0, 3], "radius": 1.0},
+                        "rate": 500,
+                        "lifetime": {"type": "uniform", "low": 0.02, "high": 0.2},
+                        "speed": 4.0,
+                    }
+                ],
+                "interactions": [
+                    {"name": "law", "type": "soft_sphere", "epsilon": 40.0, "sigma": 1.2, "method": method}
+                ],
+            }
+        )
+        simulation = Simulation(scenario, threads=threads)
+        simulation.advance_to(140)
+        row = simulation.ledger()
+        found.append((np.concatenate([state.position.astype(float) for state in simulation.states]), row))
+        simulation.close()
+    (direct, row), (near, near_row), (again, _) = found
+    assert len(direct) == len(near) > 140
+    np.testing.assert_allclose(near, direct, atol=1e-9)
+    np.testing.assert_array_equal(near, again)
+    assert near_row["pressure"] == pytest.approx(row["pressure"], rel=1e-9)
+
+
 def test_checks_follow_the_path_and_regions_are_in_the_box() -> None:
     table = boxed(
         [[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]], [[9.0, 0, 0]] * 2, law={**LAW, "cutoff": 1.5}
@@ -259,6 +311,7 @@ LJ = '[[interactions]]\ntype = "lennard_jones"\nepsilon = 1\nsigma = 1\n'
         (HEAD + '[[interactions]]\ntype = "gravity"\nmethod = "tree"\n', 15, ("does not see the images",)),
         (HEAD + "[[planes]]\nnormal = [0, 1, 0]\n", 13, ("cuts a periodic box",)),
         (HEAD + '[[colliders]]\ntype = "sphere"\nradius = 1\n', 13, ("stands in one image",)),
+        (HEAD + '[[bodies]]\nshape = { type = "sphere", radius = 0.1 }\n', 13, ("not across the boundary",)),
         (HEAD.replace("size = [6, 8, 8]", "size = [6, 0, 8]"), 5, ("greater than 0",)),
         (HEAD.replace("8, 8]", "8, 8], periodic = [false, false, false]"), 5, ("periodic along no axis",)),
         (HEAD.replace("[1, 1, 1]", "[9, 3, 3]") + LJ + "cutoff = 2\n", 13, ("are at the same place",)),

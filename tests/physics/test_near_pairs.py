@@ -154,7 +154,7 @@ def test_same_bits_with_too_little_room_for_lists() -> None:
         simulation, island, each = started(scenario)
         if little:
             near = each.near._replace(candidates=np.zeros(7000, np.uint32))
-            island.interactions, island._shares = (each._replace(near=near),), {}
+            island._lay_out((each._replace(near=near),), None)
         simulation.advance_to(20)
         if little:
             assert near.report[OVERFLOW]

@@ -23,6 +23,12 @@ def repeated(scenario: Tables) -> Iterator[Invalid]:
     for path, collider in collider_tables(scenario):
         if why := _cut_by(collider, box):
             yield Invalid(why, path, ((BOX, "a periodic box"),))
+    for k, _ in enumerate(scenario.bodies):
+        yield Invalid(
+            "rigid bodies touch each other in place, not across the boundary of a periodic box",
+            ("bodies", k),
+            ((BOX, "here"),),
+        )
     for k, emitter in enumerate(scenario.emitters):
         if emitter.die is not None and emitter.die.outside is not None:
             yield Invalid(
