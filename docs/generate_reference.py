@@ -40,6 +40,7 @@ from particlesim.model.base import field_docs
 from particlesim.sampling.distributions import Choice, Exponential, LogNormal, Normal, Uniform
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
+from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.time_and_output import Output, SimulationSettings
@@ -67,6 +68,8 @@ def parts() -> Iterator[str]:
     yield "## `[simulation]`"
     yield prose("simulation")
     yield table(SimulationSettings)
+    yield "### `box`"
+    yield summary(PeriodicBox) + "\n\n" + table(PeriodicBox)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()

@@ -34,12 +34,14 @@ from particlesim.model.units import Unit
 from particlesim.sampling.distributions import Distribution
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Shape
+from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 # What a table is called, and where on the page it is described. The first match counts.
 TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (SimulationSettings, "[simulation](#simulation)"),
+    (PeriodicBox, "[box](#box)"),
     (Output, "[output](#output)"),
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),

@@ -19,6 +19,7 @@ from particlesim.model.units import (
     Newtons,
     NewtonSeconds,
     Number,
+    Pascals,
     RadiansPerSecond,
     Seconds,
     Unit,
@@ -42,8 +43,7 @@ TOTALS = (
 )
 """Quantities that every simulation has; `scenario.ledger_columns` knows those that a scenario adds."""
 
-VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
-
+VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3 and spec.kind == "float")
 
 
 def axes_of(field: str) -> tuple[str, ...]:
@@ -71,6 +71,7 @@ _UNITS: dict[str, Any] = {
     "energy": Joules,
     "work": Joules,
     "balance": Joules,
+    "pressure": Pascals,
     "momentum": NewtonSeconds,
     "angular_momentum": JouleSeconds,
     "position": Metres,

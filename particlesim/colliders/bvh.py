@@ -125,8 +125,8 @@ def pseudonormals(corners: Floats, faces: Ints) -> Floats:
     _, which = np.unique(key, return_inverse=True)
     edge = np.zeros((int(which.max()) + 1, 3))
     np.add.at(edge, which.reshape(-1), np.repeat(face, 3, axis=0))
-    edge = _unit(edge)[which.reshape(-1)].reshape(-1, 3, 3)
-    return np.concatenate([at[faces], edge, face[:, None]], axis=1)
+    along = _unit(edge)[which.reshape(-1)].reshape(-1, 3, 3)
+    return np.concatenate([at[faces], along, face[:, None]], axis=1)
 
 
 def _unit(v: Floats) -> Floats:

@@ -1,9 +1,9 @@
 """Colliders that move: led along a path, turning about an axis, or both.
 
-A place x in the world is at y = x₀ + Rᵀ (x − X(t)) in the frame of the collider, whose pivot was at x₀ at the start and is at
-X(t) now; R(t) is its turn by ω t about a fixed direction, and velocities there are relative, Rᵀ (v − Ẋ − ω × (x − X)). In its
-frame the collider is at rest: its laws, the search for the first contact, impacts and rest are those of any other. So the
-velocity of its surface is felt, and with it the work that it does.
+A place x in the world is at y = x₀ + Rᵀ (x − X(t)) in the frame of the collider, whose pivot was at x₀ at the start and is
+at X(t) now; R(t) is its turn by ω t about a fixed direction; velocities there are relative, Rᵀ (v − Ẋ − ω × (x − X)). In
+its frame the collider is at rest: its laws, the search for the first contact, impacts and rest are those of any other. So
+the velocity of its surface is felt, and with it the work that it does.
 """
 
 from __future__ import annotations

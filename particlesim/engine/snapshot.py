@@ -54,7 +54,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Simulation: frozenset(
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
-            *("_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
             *("_energies", "_energies_of"),
         }
     ),

@@ -260,13 +260,15 @@ def _group_node(group: Group) -> Node:
     number = group.layout.number()
     if isinstance(group, Bodies):
         what = group.shape.words()
-        return Node("bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}")
+        return Node(
+            "bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}"
+        )
     count = f"{number} particles" if number is not None else "particles"
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = collider.contact
+    what: str = collider.contact
     if what == "bounce":
         static, kinetic = collider.coefficients
         what = f"e = {collider.liveliness:g}"

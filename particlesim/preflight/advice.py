@@ -15,6 +15,8 @@ PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
 """Seconds on one core beyond which all pairs of a run are told to be many."""
+BY_PLACE = ("attractor", "point_spring", "rotating_frame", "field")
+"""Forces that depend on the place."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -30,6 +32,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_loose(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_unrepeated(scenario),
     )
 
 
@@ -131,6 +134,17 @@ def _explicit(scenario: Scenario) -> list[str]:
         "of an explicit method, or equations will not be solved"
         for each in pair_sets(scenario)
         if isinstance(methods[each.groups[0]], ImplicitMethod)
+    ]
+
+
+def _unrepeated(scenario: Scenario) -> list[str]:
+    """Forces that depend on the place, in a periodic box."""
+    if scenario.simulation.box is None:
+        return []
+    return [
+        f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if force.type in BY_PLACE
     ]
 
 

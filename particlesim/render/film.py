@@ -53,14 +53,16 @@ def film(
         if not trajectory.scenario:
             raise UsageError(f"{path} does not say which scenario made it", "Was it written by `psim run`?")
         scenario = loads(trajectory.scenario, overrides)
-        open_colliders(scenario)
+        if scenario.render.ground:  # from where the run found the files of its colliders
+            folder = Path(str(trajectory.provenance.get("folder", "")))
+            open_colliders(scenario.loaded_from(folder, scenario.overrides))
         return render_video(
             trajectory,
             out,
             look_of(scenario),
             planes=plane_shapes(scenario),
             balls=ball_shapes(scenario),
-            meshes=mesh_shapes(scenario),
+            meshes=mesh_shapes(scenario) if scenario.render.ground else (),
             title=scenario.title,
             frames=frames,
             overwrite=overwrite,

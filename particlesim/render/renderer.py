@@ -40,6 +40,7 @@ from particlesim.render.kernels.solids import box_triangles, box_tubes
 from particlesim.render.overlay import Overlay
 from particlesim.render.scene import colormaps
 from particlesim.render.scene.bodies import Bodies
+from particlesim.render.scene.box_edges import AlongPaths, BoxEdges
 from particlesim.render.scene.camera import Viewpoint, choose_viewpoint
 from particlesim.render.scene.coloring import NOTHING, choose_coloring, color_indices, quantized, values_of
 from particlesim.render.scene.draw_list import NO_BOX, Act, Balls, Buffers, Cast
@@ -57,6 +58,7 @@ from particlesim.render.scene.shadow_maps import depth_map
 from particlesim.render.scene.source import BallShape, Frame, FrameSource, MeshShape, PlaneShape
 from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
+from particlesim.trajectory.box import Box
 
 Picture = npt.NDArray[np.uint8]
 
@@ -98,7 +100,12 @@ class Renderer:
         self.coloring = choose_coloring(source, settings.color_by)
         if settings.color_by == "auto" and groups and set(self.own_colors) >= set(groups):
             self.coloring = NOTHING  # nothing is left that a value could colour
-        self.scene = survey(source, self._values)
+        box: Box | None = getattr(source, "box", None)
+        self.box = None if box is None or self.bodies else BoxEdges(box)
+        self._follows_paths = box is not None and self.box is None
+        self.scene = survey(source, self._values, self._as_drawn)
+        if self.box is not None:
+            self.scene = self.scene.with_points(self.box.corners)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
         self.range = (float(low), float(high))
@@ -211,13 +218,14 @@ class Renderer:
     def draw(self, frame: Frame, turn: float = 0.0) -> Picture:
         """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its
         target."""
+        frame = self._as_drawn(frame)
         viewpoint = self.viewpoint.turned(turn) if turn else self.viewpoint
         view = viewpoint.view(self.center, self.scale, self.width, self.height)
         planes = _towards(self.planes, view)
         cast = self._place(frame, view, planes)
         bare = _without(cast, [mask for _, mask in self._sheer])
         shadow, sky = self._maps(bare)
-        act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._trail_segments(frame, view))
+        act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._lines(frame, view))
         out = self._paint(act)
         for share, mask in self._sheer:
             others = [other for _, other in self._sheer if other is not mask]
@@ -454,14 +462,26 @@ class Renderer:
             else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
         )
 
-    def _trail_segments(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
-        if self.trails is None:
-            return None
+    def _lines(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
+        """Trails, and the edges of a periodic box."""
+        found: list[tuple[Array, Array]] = []
         width = max(3.6 * self.height / 1080, 1.5 * self.samples)
-        segments = self.trails.segments(
-            float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id)
-        )
-        return segments if len(segments[0]) else None
+        if self.trails is not None:
+            found.append(
+                self.trails.segments(
+                    float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id)
+                )
+            )
+        if self.box is not None:
+            edges = self.box.segments(view, self.center, self.scale, 0.4 * width)
+            found.append((edges, np.full(len(edges), len(self.palette) - 1, np.int32)))
+        if not any(len(rows) for rows, _ in found):
+            return None
+        return np.concatenate([rows for rows, _ in found]), np.concatenate([color for _, color in found])
+
+    def _as_drawn(self, frame: Frame) -> Frame:
+        """A frame whose springs and surfaces do not lead across a periodic box: there, positions are those along paths."""
+        return AlongPaths(frame) if self._follows_paths else frame
 
     def _buffers(self, width: int) -> Buffers:
         """This thread's samples of one band."""

@@ -259,6 +259,7 @@ def _writer(
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
         topology=topology,
+        box=None if scenario.simulation.box is None else scenario.simulation.box.as_box(),
     )
 
 

@@ -132,8 +132,10 @@ class Tables(Model):
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
         groups = ("group",) if len(self.groups) > 1 else ()
+        if self.simulation.box is not None:
+            groups = (*groups, "image")
         if self.output.fields is not None:
-            return (*self.output.fields, *groups)
+            return tuple(dict.fromkeys((*self.output.fields, *groups)))
         fields = ["velocity", *(("orientation", "angular_velocity") if self.bodies else ())]
         fields += [
             name

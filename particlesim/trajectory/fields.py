@@ -56,6 +56,15 @@ FIELDS: dict[str, FieldSpec] = {
         *(FieldSpec(each.name, 1, each.unit, "float", each.doc) for each in ATTRIBUTES.values()),
         FieldSpec("age", 1, "s", "float", "Time since its birth."),
         FieldSpec("speed", 1, "m/s", "float", "Length of its velocity."),
+        FieldSpec(
+            "image",
+            3,
+            "",
+            "integer",
+            "How many boxes of a periodic box it has gone: along its path it is at position + "
+            "image times the size of the box.",
+            bits=32,
+        ),
         FieldSpec("group", 1, "", "integer", "Index of its group in the list of group names.", bits=32),
     )
 }
@@ -63,7 +72,14 @@ FIELDS: dict[str, FieldSpec] = {
 ALWAYS = ("position", "id")
 
 _AXES = ("x", "y", "z")
-_PREFIX = {"position": "", "velocity": "v", "force": "f", "acceleration": "a", "angular_velocity": "w"}
+_PREFIX = {
+    "position": "",
+    "velocity": "v",
+    "force": "f",
+    "acceleration": "a",
+    "angular_velocity": "w",
+    "image": "image_",
+}
 _QUATERNION = ("qw", "qx", "qy", "qz")
 
 
@@ -115,4 +131,6 @@ def ledger_unit(column: str) -> str:
         return "kg m²/s"
     if head in {"kinetic", "potential", "energy", "total", "work", "balance", "dissipated", "thermal"}:
         return "J"
+    if head == "pressure":
+        return "Pa"
     return ATTRIBUTES[head].unit if head in ATTRIBUTES else ""

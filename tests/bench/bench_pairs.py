@@ -41,7 +41,9 @@ def bodies(n: int) -> ps.Scenario:
                     "layout": {"type": "random", "count": n, "shape": {"type": "ball", "radius": 1.0}},
                 }
             ],
-            "interactions": [{"type": "gravity", "constant": 1.0, "softening": SOFTENING, "method": "direct"}],
+            "interactions": [
+                {"type": "gravity", "constant": 1.0, "softening": SOFTENING, "method": "direct"}
+            ],
         }
     )
 

@@ -40,9 +40,11 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("projectile", "projectile_drag", "fountain", "terminal_velocity", "buoyant_ball"),
         *("rain_on_dome", "bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
+        *("slope", "stairs", "conveyor"),
         *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
         *("cold_collapse", "galaxies"),
         *("tumbling_box", "dominoes", "wall_hit_by_a_ball", "balls_and_boxes"),
+        *("argon_melt", "flock"),
     }
 
 
@@ -273,7 +275,8 @@ def test_the_year_is_a_year() -> None:
 
 
 def test_a_cold_ball_collapses_in_the_time_of_free_fall() -> None:
-    # A fifth of the bodies, up to the moment of greatest density, pi/2 (R^3/(2 G M))^(1/2) = 1.11; r = r0 cos^2(psi) until then.
+    # A fifth of the bodies, up to the moment of greatest density, pi/2 (R^3/(2 G M))^(1/2) = 1.11; until then r = r0
+    # cos^2(psi).
     changes = {"simulation.duration": 1.2, "simulation.dt": 0.008, "particles.bodies.mass": 5e-4}
     result = ps.run(
         ps.load(FOLDER / "cold_collapse.toml", {**changes, "particles.bodies.layout.count": 2000})

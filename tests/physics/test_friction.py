@@ -100,8 +100,8 @@ def test_a_block_slides_up_a_slope_and_down_again(dt: float) -> None:
 
 
 def test_a_puck_on_a_slope_curls_as_it_should() -> None:
-    # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck that
-    # is pushed across ends downhill with half of its speed.
+    # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck
+    # that is pushed across ends downhill with half of its speed.
     angle, v = 0.4, 1.0
     mu = math.tan(angle)
     ends = []

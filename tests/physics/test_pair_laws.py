@@ -11,6 +11,8 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
+from particlesim.interactions.gravity import MutualGravity
+from particlesim.laws.pair import Pair, central
 from particlesim.laws.scatter import kick
 
 
@@ -157,6 +159,23 @@ def test_a_formula_is_the_law_that_it_writes() -> None:
         simulation.close()
     np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-12, atol=1e-12)
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-13)
+
+
+def test_spline_softening_is_smooth_and_that_of_points_from_28_tenths_on() -> None:
+    law = MutualGravity(constant=2.0, softening=0.5, softened="spline").record()
+    h = 2.8 * 0.5
+
+    def terms(r: float) -> np.ndarray:
+        pair = Pair(r, 0, 0, 0, 0, 0, np.float64(3.0), np.float64(0.7))
+        return np.array(central(law, pair, np.float64(r * r)), float)
+
+    strength = 2.0 * 3.0 * 0.7
+    assert terms(1e-9)[0] == pytest.approx(-strength / 0.5, rel=1e-14)  # as deep as Plummer's
+    for joint in (h / 2, h):  # U, k and q are continuous where the pieces meet
+        np.testing.assert_allclose(terms(joint * (1 - 1e-12)), terms(joint * (1 + 1e-12)), rtol=1e-10)
+    np.testing.assert_allclose(
+        terms(1.5), strength * np.array([-1 / 1.5, -1 / 1.5**3, 3 / 1.5**5]), rtol=1e-15
+    )
 
 
 def test_groups_mix_by_lorentz_and_berthelot() -> None:

@@ -173,9 +173,7 @@ def _moved(threads: int, steps: int = 6) -> tuple[bytes, bytes]:
 
 
 def test_threads_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from particlesim.engine.islands import coupled
-
-    monkeypatch.setattr(coupled, "WORTH_THREADS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
     assert _moved(1) == _moved(2) == _moved(3)
 
 
@@ -250,3 +248,13 @@ def test_the_inverse_root_is_as_exact_as_it_says() -> None:
     x = np.geomspace(1, 16, 2000)
     worst = max(abs(inverse_root(float(each)) * math.sqrt(each) - 1) for each in x)
     assert worst < 6e-11
+
+
+def test_cells_without_room_are_told_and_change_no_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    from particlesim.engine.interactions.tree import field
+
+    monkeypatch.setattr(field, "PARTICLES_PER_CELL", 10**6)
+    error, tree = compare(clusters(3000, np.random.default_rng(1)), {"accuracy": 1e-3, "softening": 0.01})
+    assert error < 1.3e-3
+    assert "no room" in tree.islands[0].interactions[0].summary()
+    tree.close()

@@ -152,7 +152,10 @@ PAIRS: Table = {
         },
         {"name": "star", "layout": {"type": "points", "position": [[3, 0, 0]]}, "mass": 1.0},
     ],
-    "interactions": [{"type": "gravity", "constant": 1.0, "softening": 0.05}],
+    "interactions": [
+        {"type": "gravity", "constant": 1.0, "softening": 0.05},
+        {"type": "soft_sphere", "epsilon": 0.05, "sigma": 0.4, "method": "neighbours"},
+    ],
 }
 
 BODIES: Table = {

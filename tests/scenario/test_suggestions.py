@@ -51,7 +51,7 @@ def hint(more: str) -> str:
         ("[[forces]]\ntype = 'nbody'", "what particles do to each other are [[interactions]]"),
         ("[[forces]]\ntype = 'n-body'", "what particles do to each other are [[interactions]]"),
         ("[[forces]]\ntype = 'wind'", 'the "flow" of a "drag"'),
-        ("[[forces]]\ntype = 'frition'", '"friction" of [[planes]]'),
+        ("[[forces]]\ntype = 'static_frition'", '"friction" of [[planes]]'),
         ("[wind]", 'the "flow" of a "drag"'),
         ("[[cloth]]", '"cloth" is a type of layout of [[particles]]'),
         ("[[springs]]\non = 'ball'\nwithin = 1\nstiffness = 1\nk = 3", 'psim calls it "stiffness"'),

@@ -142,7 +142,11 @@ def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work
 
 
 def share_out(
-    count: int, threads: int, driven: tuple[Driven, ...], elements: tuple[Interaction, ...], constraint: Constraint | None
+    count: int,
+    threads: int,
+    driven: tuple[Driven, ...],
+    elements: tuple[Interaction, ...],
+    constraint: Constraint | None,
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk; without an order."""
     ranges = shares(count, threads)

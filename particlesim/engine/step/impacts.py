@@ -5,8 +5,8 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest` takes
-such particles through their step, in vectors.
+What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest`
+takes such particles through their step, in vectors.
 
 Whether a way crosses a collider, such as a ball or a thin sheet, and comes out of it again is seen on the parabola from
 its beginning to its end (`particlesim.colliders.way`).
@@ -97,7 +97,7 @@ def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
 
 
 def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
-    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as one moved it off another."""
+    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as another moved it."""
     if len(colliders) == 0:
         return False
     return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
@@ -179,9 +179,10 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    colliders = contacts.continuous + contacts.discrete
+    # What a way may cross tells by one look whether the way is free, with its end.
+    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
     met = inside(colliders, nowhere(colliders), q)
-    if not any(crossable(c) for c in contacts.continuous):
+    if len(colliders) == len(contacts.continuous) + len(contacts.discrete):
         return met
     nothing = nowhere(contacts.continuous)
     return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
@@ -246,8 +247,8 @@ def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any,
 def _glide(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
-    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it lies
-    on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
+    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it
+    lies on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
     q, memory = advance(method, dynamics, forces, p, h, memory)
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
     if calm > LIVELY:
@@ -430,6 +431,8 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             memory = restart(memory)
             left = left - tau
             calm = LIVELY
+        if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
+            p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
     else:
         q, after = advance(method, dynamics, forces, p, left, memory)
         p, memory = q, after

@@ -1,8 +1,9 @@
 """Lasting contact: the step of a particle that lies on a collider, in closed form.
 
-A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the
-free end, which is put back on the surface without rebound. Friction acts as a constant force of the step, with v the
-velocity along the surface relative to it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
+A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then
+cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the free end, which is put back on
+the surface without rebound. Friction acts as a constant force of the step, with v the velocity along the surface relative to
+it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
 
 - what is at rest stays at rest, to the last bit, as long as |a h| ≤ μ_s J; beyond that it starts in the direction of a;
 - what slides loses μ_k J against its direction, and stops in mid-step where that is more than there is.
@@ -38,13 +39,16 @@ from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_
 
 
 def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
-    """Whether a step from p to q is rest on a collider: p touches it, its own velocity explains less than half of how deep
-    q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so are all that would follow; one
-    on an elastic collider does not end, unless there is none. Where it is `sure` that hops have died out, only touching
-    counts."""
+    """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
+    less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
+    are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
+    have died out, only touching counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
     deep, _ = sunk(c, p, q)
-    calm = (coasting >= type_of(h, 0.5) * deep - slack) & (c.response.bounce < 2)
+    _, n = gap_and_normal(c, p)
+    calm = (
+        (coasting >= type_of(h, 0.5) * deep - slack) & (h * along(n, p) >= -slack) & (c.response.bounce < 2)
+    )
     calm |= (abs(coasting) <= slack) | sure
     return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
 
@@ -122,11 +126,16 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     # A velocity that is nothing but rounding is none: what stops must be at rest.
     speed2, noise = square(before), tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
     calm = speed2 <= noise * noise
+    drag = response.friction.kinetic * push
     base = tuple(None if b is None else (a if calm else b) for a, b in zip(change, before, strict=True))
+    # A path that turns by more than friction can hold back does not stop where it turns: friction is against its end.
+    length2, ahead, most2 = square(base), _dot(after, base), drag * drag
+    stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
+    bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
+    base = tuple(None if b is None else (a if bends else b) for a, b in zip(after, base, strict=True))
     size = np.sqrt(square(base))
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
-    drag = response.friction.kinetic * push
     left = _dot(after, way) - drag
     firm = square(change) <= (response.friction.static * push) * (response.friction.static * push)
     slides = (left > 0) & ((not calm) | (not firm))
@@ -212,7 +221,9 @@ def _full(n: Any, zero: Any) -> Any:
 
 def _at(q: Any, place: Any, velocity: Any) -> Any:
     """The particle at another place, with another velocity."""
-    return moved_to(q, *place, *velocity, q.t)
+    x, y, z = place
+    vx, vy, vz = velocity
+    return moved_to(q, x, y, z, vx, vy, vz, q.t)
 
 
 def _dot(a: Any, b: Any) -> Any:

@@ -63,9 +63,10 @@ class Frame(Protocol):
 class FrameSource(Protocol):
     """A trajectory: `times` [s] in rising order, shape [frames], and the names of the recorded `fields`.
 
-    Three optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
+    Four optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
     in the legend; `groups`, the names that the integers of the field "group" stand for; `topology`, the springs
-    and surfaces by name (see `particlesim.trajectory.topology.Topology`).
+    and surfaces by name (see `particlesim.trajectory.topology.Topology`); `box`, the periodic box that positions are in,
+    which is drawn (see `particlesim.trajectory.box.Box`).
     """
 
     @property

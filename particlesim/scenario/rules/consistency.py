@@ -10,7 +10,7 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
-from particlesim.scenario.rules import bodies, interactions, joints
+from particlesim.scenario.rules import bodies, interactions, joints, periodic
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
@@ -142,6 +142,12 @@ def needs(scenario: Tables) -> Iterator[Invalid]:
         for j, name in enumerate(scenario.output.fields):
             if name in OPTIONAL and not any(group.may_have(name) for group in scenario.groups):
                 yield Invalid(f"no particle has a {name}", ("output", "fields", j))
+            if name == "image" and scenario.simulation.box is None:
+                yield Invalid(
+                    "there are no images without a periodic box",
+                    ("output", "fields", j),
+                    hint="box = { size = [1, 1, 1] } under [simulation] makes one",
+                )
 
 
 def times(scenario: Tables) -> Iterator[Invalid]:
@@ -207,6 +213,7 @@ CHECKS = (
     needs,
     interactions.felt,
     interactions.kicked,
+    periodic.repeated,
     undifferentiable,
     times,
     kicks,

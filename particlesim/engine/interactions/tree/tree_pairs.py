@@ -23,6 +23,7 @@ from particlesim.engine.interactions.pair_tensors import PairTensors
 from particlesim.engine.interactions.pairs import DirectPairs, pairs_of
 from particlesim.engine.interactions.tree import calibration
 from particlesim.engine.interactions.tree.field import (
+    FULL,
     Hand,
     Tree,
     field_of_all,
@@ -110,11 +111,15 @@ class TreePairs(Interaction, TreeColumns):
         return self.direct.force_on(c, row, t)
 
     def summary(self) -> str | None:
-        error = float(self.limits[calibration.ERROR])
-        order = len(self.tree.form.order)
-        if error == 0:
-            return f"multipoles of order {order}"
-        return f"multipoles of order {order}, rms relative force error {error:.1e} at the start"
+        error, told = (
+            float(self.limits[calibration.ERROR]),
+            f"multipoles of order {len(self.tree.form.order)}",
+        )
+        if error > 0:
+            told += f", rms relative force error {error:.1e} at the start"
+        if self.tree.report[FULL]:
+            told += "; there was no room for all cells, so that some leaves were large and sums slower"
+        return told
 
     def after(self, before: Interaction, place: Ints) -> Self:
         if not isinstance(before, TreePairs):
