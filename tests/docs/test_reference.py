@@ -61,7 +61,7 @@ def complete(text: str) -> str:
     keys = tomllib.loads(text)
     if "simulation" not in keys:
         text += SIMULATION
-    if not {"particles", "emitters"} & set(keys):
+    if not {"particles", "bodies", "emitters"} & set(keys):
         text += PARTICLES
     return text
 
