@@ -4,6 +4,7 @@
 from typing import Annotated
 
 from particlesim.interactions.base import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.interactions.coulomb import Coulomb
 from particlesim.interactions.flocking import Flocking
 from particlesim.interactions.formula import PairFormula
@@ -27,6 +28,7 @@ INTERACTIONS: tuple[type[PairInteraction], ...] = (
     PairFormula,
     PairFriction,
     Flocking,
+    Contact,
 )
 
 AnyInteraction = Annotated[
@@ -39,7 +41,8 @@ AnyInteraction = Annotated[
     | SoftSphere
     | PairFormula
     | PairFriction
-    | Flocking,
+    | Flocking
+    | Contact,
     Tagged("type"),
 ]
 

@@ -6,6 +6,7 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group
 from particlesim.integrators import Composition
+from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.scenario.reach import acts_on, held_back
 from particlesim.scenario.scenario import Scenario
 
@@ -22,6 +23,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_never(scenario),
         *_loose(scenario),
         *_joined_twice(scenario),
+        *contact_doubts(scenario),
     )
 
 

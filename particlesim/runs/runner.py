@@ -26,7 +26,7 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced
+from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -165,7 +165,12 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
-    found = (*suspects(simulation).warnings, *misplaced(simulation), *flat_triangles(simulation.scenario))
+    found = (
+        *suspects(simulation).warnings,
+        *misplaced(simulation),
+        *squeezed(simulation),
+        *flat_triangles(simulation.scenario),
+    )
     if warn is not None:
         for text in found:
             warn(text)

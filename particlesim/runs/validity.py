@@ -10,6 +10,7 @@ import numpy as np
 
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import Mesh
+from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import World
@@ -86,6 +87,15 @@ def misplaced(world: World) -> tuple[str, ...]:
                 "surface, which changes their energy"
             )
     return tuple(found)
+
+
+def squeezed(world: World) -> tuple[str, ...]:
+    """A sentence for every interaction by contact with particles that overlap each other at the start."""
+    return tuple(
+        f"{each.label}: {each.number:,} pair{'s' if each.number > 1 else ''} of particles overlap at the start, the deepest "
+        f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
+        for each in crowded(world)
+    )
 
 
 def flat_triangles(scenario: Scenario) -> tuple[str, ...]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from particlesim.engine.interactions.contacts import contacts_of
 from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import Contact
 
 METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "direct": pairs_of,
@@ -38,4 +40,6 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
 
     Raises UsageError for two at one place, if they have no force there.
     """
+    if isinstance(pairs.law, Contact):
+        return contacts_of(site, pairs)
     return METHODS[method_of(site, pairs)](site, pairs)

@@ -85,7 +85,11 @@ class CoupledIsland(BaseIsland):
         self.springs = sum(each.effort for each in self.interactions)
         if self.rods is not None and self.rods.components > 1:
             self.springs += ROD_IN_SPRINGS * self.rods.number
-        looks_back = self.rods is not None or any(part.contacts != Simple(()) for part in self.parts)
+        looks_back = (
+            self.rods is not None
+            or any(part.contacts != Simple(()) for part in self.parts)
+            or any(each.looks_back for each in self.interactions)
+        )
         self._work = scratch(self._method, whole.count, whole.dtype, looks_back=looks_back)
         if isinstance(self._method, GaussRadauMethod):
             self._work = self._work._replace(radau=new_room(whole.memory[:, : whole.count]))
@@ -367,7 +371,7 @@ class CoupledIsland(BaseIsland):
         """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
         renewed = tuple(each.renewed() for each in self.interactions)
         if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
-            self.interactions, self._shares = renewed, {}
+            self.interactions, self._shares, self._kept = renewed, {}, []
         self.kept_from = first
         now = _changing(self.island_columns(), self.interactions)
         if not self._kept:

@@ -163,6 +163,7 @@ CHECKS = (
     needs,
     interactions.felt,
     interactions.kicked,
+    interactions.fixed_steps,
     undifferentiable,
     times,
     kicks,
