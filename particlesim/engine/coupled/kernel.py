@@ -236,7 +236,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0
     if good:
-        conclude_elements(share.elements, c, work.before, share, end, h)
+        conclude_elements(share.elements, parts, c, work.before, share, end, h)
         break_bonds(bonds, c, share, end)
     else:
         back_to_beginning(work.before, c, share)

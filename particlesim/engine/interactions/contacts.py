@@ -105,7 +105,7 @@ class Contacts(NearLists, ContactColumns):
             if share.number == 0:
                 near.report[DUE] = 0
 
-    def conclude(self, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         if self.memory is not None:
             near, groups = self.near, self.near.begin.size
             bring_up(self, c, share, t)

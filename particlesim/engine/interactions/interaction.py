@@ -93,10 +93,11 @@ class Interaction:
         written what others read, it ends with one, as `add_forces` only reads.
         """
 
-    def conclude(self, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
 
-        All threads of an island call it, with all particles in their places after other contacts; `before` [6, n] is the
+        All threads of an island call it, with all particles in their places after other contacts; `parts`
+        are the groups with their colliders, and `before` [6, n] is the
         state at the beginning of the step, where it `looks_back`. It ends with a `meet`.
         """
 
@@ -273,16 +274,16 @@ def prepare_elements(sets: Any, c: Any, share: Any, t: Any) -> None:
 
 
 @outlined
-def conclude_set(each: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+def conclude_set(each: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
     """`conclude` for one set."""
-    type(each).conclude(each, c, before, share, t, h)
+    type(each).conclude(each, parts, c, before, share, t, h)
 
 
-def conclude_elements(sets: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
     """Let all sets that have something to do at the end of a step do so; all threads of an island come here."""
     for each in sets:
         if type(each).concludes:
-            conclude_set(each, c, before, share, t, h)
+            conclude_set(each, parts, c, before, share, t, h)
 
 
 @outlined

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from particlesim.engine.interactions.contacts import contacts_of
+from particlesim.engine.interactions.impulses import impulses_of
 from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
@@ -41,5 +42,5 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
     Raises UsageError for two at one place, if they have no force there.
     """
     if isinstance(pairs.law, Contact):
-        return contacts_of(site, pairs)
+        return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
     return METHODS[method_of(site, pairs)](site, pairs)
