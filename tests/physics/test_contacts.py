@@ -18,7 +18,9 @@ LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e4}
 HERTZ = {"type": "contact", "model": "hertz", "young_modulus": "10 MPa", "poisson_ratio": 0.25}
 
 
-def meeting(law: dict[str, Any], dt: float, *, speed: float = 1.0, beside: float = 0.0, **more: Any) -> ps.Result:
+def meeting(
+    law: dict[str, Any], dt: float, *, speed: float = 1.0, beside: float = 0.0, **more: Any
+) -> ps.Result:
     """Two spheres that meet at a relative speed, the second somewhat beside the path of the first."""
     duration = more.pop("duration", 0.05)
     gap = 0.013 * R
@@ -69,7 +71,9 @@ def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum(law: 
     before = np.cross((-math.sqrt(4 * R * R - 0.36 * R * R) - 0.013 * R, 0, 0), (1, 0, 0))
     assert np.abs(np.cross(x, v).sum(axis=0) - before).max() < 1000 * EPS
     assert (v**2).sum() == pytest.approx(1, abs=1e-5)
-    assert v[0] @ v[1] == pytest.approx(0, abs=1e-2 * 1)  # equal masses part at a right angle, as contacts take time
+    assert v[0] @ v[1] == pytest.approx(
+        0, abs=1e-2 * 1
+    )  # equal masses part at a right angle, as contacts take time
 
 
 def test_friction_takes_what_coulomb_allows() -> None:
@@ -110,7 +114,7 @@ def test_what_lies_holds_below_the_static_limit_and_slides_above_it() -> None:
 
 
 def heap(model: str = "linear", n: int = 60, **more: Any) -> dict[str, Any]:
-    """Grains of sizes 1 to 3 that fall into a bowl."""
+    """Grains of sizes 1 to 3 that fall into a box."""
     rng = np.random.default_rng(4)
     laws = {
         "linear": {"stiffness": 2000.0},
@@ -130,7 +134,16 @@ def heap(model: str = "linear", n: int = 60, **more: Any) -> dict[str, Any]:
             }
         ],
         forces=[{"type": "gravity", "acceleration": [0, -9.81, 0]}],
-        colliders=[{"type": "sphere", "center": [0, 0.3, 0], "radius": 0.35, "inside": True, "restitution": 0.3}],
+        planes=[
+            {"point": point, "normal": normal, "restitution": 0.3, "friction": 0.5}
+            for point, normal in (
+                ([0, 0, 0], [0, 1, 0]),
+                ([-0.17, 0, 0], [1, 0, 0]),
+                ([0.17, 0, 0], [-1, 0, 0]),
+                ([0, 0, -0.17], [0, 0, 1]),
+                ([0, 0, 0.17], [0, 0, -1]),
+            )
+        ],
         interactions=[
             {
                 "type": "contact",
@@ -172,7 +185,7 @@ def test_the_same_bits_with_any_threads_and_after_a_resume(model: str, monkeypat
 
 def test_a_third_law_to_the_last_bit() -> None:
     table = heap("hertz", n=300)
-    del table["colliders"], table["forces"]
+    del table["planes"], table["forces"]
     table["particles"][0]["layout"]["velocity"] = [[0.1, 0, 0]]
     simulation = Simulation(ps.from_table(table))
     simulation.advance_to(3)
@@ -193,3 +206,41 @@ def test_coincident_centres_come_apart() -> None:
         assert np.isfinite(final.position).all()
         assert np.abs(np.diff(final.position[:, 0])[0]) > R
         assert np.abs(final.velocity.sum(axis=0)).max() < 1e-12
+
+
+def refused(**changes: Any) -> str:
+    law = {**LINEAR, **changes}
+    law = {key: value for key, value in law.items() if value is not None}
+    scenario = table(
+        0.1,
+        1e-3,
+        method=changes.pop("method", "velocity_verlet"),
+        particles=[points((0, 0, 0), radius=law.pop("radius", 0.1))],
+        interactions=[law],
+    )
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.from_table(scenario)
+    return str(error.value)
+
+
+def test_bad_input_is_refused_with_what_is_allowed() -> None:
+    assert "restitution" in refused(restitution=1.2)
+    assert "friction" in refused(friction=-0.1)
+    assert "needs a radius greater than 0" in refused(radius=0.0)
+    assert "needs a stiffness" in refused(stiffness=None)
+    assert 'young_modulus belongs to model = "hertz"' in refused(young_modulus=1e6)
+    assert "needs a young_modulus" in refused(model="hertz", stiffness=None)
+    assert "ends where two particles no longer touch" in refused(cutoff=1.0)
+
+
+def warned(dt: float = 1e-4, at: float = 0.5, **law: Any) -> str:
+    group = points((0, 0, 0), (at, 0, 0), mass=0.1, radius=0.1)
+    return " ".join(simulate(10 * dt, dt, particles=[group], interactions=[{**LINEAR, **law}]).warnings)
+
+
+def test_what_is_doubtful_is_told_before_the_run() -> None:
+    assert warned() == ""
+    assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
+    assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
+    assert "1 pair of particles overlap at the start" in warned(at=0.19)
+    assert "by 0.01 m" in warned(at=0.19)

@@ -76,20 +76,20 @@ def test_a_gas_keeps_momentum_and_energy() -> None:
 
 def test_a_heap_comes_to_rest_and_gains_nothing() -> None:
     table = heap("impulse", n=60)
-    table["simulation"] |= {"duration": 4.0, "dt": 1e-3}
+    table["simulation"] |= {"duration": 3.0, "dt": 1e-3}
     table["output"]["every"] = 200
     simulation = Simulation(ps.from_table(table))
     (island,) = simulation.islands
     highest = []
-    for step in range(200, 4001, 200):
+    for step in range(200, 3001, 200):
         simulation.advance_to(step)
         highest.append(simulation.ledger()["kinetic"])
-    assert highest[-1] < 1e-5 * max(highest)
+    assert highest[-1] < 1e-6 * max(highest)
     x, r = simulation.states[0].position, simulation.states[0].radius[:60]
     apart = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1)) - r[:, None] - r[None]
     np.fill_diagonal(apart, 0)
     assert apart.min() > -0.02 * r.min()
-    assert np.sqrt(((x - [0, 0.3, 0]) ** 2).sum(axis=1) + 0).max() < 0.35
+    assert (x[:, 1] - r).min() > -1e-12
 
 
 def test_a_start_that_overlaps_comes_apart_gently() -> None:

@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from particlesim.colliders.response import ResponseRecord, rebound
+from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contacts import with_masses
@@ -35,7 +35,7 @@ from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.impacts import Simple
 from particlesim.interactions import PairSet
-from particlesim.laws.registry import PASS, gap, gap_and_normal
+from particlesim.laws.registry import PASS, gap_and_normal
 
 PAIRS = 8
 """Pairs per particle to have room for at first; twice what dense packings of equal spheres have."""
@@ -236,7 +236,10 @@ def move_apart(each: Any, c: Any) -> None:
         x, y, z, apart = line_between(c, i, j)
         overlap = r[i] + r[j] - apart
         if (overlap > 0) & (both > 0):
-            by = min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY / TURNS_APART) * min(r[i], r[j])) / both
+            by = (
+                min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY / TURNS_APART) * min(r[i], r[j]))
+                / both
+            )
             c.x[i] += by * wi * x
             c.y[i] += by * wi * y
             c.z[i] += by * wi * z
@@ -269,9 +272,7 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
 
 
 @outlined
-def watch_wall(
-    each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any
-) -> Any:
+def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any) -> Any:
     """List those of particles [first, last) that are near a collider; returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
@@ -338,11 +339,11 @@ def put_on_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) 
     bench = each.bench
     for k in range(begin, end):
         i = bench.wall[k]
-        g = gap(collider.shape, fetch(c, i, t))
+        p = fetch(c, i, t)
+        g, n = gap_and_normal(collider.shape, p)
         if g < 0:
-            c.x[i] -= g * bench.wall_normal[0, k]
-            c.y[i] -= g * bench.wall_normal[1, k]
-            c.z[i] -= g * bench.wall_normal[2, k]
+            x, y, z = put_back(collider.shape, p, g, whole(n, g))
+            c.x[i], c.y[i], c.z[i] = x, y, z
 
 
 def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
