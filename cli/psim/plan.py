@@ -73,12 +73,12 @@ def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     from particlesim.compiler import uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import misplaced
+    from particlesim.runs.validity import misplaced, squeezed
 
     with uncompiled():
         world = World(scenario)
         found = stability(world)
-        return found, (*found.warnings, *misplaced(world))
+        return found, (*found.warnings, *misplaced(world), *squeezed(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

@@ -143,7 +143,7 @@ class Simulation(World):
         forces = sorted({k for here, _ in self._sources for k in here})
         bonds = range(len(self.scenario.forces), len(self._labels) - len(self.scenario.interactions))
         names = [self._labels[k] for k in (*forces, *bonds)]
-        names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.conserves()]
+        names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
         return (*MOTION, *potentials, *attribute_totals(self.scenario), *self._pressures, *work)

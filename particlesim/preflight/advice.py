@@ -8,6 +8,7 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -33,6 +34,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_joined_twice(scenario),
         *_explicit(scenario),
         *_unrepeated(scenario),
+        *contact_doubts(scenario),
     )
 
 

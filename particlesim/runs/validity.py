@@ -10,6 +10,7 @@ import numpy as np
 
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import Mesh
+from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.islands.rigid import Intrusion, RigidIsland
 from particlesim.engine.simulation import Simulation
@@ -103,6 +104,15 @@ def _intruding(world: World, intrusions: list[Intrusion]) -> str:
     return (
         f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
         f"{depth:.3g} m; the first steps push them apart, which may change their energy"
+    )
+
+
+def squeezed(world: World) -> tuple[str, ...]:
+    """A sentence for every interaction by contact with particles that overlap each other at the start."""
+    return tuple(
+        f"{each.label}: {each.number:,} pair{'s' if each.number > 1 else ''} of particles overlap at the start, the deepest "
+        f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
+        for each in crowded(world)
     )
 
 

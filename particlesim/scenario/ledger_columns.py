@@ -19,7 +19,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     stored = [
         label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
     ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
-    stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.conserves()]
+    stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.stores()]
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,

@@ -66,26 +66,14 @@ class NearColumns(NamedTuple):
     box: Any = None
 
 
-class NearPairs(Interaction, NearColumns):
-    """An interaction of pairs with a cutoff, summed over neighbour lists."""
+class NearLists(Interaction):
+    """What all kinds have in common that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
 
     __slots__ = ()
     prepares: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(NearColumns._fields)
-
-    def prepare(self, c: Any, share: Any, t: Any) -> None:
-        near, groups = self.near, self.near.begin.size
-        changed = bring_up(self, c, share, t)
-        if self.ids is not None or changed or near.report[DUE] != 0:
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    pull_on(self, g, t)
-            meet(share.gate, share.threads)
-            if share.number == 0:
-                near.report[DUE] = 0
+    law: Any
+    near: Neighbours
+    pull: Any
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
@@ -103,30 +91,6 @@ class NearPairs(Interaction, NearColumns):
     @property
     def effort(self) -> int:
         return SPRINGS * len(self.near.members)
-
-    def renewed(self) -> Self:
-        forget(self.near)
-        near = enlarged(self.near)
-        return self if near is self.near else self._replace(near=near)
-
-    def energy(self, c: Any) -> float | None:
-        return None if self.spends else float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
-
-    @property
-    def spends(self) -> bool:
-        return not has_law(pair_potential, self.law)
-
-    def power(self, c: Any, t: float) -> float:
-        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
-
-    def summary(self) -> str:
-        return f"neighbour lists of {len(self.near.members)} particles"
-
-    def virial(self, c: Any, t: float) -> Floats:
-        """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""
-        out = np.zeros(9)
-        near_virial(self, c._replace(clock=None), lone(c.x.size), t, out)
-        return out.reshape(3, 3)
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)
@@ -157,6 +121,51 @@ class NearPairs(Interaction, NearColumns):
         near_forces(self, c, lone(c.x.size), t)
         k = int(self.near.place[row])
         return np.zeros(3) if k < 0 else np.asarray(self.pull[k].astype(float))
+
+
+class NearPairs(NearLists, NearColumns):
+    """An interaction of pairs with a cutoff, summed over neighbour lists."""
+
+    __slots__ = ()
+    follows: ClassVar[frozenset[str]] = frozenset(NearColumns._fields)
+
+    def prepare(self, c: Any, share: Any, t: Any) -> None:
+        near, groups = self.near, self.near.begin.size
+        changed = bring_up(self, c, share, t)
+        if self.ids is not None or changed or near.report[DUE] != 0:
+            while True:
+                first = atomic_add(near.report, TURN, AT_ONCE)
+                if first >= groups:
+                    break
+                for g in range(first, min(first + AT_ONCE, groups)):
+                    pull_on(self, g, t)
+            meet(share.gate, share.threads)
+            if share.number == 0:
+                near.report[DUE] = 0
+
+    def renewed(self) -> Self:
+        forget(self.near)
+        near = enlarged(self.near)
+        return self if near is self.near else self._replace(near=near)
+
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+
+    def summary(self) -> str:
+        return f"neighbour lists of {len(self.near.members)} particles"
+
+    def virial(self, c: Any, t: float) -> Floats:
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""
+        out = np.zeros(9)
+        near_virial(self, c._replace(clock=None), lone(c.x.size), t, out)
+        return out.reshape(3, 3)
 
 
 # What laws see of particles in the lists

@@ -214,6 +214,7 @@ CHECKS = (
     interactions.felt,
     interactions.kicked,
     periodic.repeated,
+    interactions.fixed_steps,
     undifferentiable,
     times,
     kicks,
