@@ -67,7 +67,7 @@ class Bench(NamedTuple):
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first nine as in `NearColumns`; then room to work in, and a report."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, and a report."""
 
     law: Any
     least: Any
@@ -78,6 +78,7 @@ class ImpulseColumns(NamedTuple):
     near: Neighbours
     seen: Block
     pull: Any
+    box: Any
     bench: Bench
     report: Any
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from particlesim.colliders import Collider, Plane
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.vectors import unit
 from particlesim.scenario.box import PeriodicBox
@@ -52,6 +53,13 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
                 (*here, "method"),
                 ((BOX, "here"),),
                 allowed='"auto", "direct", "neighbours"',
+            )
+        elif isinstance(each, Contact):
+            yield Invalid(
+                "particles do not touch each other across the sides of a periodic box",
+                here,
+                ((BOX, "a periodic box"),),
+                hint='type = "soft_sphere" pushes apart what overlaps, across them, too',
             )
         elif each.touching():
             continue
