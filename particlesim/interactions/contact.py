@@ -44,7 +44,7 @@ class Contact(PairInteraction):
     """Spheres that touch each other, with restitution and friction."""
 
     type: Literal["contact"] = "contact"
-    model: Literal["impulse", "linear", "hertz"]
+    model: Literal["impulse", "linear", "hertz"] = "impulse"
     """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
     `hertz`: the same with the elasticity of spheres."""
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0

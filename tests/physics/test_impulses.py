@@ -113,3 +113,41 @@ def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> 
     for each in (one, two, other):
         each.advance_to(500)
     assert bits(one) == bits(two) == bits(other)
+
+
+@pytest.mark.parametrize(
+    "law", [{}, {"model": "hertz", "young_modulus": 1e5}, {"model": "linear", "stiffness": 500.0}]
+)
+def test_births_and_deaths_leave_the_contacts_of_others_alone(law: dict[str, Any]) -> None:
+    emitter = {
+        "name": "tap",
+        "shape": {"type": "point", "position": [0, 0.3, 0]},
+        "rate": 60.0,
+        "speed": 1.0,
+        "direction": [0.1, -1, 0],
+        "radius": {"type": "uniform", "low": 0.02, "high": 0.03},
+        "density": 500,
+        "lifetime": 0.7,
+    }
+    scenario = ps.from_table(
+        table(
+            1.2,
+            5e-4,
+            emitters=[emitter],
+            forces=[{"type": "gravity", "acceleration": [0, -9.81, 0]}],
+            planes=[{"restitution": 0.2, "friction": 0.4}],
+            interactions=[{**HARD, "restitution": 0.3, "friction": 0.4, **law}],
+            output={"every": 300},
+        )
+    )
+    one, two = Simulation(scenario, threads=1), Simulation(scenario, threads=2)
+    one.advance_to(1500)
+    restore(two, snapshot(one))
+    one.advance_to(2400)
+    two.advance_to(2400)
+    assert bits(one) == bits(two)
+    state = one.states[0]
+    assert 20 < state.count < 60
+    assert np.isfinite(state.x[:, : state.count]).all()
+    assert state.x[1, : state.count].min() > 0
+    assert np.abs(state.v[:, : state.count]).max() < 5

@@ -5,8 +5,8 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
-and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. So momentum is kept, and energy never grows, pair
-by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on
+and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. So momentum is kept, and energy never grows,
+pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on
 take part in the turns, so that what lies on a floor holds what lies on it.
 
 Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as

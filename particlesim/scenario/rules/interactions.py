@@ -104,6 +104,14 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
                     ((tables[group.name][0], f"stepped by {method.name}"),),
                     allowed="velocity_verlet, symplectic_euler, rk4 and others with steps of one length",
                 )
+            rods = [rods.name for rods in scenario.rod_sets if group.name in rods.groups]
+            if each.model == "impulse" and rods:
+                yield Invalid(
+                    f"impulses between particles on rods, such as those of {rods[0]!r}, are not known to the rods",
+                    ("interactions", k),
+                    ((tables[group.name][0], "on rods"),),
+                    hint='model = "linear" has forces, which rods hold against',
+                )
         if each.model == "impulse" and scenario.output.work:
             yield Invalid(
                 f"the work of the impulses of {each.label} cannot be booked",
