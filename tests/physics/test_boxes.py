@@ -364,7 +364,7 @@ def test_pictures_and_plots_know_the_box(tmp_path: Path) -> None:
     assert sorted(lengths) == pytest.approx([2.0] * 4 + [4.0] * 4 + [6.0] * 4)
     start = [[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]]
     result = ps.run(
-        boxed(start, [[9.0, 0, 0]] * 2, law={**LAW, "cutoff": 1.5}, every=20), tmp_path / "a.vtkhdf"
+        boxed(start, [[9.0, 0, 0], [-9.0, 0, 0]], law={**LAW, "cutoff": 1.5}, every=20), tmp_path / "a.vtkhdf"
     )
     assert result.path is not None
     with ps.open(result.path) as trajectory:
