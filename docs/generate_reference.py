@@ -16,6 +16,8 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
+from particlesim.bodies import Bodies
+from particlesim.bodies.shape import BODY_SHAPES
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
@@ -30,7 +32,7 @@ from particlesim.forces import FORCES, SURFACE_FORCES, Force
 from particlesim.forces.drag import Atmosphere
 from particlesim.groups.group import Cooling, FirstOrder, Particles, SecondOrder, TracerMotion
 from particlesim.groups.impulse import Impulse
-from particlesim.groups.motion import Waypoint
+from particlesim.groups.motion import Spin, Waypoint
 from particlesim.integrators import METHODS
 from particlesim.interactions import INTERACTIONS, PairInteraction
 from particlesim.layouts import LAYOUTS
@@ -38,6 +40,7 @@ from particlesim.model.base import field_docs
 from particlesim.sampling.distributions import Choice, Exponential, LogNormal, Normal, Uniform
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
+from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.time_and_output import Output, SimulationSettings
@@ -47,6 +50,8 @@ TEXTS = Path(__file__).with_name("reference")
 
 DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
 SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
+NOT_FOR_BODIES = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
+"""Keys of particles that bodies refuse."""
 DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
 
 
@@ -63,6 +68,8 @@ def parts() -> Iterator[str]:
     yield "## `[simulation]`"
     yield prose("simulation")
     yield table(SimulationSettings)
+    yield "### `box`"
+    yield summary(PeriodicBox) + "\n\n" + table(PeriodicBox)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
@@ -83,6 +90,11 @@ def parts() -> Iterator[str]:
     yield from variants(DYNAMICS)
     yield "### Cooling"
     yield summary(Cooling) + "\n\n" + table(Cooling)
+    yield "## `[[bodies]]`"
+    yield prose("rigid_bodies")
+    yield table(Bodies, without=NOT_FOR_BODIES)
+    yield "### Shapes of bodies"
+    yield from variants(BODY_SHAPES)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)
@@ -128,6 +140,8 @@ def parts() -> Iterator[str]:
     yield from section(Scenario, "motions")
     yield "### Waypoint"
     yield summary(Waypoint) + "\n\n" + table(Waypoint)
+    yield "### Spin"
+    yield summary(Spin) + "\n\n" + table(Spin)
     yield "## `[[planes]]`"
     yield from section(Scenario, "planes")
     yield "## `[[colliders]]`"

@@ -110,14 +110,15 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     from particlesim.flows import OPEN_FLOWS
     from particlesim.forces import OPEN_FORCES
     from particlesim.integrators import METHODS
-    from particlesim.interactions import INTERACTIONS
+    from particlesim.interactions import OPEN_INTERACTIONS
     from particlesim.layouts import LAYOUTS
     from particlesim.scenario.scenario import Scenario
 
-    forces, flows = ((*union.own, *union.added) for union in (OPEN_FORCES, OPEN_FLOWS))
+    unions = (OPEN_FORCES, OPEN_FLOWS, OPEN_INTERACTIONS)
+    forces, flows, interactions = ((*union.own, *union.added) for union in unions)
     kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
         ("Forces", forces),
-        ("Interactions", INTERACTIONS),
+        ("Interactions", interactions),
         ("Flows", flows),
         ("Layouts", LAYOUTS),
         ("Colliders", COLLIDERS),

@@ -30,11 +30,15 @@ def plan(
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
+    from particlesim.graph.graph import method_of
     from particlesim.integrators import method_for
-    from particlesim.preflight.advice import advice, sliding
+    from particlesim.preflight.advice import advice, long_sums, sliding
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
+    methods = {method_of(group, scenario.simulation.integrator).label: None for group in scenario.bodies}
+    if len(scenario.bodies) < len(scenario.groups):
+        methods = {method_for(scenario.simulation.integrator).label: None, **methods}
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
@@ -50,7 +54,7 @@ def plan(
         "steps": grid.steps,
         "dt": grid.dt,
         "dt_asked": grid.asked,
-        "integrator": method_for(scenario.simulation.integrator).label,
+        "integrator": " and ".join(methods),
         "precision": scenario.simulation.precision,
         "frames": required.frames,
         "fields": ["position", "id", *scenario.recorded_fields()],
@@ -60,7 +64,7 @@ def plan(
         "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
-        "advice": [*doubts, *advice(scenario), *sliding(scenario)],
+        "advice": [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)],
     }
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders.friction import FallingRestitution, Friction
+from particlesim.colliders.moving import MovingRecord, SpinRecord
 from particlesim.colliders.response import ColliderRecord, FallingRecord, FrictionRecord, ResponseRecord
 from particlesim.laws.registry import ABSORB, PASS, STICK
 from particlesim.model.base import Model, Name
@@ -52,6 +53,8 @@ class Collider(Model):
     """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects."""
     contact: Literal["bounce", "stick", "kill"] = "bounce"
     """What contact does: bounce, stay there for good, or end the particle."""
+
+    _motion: tuple[Any, SpinRecord | None] | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _bounces(self) -> Collider:
@@ -103,6 +106,30 @@ class Collider(Model):
         """The shape as kernels take it."""
         raise NotImplementedError
 
+    def pivot(self) -> tuple[float, float, float]:
+        """The place that a motion leads and turns it about [m], at the start."""
+        raise NotImplementedError
+
+    def lead(self, path: Any, spin: SpinRecord | None) -> None:
+        """Let it move from now on: along a path, with a turn, or both."""
+        self._motion = (path, spin)
+
+    @property
+    def motion(self) -> tuple[Any, SpinRecord | None] | None:
+        """The path and the turn that lead it, None where it is at rest."""
+        return self._motion
+
+    def body(self) -> Any:
+        """The shape as kernels take it, with what leads it."""
+        if self._motion is None:
+            return self.shape()
+        path, spin = self._motion
+        return MovingRecord(self.moved_shape(), *self.pivot(), path, spin)
+
+    def moved_shape(self) -> Any:
+        """The shape in its own frame, where it moves."""
+        return self.shape()
+
     def reach(self) -> float:
         """Size of the numbers beside the particle's place [m] that its gap is the difference of."""
         raise NotImplementedError
@@ -113,7 +140,7 @@ class Collider(Model):
 
     def record(self) -> ColliderRecord:
         """The collider as kernels take it."""
-        return ColliderRecord(self.shape(), self._response())
+        return ColliderRecord(self.body(), self._response())
 
     def _response(self) -> ResponseRecord:
         if self.contact == "stick":

@@ -125,8 +125,8 @@ def pseudonormals(corners: Floats, faces: Ints) -> Floats:
     _, which = np.unique(key, return_inverse=True)
     edge = np.zeros((int(which.max()) + 1, 3))
     np.add.at(edge, which.reshape(-1), np.repeat(face, 3, axis=0))
-    edge = _unit(edge)[which.reshape(-1)].reshape(-1, 3, 3)
-    return np.concatenate([at[faces], edge, face[:, None]], axis=1)
+    along = _unit(edge)[which.reshape(-1)].reshape(-1, 3, 3)
+    return np.concatenate([at[faces], along, face[:, None]], axis=1)
 
 
 def _unit(v: Floats) -> Floats:
@@ -141,8 +141,9 @@ def _with_grid(tree: BvhRecord, number: int) -> BvhRecord:
     fine = int(np.clip(np.cbrt(8.0 * number), 8, CELLS))
     cell = (longest + 2 * margin) / fine
     shape = np.maximum(np.ceil((high - low + 2 * margin) / cell), 1).astype(int)
-    bounds, hints = np.empty(tuple(shape), np.float32), np.empty(tuple(shape), np.int32)
-    corner = 0.5 * (low + high - shape * cell)
+    sides = tuple(int(side) for side in shape)
+    bounds, hints = np.empty(sides, np.float32), np.empty(sides, np.int32)
+    corner: Floats = 0.5 * (low + high - shape * cell)
     x, y, z = (float(v) for v in corner)
     tree = tree._replace(low=(x, y, z), cell=cell)
     fill_bounds(tree, bounds, hints)

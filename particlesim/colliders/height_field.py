@@ -20,6 +20,7 @@ from particlesim.model.arrays import Floats
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
+from particlesim.model.vectors import Vector3
 
 BASE = 0.1
 """Depth of the base under the lowest place, in parts of the longest side."""
@@ -83,6 +84,9 @@ class HeightFieldCollider(HeightField, Collider):
 
     def shape(self) -> Any:
         return self.geometry()
+
+    def pivot(self) -> Vector3:
+        return self.center
 
     def reach(self) -> float:
         return self.farthest()

@@ -13,11 +13,12 @@ from annotated_types import Gt
 
 from particlesim.colliders.base import Collider
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
-from particlesim.colliders.solid import Solid, is_convex
+from particlesim.colliders.solid import Solid, is_convex, pivot_of
 from particlesim.colliders.triangulation import Triangles, cuboid
 from particlesim.laws.registry import Particle, Vector, gap, law, normal
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
+from particlesim.model.vectors import Vector3
 
 THIN = 1e-4
 """Thickness of a sheet, in parts of its size, unless it is given."""
@@ -47,6 +48,9 @@ class SheetCollider(Collider):
     def shape(self) -> Any:
         sheet: Any = self
         return sheet.geometry()
+
+    def pivot(self) -> Vector3:
+        return pivot_of(self)
 
     def reach(self) -> float:
         sheet: Any = self

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.laws.registry import (
     PASS,
     Particle,
@@ -108,11 +109,31 @@ def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float
     return first_contact(c.shape, p, q, h, slack)
 
 
+def at_rest(c: Any) -> ColliderRecord:
+    """A moving collider in its own frame."""
+    return ColliderRecord(c.shape.shape, c.response)
+
+
 # Selects, not branches: the loop over a block must stay vectorised.
 
 
 @law(contact, ColliderRecord)
 def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
+    if isinstance(c.shape, MovingRecord):
+        local, outcome = contact(at_rest(c), ride(c.shape, p))
+        back = alight(c.shape, local)
+        touched = gap(c, p) < 0
+        q = moved_to(
+            p,
+            back.x if touched else p.x,
+            back.y if touched else p.y,
+            back.z if touched else p.z,
+            back.vx if touched else p.vx,
+            back.vy if touched else p.vy,
+            back.vz if touched else p.vz,
+            p.t,
+        )
+        return q, outcome
     g, n = gap_and_normal(c.shape, p)
     below = g < 0
     approach = along(n, p)

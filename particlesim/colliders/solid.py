@@ -19,6 +19,7 @@ from particlesim.colliders.way import (
 )
 from particlesim.laws.registry import Particle, Vector, apart, first_contact, further, gap, law, normal
 from particlesim.model.base import Model
+from particlesim.model.vectors import Vector3
 
 
 class Solid(Model):
@@ -50,6 +51,16 @@ class Solid(Model):
         raise NotImplementedError
 
 
+def pivot_of(shape: Any) -> Vector3:
+    """The place that a motion leads: the centre of a shape, the middle of its axis, or the origin of its file [m]."""
+    for name in ("center", "origin"):
+        if hasattr(shape, name):
+            return getattr(shape, name)
+    if hasattr(shape, "middle"):
+        return shape.middle()
+    return pivot_of(shape.of[0])  # of what is put together
+
+
 GRAIN = 1e-4
 """Shortest step of a search along a way, in units of the smallest radius of a shape."""
 
@@ -65,6 +76,10 @@ class SolidCollider(Collider):
         if not self.inside:
             return solid.geometry()
         return (HollowConvexRecord if solid.convex else HollowRecord)(solid.geometry(), solid.grain())
+
+    def pivot(self) -> Vector3:
+        solid: Any = self
+        return pivot_of(solid)
 
     def reach(self) -> float:
         solid: Any = self

@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Gt
 
 from particlesim.colliders.pose import UNTURNED
-from particlesim.colliders.solid import GRAIN, Solid, SolidCollider, is_convex
+from particlesim.colliders.solid import GRAIN, HollowConvexRecord, Solid, SolidCollider, is_convex
 from particlesim.colliders.triangulation import Triangles, arc, revolved
 from particlesim.laws.registry import Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
@@ -53,6 +53,10 @@ class SphereCollider(Sphere, SolidCollider):
     def shape(self) -> BallRecord | BowlRecord:
         """The sphere as kernels take it: solid or hollow."""
         return (BowlRecord if self.inside else BallRecord)(*self.center, self.radius)
+
+    def moved_shape(self) -> Any:
+        """A bowl that moves is searched for along the way."""
+        return HollowConvexRecord(self.geometry(), self.grain()) if self.inside else self.geometry()
 
 
 class BallRecord(NamedTuple):

@@ -13,6 +13,7 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
 from particlesim.engine.world import World
@@ -35,7 +36,7 @@ LIGHT = 299_792_458.0
 class Guard:
     """Looks at every frame whether islands are still in their senses.
 
-    An island whose work is booked, or that nothing feeds (no emission, wind, motion, or field without a potential that
+    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential that
     stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
     method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since nothing is left
     that would take it back. Islands that start inside of a collider begin after a step, which puts them on it; others begin
@@ -50,6 +51,11 @@ class Guard:
         self._judged = [
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
+        ]
+        # What starts inside is pushed apart step by step, which gives energy.
+        self._judged = [
+            judged and not (isinstance(island, RigidIsland) and island.intrusions())
+            for judged, (island, _) in zip(self._judged, pairs, strict=True)
         ]
         # The first step at which the energies of an island can be a beginning.
         self._from = [int(any(overlaps(island, structure))) for island, structure in pairs]
@@ -179,6 +185,8 @@ def _closed(structure: Island) -> bool:
     return (
         not any(each.feeds for each in structure.interactions)
         and not any(structure.motions)
+        and not any(each.surface_velocity for colliders in structure.colliders for each in colliders)
+        and all(c.motion is None for colliders in structure.colliders for c in colliders)
         and all(
             not isinstance(group, Emitter) and all(_conserves(law) for law in forces)
             for group, forces in zip(structure.groups, structure.forces, strict=True)

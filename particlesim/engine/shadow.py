@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.integrators import METHODS
@@ -29,10 +28,10 @@ LEAPFROGS = ("velocity_verlet", "stormer_verlet")
 def swings(structure: Island) -> bool:
     """Whether it is known what the method of an island keeps."""
     name = structure.method.name
-    return name == METHODS["symplectic_euler"].name or (name in LEAPFROGS and not structure.rods)
+    return name == METHODS["symplectic_euler"].name or (name in LEAPFROGS and not structure.constraints)
 
 
-def swing(island: IndependentIsland | CoupledIsland, structure: Island, time: float, h: float) -> float:
+def swing(island: BaseIsland, structure: Island, time: float, h: float) -> float:
     """What the energy of an island is at present beyond what its method keeps [J]; `h` is the step [s]."""
     with np.errstate(over="ignore", invalid="ignore"):
         f = island.forces(time).astype(float)

@@ -23,6 +23,8 @@ from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.layout import Layout
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -52,40 +54,38 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Simulation: frozenset(
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
-            *("_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
             *("_energies", "_energies_of"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
+    RigidIsland: frozenset(
+        (
+            "_joined",
+            "_structure",
+            "_method",
+            "_scene",
+            "_still",
+            "_motion",
+            "_contacts",
+            "_kept",
+            "_kept_memory",
+            "kept_from",
+        )
+    ),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {
-            *(
-                "names",
-                "parts",
-                "kept_from",
-                "_joined",
-                "_booking",
-                "_bounds",
-                "_driven",
-                "_scenario",
-                "_structure",
-            ),
-            *(
-                "_kept",
-                "_pinned",
-                "_method",
-                "_shares",
-                "_staged",
-                "_step",
-                "rods",
-                "_site",
-                "_sets",
-                "_cooling",
-                "_work",
-            ),
+            *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
+            *("_books", "_kept", "_method"),
+        }
+    ),
+    Layout: frozenset(
+        {
+            *("bounds", "parts", "driven", "constraint", "work", "count", "dtype", "effort"),
+            *("_cooling", "_method", "_shares"),
         }
     ),
     Roster: frozenset(("number", "pairs", "rest")),

@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, GetCoreSchemaHandler, GetJsonSchemaHandle
 from pydantic_core import CoreSchema, core_schema
 
 from particlesim.extensions.packages import Extension, ExtensionError, installed
-from particlesim.extensions.requirements import type_name, undocumented, unlawful
+from particlesim.extensions.requirements import SAMPLE, type_name, undocumented, unlawful
 from particlesim.model.mistakes import invalid
 
 
@@ -25,7 +25,7 @@ class OpenUnion:
 
     `group` is the group of entry points; `base` the class that every type derives from; `own` are the types of psim; `texts`
     the class variables that document a type; `laws` the generics that its records may have a law for, of which the first
-    must be there.
+    must be there; `sample` is what laws are given, a particle or a pair.
     """
 
     def __init__(
@@ -36,8 +36,10 @@ class OpenUnion:
         *,
         texts: Sequence[str] = (),
         laws: Sequence[Callable[..., Any]],
+        sample: Any = SAMPLE,
     ) -> None:
         self.group, self.base, self.own, self.texts, self.laws = group, base, own, texts, laws
+        self._sample = sample
         self._own_names = {type_name(model) for model in own}
         self._added: dict[str, tuple[Extension, type[BaseModel]]] = {}
 
@@ -156,7 +158,7 @@ class OpenUnion:
         extension, _ = self._added[model.type]
         try:
             record = model.record()
-            fault = unlawful(record, self.laws)
+            fault = unlawful(record, self.laws, self._sample)
         except Exception as error:  # of the package's own code
             fault = f"{type(error).__name__}: {error}"
         if fault is not None:

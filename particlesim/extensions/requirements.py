@@ -61,9 +61,10 @@ def numbers_without_unit(schema: Any, path: str = "") -> Iterator[str]:
             yield from numbers_without_unit(value, path)
 
 
-def unlawful(record: Any, laws: Sequence[Callable[..., Any]]) -> str | None:
-    """Why kernels cannot take a record: it is none, has no law for the first of the generics, or one that does not compile;
-    None if all is well. Laws for the other generics are looked at if there are any."""
+def unlawful(record: Any, laws: Sequence[Callable[..., Any]], sample: Any = SAMPLE) -> str | None:
+    """Why kernels cannot take a record: it is none, has no law for the first of the generics, or one that does not compile
+    for what laws are given, such as `sample`; None if all is well. Laws for the other generics are looked at if there are
+    any."""
     from particlesim.compiler.kernel import write  # here: psim's own types are read without the compiler
     from particlesim.compiler.unit import CompileError
     from particlesim.compiler.values import kinds_in
@@ -78,7 +79,7 @@ def unlawful(record: Any, laws: Sequence[Callable[..., Any]]) -> str | None:
         law, size = GENERICS[generic].laws[type(record)], GENERICS[generic].size
         try:
             forms = [
-                write(law, (_cast(record, kind), _cast(SAMPLE, kind)))[1] for kind in (float, np.float32)
+                write(law, (_cast(record, kind), _cast(sample, kind)))[1] for kind in (float, np.float32)
             ]
         except (CompileError, TypeError) as error:  # TypeError: a record that holds what kernels do not take
             return f"its law for {generic.__name__} does not compile: {error}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from particlesim.bodies import Bodies
 from particlesim.bonds import BondSet, HingeSet, RodSet
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
@@ -17,8 +18,9 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
-from particlesim.scenario.collider_files import open_colliders
+from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -52,7 +54,8 @@ Interaction = BondSet | HingeSet | SurfaceSet | PairSet
 
 @dataclass(frozen=True)
 class Island:
-    """Groups that step together, with all that acts on them. Independent particles have no interactions and no rods."""
+    """Groups that step together, with all that acts on them. Independent particles have no interactions and no
+    constraints (rods)."""
 
     groups: tuple[Group, ...]
     forces: tuple[tuple[Force, ...], ...]
@@ -60,12 +63,17 @@ class Island:
     method: Method
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
-    rods: tuple[RodSet, ...] = ()
+    constraints: tuple[RodSet, ...] = ()
 
     @property
     def coupled(self) -> bool:
         """Whether its particles step together: they act on each other, or their method has one step for all."""
-        return bool(self.interactions or self.rods) or self.method.together
+        return bool(self.interactions or self.constraints) or self.method.together
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it is one of rigid bodies."""
+        return isinstance(self.groups[0], Bodies)
 
     @property
     def changes(self) -> bool:
@@ -88,10 +96,13 @@ class Graph:
         lines = []
         for number, island in enumerate(self.islands):
             kind = "coupled: steps together" if island.coupled else "independent particles: steps in blocks"
+            kind = "rigid bodies: step together" if island.rigid else kind
             lines.append(f"island {number + 1} ({kind}, {island.method.label})")
             for group in island.groups:
                 node = next(
-                    n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name
+                    n
+                    for n in self.nodes
+                    if n.kind in ("particles", "bodies", "emitter") and n.name == group.name
                 )
                 lines.append(f"  {node.kind} {node.name}: {node.detail}")
                 sources = [edge.source for edge in self.edges if edge.target == node]
@@ -146,7 +157,13 @@ def build_graph(scenario: Scenario) -> Graph:
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
     for k, motion in enumerate(scenario.motions):
         what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
-        act(Node("motion", motion.name or str(k), what), "leads", [motion.on])
+        if motion.collider is not None:
+            turn = "" if motion.spin is None else f"{motion.spin.rate:g} rad/s"
+            way = "" if motion.path is None and motion.waypoints is None else what
+            led = f"collider {motion.collider}: {' and '.join(each for each in (way, turn) if each)}"
+            act(Node("motion", motion.name or str(k), led), "leads", [])
+        else:
+            act(Node("motion", motion.name or str(k), what), "leads", [motion.on or ""])
     islands = _islands(scenario)
     recorder = Node(
         "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"
@@ -178,6 +195,8 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
 
 def method_of(group: Group, default: AnyIntegrator) -> Method:
     """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
+    if isinstance(group, Bodies):
+        return RIGID_LEAPFROG
     method = method_for(group.integrator or default)
     return method if group.dynamics.type == "second_order" else _without_inertia(method)
 
@@ -203,6 +222,8 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
     for first, *others in (each.groups for each in (*interactions, *rods)):
         for other in others:
             parent[root(other)] = root(first)
+    for body in scenario.bodies[1:]:  # they may all touch
+        parent[root(body.name)] = root(scenario.bodies[0].name)
     members: dict[str, list[Group]] = {}
     for group in scenario.groups:
         members.setdefault(root(group.name), []).append(group)
@@ -237,12 +258,17 @@ def _group_node(group: Group) -> Node:
         return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
     assert isinstance(group, Particles)
     number = group.layout.number()
+    if isinstance(group, Bodies):
+        what = group.shape.words()
+        return Node(
+            "bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}"
+        )
     count = f"{number} particles" if number is not None else "particles"
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 
 
 def _collider_detail(collider: Collider) -> str:
-    what = collider.contact
+    what: str = collider.contact
     if what == "bounce":
         static, kinetic = collider.coefficients
         what = f"e = {collider.liveliness:g}"

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from particlesim.colliders.moving import SpinRecord
 from particlesim.expressions.operations import VARIABLES, Node, Ray, Time, X, Y, Z, slope, value
 from particlesim.expressions.parser import ExpressionError, parse, reads
 from particlesim.forces.field import Expression, check_constant
@@ -23,7 +24,8 @@ from particlesim.laws.registry import Particle, law, path
 from particlesim.model.arrays import Floats
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import Metres, Number, Seconds, Vector
+from particlesim.model.units import Metres, Number, RadiansPerSecond, Seconds, Vector
+from particlesim.model.vectors import unit
 
 
 class Waypoint(Model):
@@ -35,13 +37,37 @@ class Waypoint(Model):
     """How far from the place at the start."""
 
 
+class Spin(Model):
+    """A steady turn, right-handed about its axis."""
+
+    axis: Vector[float]
+    """Direction of the axis; its length does not matter."""
+    rate: RadiansPerSecond
+    """How fast."""
+
+    @field_validator("axis")
+    @classmethod
+    def _has_direction(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+        unit(axis)
+        return axis
+
+    def record(self) -> SpinRecord:
+        """The turn as kernels take it."""
+        return SpinRecord(*unit(self.axis), self.rate)
+
+
 class Motion(Model):
-    """Pinned particles of a group, led along a path given in time."""
+    """Pinned particles of a group, or a collider, led along a path given in time."""
 
     name: Name | None = None
     """Name for messages and overrides."""
-    on: Name
+    on: Name | None = None
     """The group."""
+    collider: Name | None = None
+    """Instead of a group: the name of the collider that moves. Its path is that of its center, the middle of its axis, or
+    the origin of its file. Particles feel the velocity of its surface."""
+    spin: Spin | None = None
+    """A turn of the collider, about an axis through that place. It may take the place of a path, or come with it."""
     particles: Selection | None = None
     """Which of its particles: a name or several ("left", where the layout has it), indices, or those inside a box, ball or
     shell at the start. They are pinned by this. All that the group pins unless given."""
@@ -56,6 +82,20 @@ class Motion(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> Motion:
+        if (self.on is None) == (self.collider is None):
+            raise invalid(
+                "leads particles of a group or a collider, one of the two",
+                at=None if self.on is None else ("collider",),
+                allowed='on = "group", or collider = "name"',
+            )
+        for name in ("spin",) if self.collider is None else ("particles",):
+            if getattr(self, name) is not None:
+                whom = "colliders" if self.collider is None else "groups"
+                raise invalid(f"{name} is for {whom}", at=(name,))
+        if self.spin is not None and self.path is None and self.waypoints is None:
+            if self.constants:
+                raise invalid("constants are for a path", at=("constants",))
+            return self
         if (self.path is None) == (self.waypoints is None):
             raise invalid(
                 "needs a path or waypoints, one of the two",

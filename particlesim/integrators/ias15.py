@@ -16,7 +16,8 @@ The step follows from the derivatives of the acceleration at its end: with j, s 
 
     h = τ (5040 ε)^(1/7),   τ² = min 2 |a|² / (|j|² + |a| |s|)  over the bodies,
 
-where ε is the `tolerance`. A step that is more than four times too long is done again.
+where ε is the `tolerance`. Where the acceleration of a body passes through zero τ would vanish: the same with derivatives
+one higher counts for each body where it is longer. A step that is more than four times too long is done again.
 
 Sources: H. Rein, D. S. Spiegel, MNRAS 446, 1424 (2015); E. Everhart, in: Dynamics of Comets, 185 (1985); D. Pham, H. Rein,
 D. S. Spiegel, Open Journal of Astrophysics 7, 1 (2024) for the step.

@@ -3,6 +3,7 @@
 
 from typing import Annotated
 
+from particlesim.extensions.open_union import OpenUnion
 from particlesim.interactions.base import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.interactions.coulomb import Coulomb
@@ -15,6 +16,7 @@ from particlesim.interactions.morse import Morse
 from particlesim.interactions.power_law import PairPowerLaw
 from particlesim.interactions.soft_sphere import SoftSphere
 from particlesim.interactions.yukawa import Yukawa
+from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
 from particlesim.model.variants import Tagged
 
 INTERACTIONS: tuple[type[PairInteraction], ...] = (
@@ -31,6 +33,16 @@ INTERACTIONS: tuple[type[PairInteraction], ...] = (
     Contact,
 )
 
+OPEN_INTERACTIONS = OpenUnion(
+    "particlesim.interactions",
+    PairInteraction,
+    INTERACTIONS,
+    texts=("formula", "energy"),
+    laws=(pair_force, pair_force_dx, pair_force_dv, pair_potential),
+    sample=Pair(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0),
+)
+"""What installed packages add to `AnyInteraction`."""
+
 AnyInteraction = Annotated[
     MutualGravity
     | Coulomb
@@ -44,6 +56,7 @@ AnyInteraction = Annotated[
     | Flocking
     | Contact,
     Tagged("type"),
+    OPEN_INTERACTIONS,
 ]
 
-__all__ = ["INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]
+__all__ = ["INTERACTIONS", "OPEN_INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]

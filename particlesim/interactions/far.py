@@ -42,7 +42,9 @@ class FarInteraction(PairInteraction):
     def _accuracy_is_used(self) -> Any:
         given = "accuracy" in self.model_fields_set
         if given and self.method == "direct":
-            raise invalid("direct sums have no error to allow", at=("accuracy",), also=[(("method",), "here")])
+            raise invalid(
+                "direct sums have no error to allow", at=("accuracy",), also=[(("method",), "here")]
+            )
         if given and (why := self.lacks_multipoles()):
             raise invalid(f"there is no error to allow: {why}", at=("accuracy",))
         return self

@@ -86,11 +86,12 @@ class MixedRecord(NamedTuple):
 
 def lennard_jones_terms(depth: float, square: float, s: float) -> Terms:
     """Terms of the law with 4 ε and σ²."""
-    inverse = 1 / s
+    one, six, eight, many = type(s)(1), type(s)(6), type(s)(8), type(s)(28)  # numbers of the run's precision
+    inverse = one / s
     ratio = square * inverse
     sixth = ratio * ratio * ratio
-    k = 6 * depth * sixth * (2 * sixth - 1) * inverse
-    return depth * sixth * (sixth - 1), k, 6 * depth * sixth * (8 - 28 * sixth) * inverse * inverse
+    k = six * depth * sixth * (sixth + sixth - one) * inverse
+    return depth * sixth * (sixth - one), k, six * depth * sixth * (eight - many * sixth) * inverse * inverse
 
 
 @central_law(LennardJonesRecord)

@@ -5,11 +5,13 @@ from typing import Annotated
 from particlesim.layouts.base import CHUNK, Layout, Placed
 from particlesim.layouts.bridge import Bridge
 from particlesim.layouts.cloth import Cloth
+from particlesim.layouts.disc import Disc
 from particlesim.layouts.file import File
 from particlesim.layouts.hair import Hair
 from particlesim.layouts.jelly import Jelly
 from particlesim.layouts.lattice import Lattice
 from particlesim.layouts.net import Net
+from particlesim.layouts.plummer import Plummer
 from particlesim.layouts.points import Points
 from particlesim.layouts.random import Random
 from particlesim.layouts.rope import Rope
@@ -17,7 +19,19 @@ from particlesim.layouts.surface import SurfaceFile
 from particlesim.model.variants import Tagged
 
 AnyLayout = Annotated[
-    Points | Random | Lattice | Cloth | Rope | Jelly | Net | Hair | Bridge | SurfaceFile | File,
+    Points
+    | Random
+    | Lattice
+    | Cloth
+    | Rope
+    | Jelly
+    | Net
+    | Hair
+    | Bridge
+    | SurfaceFile
+    | Plummer
+    | Disc
+    | File,
     Tagged("type"),
 ]
 LAYOUTS: tuple[type[Layout], ...] = (
@@ -31,6 +45,8 @@ LAYOUTS: tuple[type[Layout], ...] = (
     Hair,
     Bridge,
     SurfaceFile,
+    Plummer,
+    Disc,
     File,
 )
 

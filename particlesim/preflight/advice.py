@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from particlesim.emitters import Emitter
+from particlesim.engine.interactions.methods import chosen
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
-from particlesim.groups.group import Group
-from particlesim.integrators import Composition
+from particlesim.groups.group import Group, Particles
+from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.preflight.contact_steps import contact_doubts
-from particlesim.scenario.reach import acts_on, held_back
+from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
+PAIR_RATE = 1e9
+"""Pairs that a core looks at in a second, about."""
+PATIENCE = 3600.0
+"""Seconds on one core beyond which all pairs of a run are told to be many."""
+BY_PLACE = ("attractor", "point_spring", "rotating_frame", "field")
+"""Forces that depend on the place."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -19,10 +27,13 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_format(scenario),
         *_order(scenario),
         *_projection(scenario),
+        *_friction(scenario),
         *_twice(scenario),
         *_never(scenario),
         *_loose(scenario),
         *_joined_twice(scenario),
+        *_explicit(scenario),
+        *_unrepeated(scenario),
         *contact_doubts(scenario),
     )
 
@@ -50,6 +61,9 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
+    depends += [
+        each.name for each in pair_sets(scenario) if group.name in each.groups and each.needs_velocity()
+    ]
     if not depends:
         return ()
     rods = any(group.name in each.groups for each in scenario.rod_sets)
@@ -70,19 +84,114 @@ def _projection(scenario: Scenario) -> list[str]:
     ]
 
 
+def _friction(scenario: Scenario) -> list[str]:
+    """Friction that no surface shows, and friction that acts on nothing."""
+    found = []
+    for body in scenario.bodies:
+        static, kinetic = body.coefficients
+        if kinetic > static:
+            found.append(
+                f"{body.name!r}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back "
+                "more than what lies, and what starts stops again"
+            )
+    for k, each in enumerate(scenario.all_colliders):
+        name, (static, kinetic) = f"{each.kind} {each.name or k}", each.coefficients
+        if kinetic > static:
+            found.append(
+                f"{name}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back more "
+                "than what lies, and what starts stops again"
+            )
+        inert = [
+            g.name
+            for g in scenario.groups
+            if held_back(each, (g.name,)) and g.dynamics.type != "second_order"
+        ]
+        if each.rubs and inert:
+            found.append(
+                f"{name}: friction does not act on {', '.join(map(repr, inert))}, whose particles have no inertia"
+            )
+    return found
+
+
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
     in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
         f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the "
         f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
-        "of impacts, not of friction, which psim does not have"
+        "of impacts, not of friction; friction = 0.4 is"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
         and each.tangential_loss > 0
         and each.liveliness < 1
         and (group is None or held_back(each, (group,)))
     )
+
+
+def _explicit(scenario: Scenario) -> list[str]:
+    """Interactions of pairs, which implicit methods have in their forces and not in their matrices."""
+    methods = {group.name: method_of(group, scenario.simulation.integrator) for group in scenario.groups}
+    return [
+        f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as those "
+        "of an explicit method, or equations will not be solved"
+        for each in pair_sets(scenario)
+        if isinstance(methods[each.groups[0]], ImplicitMethod)
+    ]
+
+
+def _unrepeated(scenario: Scenario) -> list[str]:
+    """Forces that depend on the place, in a periodic box."""
+    if scenario.simulation.box is None:
+        return []
+    return [
+        f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if force.type in BY_PLACE
+    ]
+
+
+def long_sums(scenario: Scenario) -> tuple[str, ...]:
+    """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
+    found = []
+    tables = {group.name: group for group in scenario.groups}
+    for each in pair_sets(scenario):
+        counts = [_number(tables[name], scenario) for name in each.groups]
+        if chosen(each.law, round(sum(counts))) != "direct":
+            continue
+        pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
+        method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
+        step = pairs * max(method.evaluations, 1) / PAIR_RATE
+        if step * scenario.grid.steps < PATIENCE:
+            continue
+        way = "fewer particles or fewer steps take less"
+        if each.law.method == "direct" and each.law.lacks_multipoles() is None:
+            way = 'method = "tree" lets far particles act together'
+        elif each.law.reach() is not None:
+            way = 'method = "neighbours" looks at near ones alone'
+        found.append(
+            f"{each.name} sums {pairs:.2g} pairs one by one in every sum of forces, about {_time(step)} a step on one core "
+            f"and {_time(step * scenario.grid.steps)} in all; {way}"
+        )
+    return tuple(found)
+
+
+def _number(group: Group, scenario: Scenario) -> float:
+    """About how many particles a group has at most at once."""
+    if isinstance(group, Emitter):
+        births = group.expected(scenario.grid.duration)
+        return births if group.limit is None else min(births, group.limit)
+    assert isinstance(group, Particles)
+    return float(scenario.opened(group).number() or 0)
+
+
+def _time(seconds: float) -> str:
+    """A time in words: '4.2 hours'."""
+    for name, size in (("days", 86_400), ("hours", 3600), ("minutes", 60)):
+        if seconds >= 2 * size:
+            return (
+                f"{seconds / size:.2g} {name}" if seconds < 1000 * size else f"{seconds / size:,.0f} {name}"
+            )
+    return f"{seconds:.2g} s"
 
 
 def _twice(scenario: Scenario) -> list[str]:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
-from particlesim.colliders import Plane, SphereCollider
+import numpy as np
+
+from particlesim.colliders import Collider, Plane, SphereCollider
+from particlesim.colliders.moving import frame_at
 from particlesim.colliders.solid import Solid
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
-from particlesim.render.scene.source import BallShape, MeshShape, PlaneShape
+from particlesim.render.scene.source import BallShape, MeshShape, PlaneShape, Pose
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
+from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.reader import Trajectory
@@ -48,13 +53,16 @@ def film(
         if not trajectory.scenario:
             raise UsageError(f"{path} does not say which scenario made it", "Was it written by `psim run`?")
         scenario = loads(trajectory.scenario, overrides)
+        if scenario.render.ground:  # from where the run found the files of its colliders
+            folder = Path(str(trajectory.provenance.get("folder", "")))
+            open_colliders(scenario.loaded_from(folder, scenario.overrides))
         return render_video(
             trajectory,
             out,
             look_of(scenario),
             planes=plane_shapes(scenario),
             balls=ball_shapes(scenario),
-            meshes=mesh_shapes(scenario),
+            meshes=mesh_shapes(scenario) if scenario.render.ground else (),
             title=scenario.title,
             frames=frames,
             overwrite=overwrite,
@@ -85,16 +93,34 @@ def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
 
 def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
     """The solid spheres among the colliders of a scenario."""
-    spheres = (each for each in scenario.colliders if isinstance(each, SphereCollider) and not each.inside)
+    spheres = (each for each in scenario.colliders if _is_ball(each))
     return tuple(BallShape(sphere.center, sphere.radius) for sphere in spheres)
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball."""
+    """All other shapes among the colliders: containers and whatever is no ball; and rigid bodies."""
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
-        if isinstance(each, Solid) and (hollow or not isinstance(each, SphereCollider)):
+        if isinstance(each, Solid) and not _is_ball(each):
             surface = each.triangles()
-            shapes.append(MeshShape(surface.corners, surface.faces, hollow))
+            pose = None if each.motion is None else functools.partial(_pose, each)
+            pivot = np.zeros(3) if pose is None else np.array(each.pivot())
+            shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose))
+    groups = [group.name for group in scenario.groups]
+    for body in scenario.bodies:
+        surface = body.shape.triangles()
+        shapes.append(MeshShape(surface.corners, surface.faces, group=groups.index(body.name)))
     return tuple(shapes)
+
+
+def _is_ball(collider: Collider) -> TypeGuard[SphereCollider]:
+    """Whether a collider is drawn as a ball at rest."""
+    return isinstance(collider, SphereCollider) and not collider.inside and collider.motion is None
+
+
+def _pose(collider: Collider, time: float) -> Pose:
+    """Where the pivot of a collider that moves is [m], and how it is turned."""
+    frame = frame_at(collider.body(), time, 0.0)
+    rotation = np.eye(3) if frame.rows is None else np.array(frame.rows)
+    return (float(frame.x), float(frame.y), float(frame.z)), rotation

@@ -17,7 +17,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import suspects
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, UsageError
-from particlesim.preflight.advice import advice
+from particlesim.preflight.advice import advice, long_sums
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
 from particlesim.runs.checks import Checks
@@ -165,11 +165,13 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
+    scenario = simulation.scenario
     found = (
         *suspects(simulation).warnings,
         *misplaced(simulation),
         *squeezed(simulation),
-        *flat_triangles(simulation.scenario),
+        *flat_triangles(scenario),
+        *long_sums(scenario),
     )
     if warn is not None:
         for text in found:
@@ -258,6 +260,7 @@ def _writer(
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
         topology=topology,
+        box=None if scenario.simulation.box is None else scenario.simulation.box.as_box(),
     )
 
 

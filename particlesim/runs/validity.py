@@ -12,6 +12,7 @@ from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import Mesh
 from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.islands.rigid import Intrusion, RigidIsland
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
@@ -75,6 +76,8 @@ def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
+        if isinstance(island, RigidIsland) and (intrusions := island.intrusions()):
+            found.append(_intruding(world, intrusions))
         for overlap in overlaps(island, structure):
             state = overlap.state
             where, collider = next(
@@ -87,6 +90,21 @@ def misplaced(world: World) -> tuple[str, ...]:
                 "surface, which changes their energy"
             )
     return tuple(found)
+
+
+def _intruding(world: World, intrusions: list[Intrusion]) -> str:
+    """What bodies are inside of at the start, and how deep."""
+    (name, number), other, depth = intrusions[0]
+    if isinstance(other, tuple):
+        what = f"body {other[1]} of {other[0]!r}"
+    else:
+        where = next(path for path, each in collider_tables(world.scenario) if each is other)
+        what = f"{other.kind} {other.name or '.'.join(map(str, where))}"
+    pairs = f"{len(intrusions):,} pairs overlap" if len(intrusions) > 1 else "one pair overlaps"
+    return (
+        f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
+        f"{depth:.3g} m; the first steps push them apart, which may change their energy"
+    )
 
 
 def squeezed(world: World) -> tuple[str, ...]:

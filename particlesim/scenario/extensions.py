@@ -12,8 +12,9 @@ from particlesim.extensions.open_union import OpenUnion
 from particlesim.extensions.packages import Extension, installed
 from particlesim.flows import OPEN_FLOWS
 from particlesim.forces import OPEN_FORCES
+from particlesim.interactions import OPEN_INTERACTIONS
 
-UNIONS: tuple[OpenUnion, ...] = (OPEN_FORCES, OPEN_FLOWS)
+UNIONS: tuple[OpenUnion, ...] = (OPEN_FORCES, OPEN_FLOWS, OPEN_INTERACTIONS)
 """What packages can add to."""
 
 

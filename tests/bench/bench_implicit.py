@@ -79,7 +79,7 @@ def timed(simulation: Simulation, steps: int) -> tuple[float, list[int]]:
     spent, began = [], time.perf_counter()
     for _ in range(steps):
         simulation.advance_to(simulation.step + 1)
-        system = island._work.system
+        system = island.layout.work.system
         spent.append(int(system.report[3]) if system is not None else 0)
     return time.perf_counter() - began, spent
 

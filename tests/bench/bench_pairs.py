@@ -41,7 +41,9 @@ def bodies(n: int) -> ps.Scenario:
                     "layout": {"type": "random", "count": n, "shape": {"type": "ball", "radius": 1.0}},
                 }
             ],
-            "interactions": [{"type": "gravity", "constant": 1.0, "softening": SOFTENING}],
+            "interactions": [
+                {"type": "gravity", "constant": 1.0, "softening": SOFTENING, "method": "direct"}
+            ],
         }
     )
 
@@ -64,11 +66,11 @@ def contenders(simulation: Simulation, library: ctypes.CDLL) -> dict[str, Callab
     out = np.zeros((3, x.size))
 
     def psim(threads: int) -> None:
-        shares = island._for(threads)  # type: ignore[union-attr]
+        shares = island.layout.shares(threads)  # type: ignore[union-attr]
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]
-            island_forces(island.parts, bonds, columns, scratch, share, 0.0)  # type: ignore[union-attr]
+            island_forces(island.layout.parts, bonds, columns, scratch, share, 0.0)  # type: ignore[union-attr]
 
         simulation.team.each(work, len(shares))
 
@@ -85,7 +87,7 @@ def contenders(simulation: Simulation, library: ctypes.CDLL) -> dict[str, Callab
 
 def shares_force(island: object) -> np.ndarray:
     """The total forces that the last sum has left [3, n]."""
-    return np.array(island._for(1)[0][1].force)  # type: ignore[attr-defined]
+    return np.array(island.layout.shares(1)[0][1].force)  # type: ignore[attr-defined]
 
 
 def peer_rate(python: str, peer: str, n: int) -> float:

@@ -79,13 +79,13 @@ def force_rate(width: int, evaluations: int, repeats: int = 3) -> float:
     simulation = Simulation(cloth(width, DT.get(width, 1e-6)), threads=1)
     simulation.advance_to(2)
     island = simulation.islands[0]
-    ((bonds, work, share),) = island._for(1)  # type: ignore[union-attr]
+    ((bonds, work, share),) = island.layout.shares(1)  # type: ignore[union-attr]
     columns = island.island_columns()  # type: ignore[union-attr]
     best = 0.0
     for _ in range(repeats + 1):  # the first one may compile
         begin = time.perf_counter()
         for _ in range(evaluations):
-            island_forces(island.parts, bonds, columns, work, share, 0.0)  # type: ignore[union-attr]
+            island_forces(island.layout.parts, bonds, columns, work, share, 0.0)  # type: ignore[union-attr]
         best = max(best, island.springs * evaluations / (time.perf_counter() - begin))  # type: ignore[union-attr]
     simulation.close()
     return best

@@ -257,9 +257,9 @@ def test_describe(psim):
 
 
 def test_describe_knows_words_of_other_tools(psim):
-    told = psim("describe", "friction")
+    told = psim("describe", "roughness")
     assert told.code == 2
-    assert 'psim has no friction; "tangential_loss"' in told.err
+    assert '"friction" of [[planes]]' in told.err
     assert '"velocity_verlet" or "stormer_verlet"' in psim("describe", "leapfrog").err
 
 

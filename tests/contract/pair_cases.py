@@ -25,6 +25,7 @@ from particlesim.laws.pair import Pair
 PAIR_CASES: dict[str, PairInteraction] = {
     "gravity": MutualGravity(constant=2.3),
     "gravity_soft": MutualGravity(constant=2.0, softening=0.4),
+    "gravity_spline": MutualGravity(constant=2.3, softening=0.55, softened="spline"),
     "coulomb": Coulomb(constant=3.0),
     "coulomb_water": Coulomb(relative_permittivity=80.0, softening=0.3),
     "coulomb_shifted": Coulomb(constant=3.0, cutoff=2.5, shift="force"),
@@ -80,6 +81,6 @@ def pairs(n: int = 40, seed: int = 1) -> list[Pair]:
             rng.uniform(*ends, 2) for ends in ((0.5, 2), (0.4, 0.9), (-2, 2), (0.4, 0.5), (1, 3))
         )
         numbers: list[Any] = [*line, *v, *m, *radius, *q, 0.3, *a, *b]
-        if min(abs(r - 1.4), abs(r - radius.sum())) > 0.02:
+        if min(abs(r - 1.4), abs(r - 1.54), abs(r - 0.77), abs(r - radius.sum())) > 0.02:
             found.append(Pair(*map(float, numbers), *map(int, rng.integers(0, 1000, 2))))
     return found

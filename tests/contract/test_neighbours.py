@@ -189,13 +189,15 @@ def test_who_does_not_act_is_nobodys_neighbour() -> None:
     kind = np.arange(300) % 10
     start = np.where(kind == 0, np.inf, np.where(kind == 1, 5.0, 0.0))
     stop = np.where(kind == 2, 1.0, np.inf)
-    clock = Clock(start, stop, np.zeros(300, np.int64))
-    near = new_neighbours(np.arange(300), 300, 0.2, 0.02)
+    clock = Clock(start, stop, np.zeros(300, np.int64), 2.0, 2.5)
+    near = new_neighbours(np.arange(300), 300, 0.2, 0.02, clocked=True)
     near = refreshed(near, places(x, clock=clock), t=2.0)
     here = (kind != 1) & (kind != 2)
     everybody = pairs_by_tree(x, 0.2)
     assert pairs_in(near, 0.2) == {(i, j) for i, j in everybody if here[i] and here[j]}
-    near = refreshed(near, places(x, clock=clock), t=5.0)
+    clock = clock._replace(begin=4.5, end=5.5)
+    near = refreshed(near, places(x, clock=clock), t=4.5)
+    assert (near.part[near.place[kind == 1]] == 0.5).all()
     assert near.report[BUILDS] == 1
     assert pairs_in(near, 0.2) == {(i, j) for i, j in everybody if kind[i] != 2 and kind[j] != 2}
 

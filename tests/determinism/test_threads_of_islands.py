@@ -113,8 +113,8 @@ def left(scenario: ps.Scenario, threads: int) -> dict[str, bytes]:
 
 @pytest.fixture(autouse=True)
 def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 1)
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ STRANDS, COUNT, STEPS = 150, 16, 24
 
 @pytest.fixture(autouse=True)
 def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 1)
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
 
 
 def scene() -> ps.Scenario:

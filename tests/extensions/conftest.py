@@ -100,6 +100,49 @@ def shear_gradient(f, p):
     return 0.0, f.rate, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 '''
 
+BORN_MAYER = '''\
+"""Born and Mayer's repulsion: U = A e^(−B r)."""
+
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from particlesim.interactions import PairInteraction
+from particlesim.laws.pair import by_distance, central_law
+from particlesim.model.units import Joules, PerMetre
+
+
+class BornMayer(PairInteraction):
+    """Repulsion of closed shells."""
+
+    type: Literal["born_mayer"] = "born_mayer"
+    size: Joules
+    """Energy A."""
+    rate: PerMetre
+    """B."""
+
+    formula: ClassVar[str] = "f = A B e^(−B r) l/r"
+    energy: ClassVar[str] = "U = A e^(−B r)"
+
+    def record(self):
+        return BornMayerRecord(self.size, self.rate)
+
+    def singular(self):
+        return False
+
+
+class BornMayerRecord(NamedTuple):
+    size: float
+    rate: float
+
+
+@central_law(BornMayerRecord)
+def born_mayer(f, p, s):
+    r = np.sqrt(s)
+    u = f.size * np.exp(-f.rate * r)
+    return by_distance(u, -f.rate * u, f.rate * f.rate * u, r)
+'''
+
 SCENARIO = """\
 format = 1
 
@@ -170,3 +213,10 @@ def wind_models(site: Path) -> Path:
     """The package wind-models 0.3 with the flow "shear"."""
     entries = "[particlesim.flows]\nshear = wind_models:Shear\n"
     return write_package(site, "wind-models", "wind_models", SHEAR, entries, "0.3")
+
+
+@pytest.fixture
+def shell_models(site: Path) -> Path:
+    """The package shell-models 0.1 with the interaction "born_mayer"."""
+    entries = "[particlesim.interactions]\nborn_mayer = shell_models:BornMayer\n"
+    return write_package(site, "shell-models", "shell_models", BORN_MAYER, entries, "0.1")

@@ -101,6 +101,19 @@ def test_a_flow_of_a_package_within_a_force_of_psim(wind_models: Path) -> None:
     assert "unknown key 'speed'" in refusal(text.replace("rate", "speed"))
 
 
+def test_an_interaction_of_a_package_acts_between_particles(shell_models: Path) -> None:
+    law = '[[interactions]]\ntype = "born_mayer"\nsize = 2.0\nrate = 0.5\n'
+    scenario = ps.loads(SCENARIO.split("[[forces]]")[0] + law)
+    result = ps.run(scenario)
+    # at rest, √5 m apart: U = 2 e^(−√5/2), and what it loses becomes motion
+    begin, end = (result.ledger["potential.born_mayer"][k] for k in (0, -1))
+    assert begin == pytest.approx(2 * math.exp(-math.sqrt(5) / 2), rel=1e-14)
+    assert result.ledger["kinetic"][-1] == pytest.approx(
+        begin - end, rel=0.03
+    )  # symplectic Euler is of first order
+    assert end < begin
+
+
 def test_implicit_methods_take_its_jacobians(axis_forces: Path) -> None:
     text = SCENARIO.replace("dt = 0.01", 'dt = 0.01\nintegrator = "implicit_midpoint"')
     assert ps.run(ps.loads(text)).final.position[0, 0] == pytest.approx(1 - 4 * 0.5**2 / 2, rel=1e-6)

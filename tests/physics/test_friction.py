@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, G, points, simulate
+from simulate import G, points, simulate
 
 import particlesim as ps
 
@@ -81,7 +81,9 @@ def test_static_friction_holds_where_kinetic_would_not() -> None:
 def test_a_block_slides_up_a_slope_stops_in_mid_step_and_stays(dt: float) -> None:
     # It stops after v²/(2 g (sin θ + μ cos θ)).
     angle, mu, v = 0.3, 0.5, 1.0
-    position, velocity = slide(100 * dt if dt > 5e-3 else 0.3, dt, [slope(angle, friction=mu)], -v * downhill(angle))
+    position, velocity = slide(
+        100 * dt if dt > 5e-3 else 0.3, dt, [slope(angle, friction=mu)], -v * downhill(angle)
+    )
     up = v * v / (2 * G * (math.sin(angle) + mu * math.cos(angle)))
     assert velocity.tolist() == [0, 0, 0]
     assert position == pytest.approx(-up * downhill(angle), rel=1e-12)
@@ -98,8 +100,8 @@ def test_a_block_slides_up_a_slope_and_down_again(dt: float) -> None:
 
 
 def test_a_puck_on_a_slope_curls_as_it_should() -> None:
-    # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck that
-    # is pushed across ends downhill with half of its speed.
+    # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck
+    # that is pushed across ends downhill with half of its speed.
     angle, v = 0.4, 1.0
     mu = math.tan(angle)
     ends = []
@@ -144,7 +146,11 @@ def test_the_time_of_zeno() -> None:
     rested = []
     for t in (0.97 * zeno, 1.01 * zeno):
         final = simulate(
-            t, t / 2000, particles=[points((0, height, 0), radius=0.0)], forces=GRAVITY, planes=[{"restitution": e}]
+            t,
+            t / 2000,
+            particles=[points((0, height, 0), radius=0.0)],
+            forces=GRAVITY,
+            planes=[{"restitution": e}],
         ).final
         rested.append(final.position[0, 1] <= 1e-12 and final.velocity[0, 1] == 0)
     assert rested == [False, True]
@@ -195,11 +201,11 @@ def test_what_slides_into_a_wall_rebounds_from_it() -> None:
 def test_a_ball_slides_along_a_groove(opening: float) -> None:
     # Two planes, a groove that falls along z by 0.3 rad: a = g sin 0.3 without friction.
     half, fall = opening / 2, 0.3
+
     def turned(x: float, y: float) -> list[float]:
         return [x, y * math.cos(fall), y * math.sin(fall)]
-    planes = [
-        {"normal": turned(s * math.cos(half), math.sin(half)), "restitution": 0.0} for s in (1, -1)
-    ]
+
+    planes = [{"normal": turned(s * math.cos(half), math.sin(half)), "restitution": 0.0} for s in (1, -1)]
     position, velocity = slide(0.5, 0.005, planes)
     a = G * math.sin(fall)
     way = np.array([0, -math.sin(fall), math.cos(fall)])
@@ -215,8 +221,10 @@ def test_a_block_of_springs_slides_and_holds_as_a_rigid_one(integrator: str) -> 
     angle, dt, t = 0.5, 2e-4, 0.3
     for mu, a in ((0.3, G * (math.sin(angle) - 0.3 * math.cos(angle))), (0.8, 0.0)):
         base = np.array([[x, 0.0, z] for x in (0.0, 0.1) for z in (0.0, 0.1)])
-        body = np.vstack([base, base + [0, 0.1, 0]])
-        turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]).T
+        body = np.vstack([base, base + np.array([0, 0.1, 0])])
+        turn = np.array(
+            [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+        ).T
         pairs = [[i, j] for i in range(8) for j in range(i)]
         block = {
             "name": "block",
@@ -242,8 +250,11 @@ def test_a_block_of_springs_slides_and_holds_as_a_rigid_one(integrator: str) -> 
 
 def test_kinetic_friction_at_rest_takes_energy_as_its_work_says() -> None:
     result = simulate(
-        0.4, 1e-3, particles=[points((0, 0, 0), velocity=[(3.0, 0, 0)], radius=0.0, mass=2.0)],
-        forces=GRAVITY, planes=[slope(0, friction=0.3)],
+        0.4,
+        1e-3,
+        particles=[points((0, 0, 0), velocity=[(3.0, 0, 0)], radius=0.0, mass=2.0)],
+        forces=GRAVITY,
+        planes=[slope(0, friction=0.3)],
     )
     v = 3 - 0.3 * G * 0.4
     assert result.final.velocity[0] == pytest.approx([v, 0, 0], rel=1e-12)

@@ -114,6 +114,18 @@ def test_a_fall_into_a_centre_is_told() -> None:
         )
 
 
+def test_an_acceleration_may_pass_through_zero() -> None:
+    # A spring about the origin, passed at full speed from the start: x = sin t.
+    r = simulate(
+        10.0,
+        10.0,
+        "ias15",  # type: ignore[arg-type]
+        particles=[points((0, 0, 0), velocity=[(1, 0, 0)])],
+        forces=[{"type": "point_spring", "anchor": [0, 0, 0], "stiffness": 1.0}],
+    )
+    assert r.final.position[0, 0] == pytest.approx(math.sin(10.0), abs=2e-14)
+
+
 def test_same_bits_for_any_number_of_threads() -> None:
     rng = np.random.default_rng(1)
     n = 9000

@@ -280,8 +280,8 @@ def test_a_fold_decays_by_the_amplification_factor() -> None:
 def test_any_number_of_threads_leaves_the_same_bytes(
     scenario: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 1)
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 1)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
     left = []
     for threads in (1, 2, 3):
         simulation = Simulation(ps.from_table(scenario), threads=threads)

@@ -11,7 +11,7 @@ import pytest
 from simulate import G, simulate
 
 import particlesim as ps
-from particlesim.layouts import LAYOUTS, Bridge, Hair, Net, SurfaceFile
+from particlesim.layouts import LAYOUTS, Bridge, Disc, Hair, Net, Plummer, SurfaceFile
 from particlesim.layouts.mesh import is_closed
 from particlesim.layouts.mesh_formats import read_surface
 from particlesim.sampling.random_streams import Streams
@@ -416,3 +416,50 @@ def test_every_layout_says_what_it_is() -> None:
     for layout in LAYOUTS:
         assert layout.__doc__
         assert layout.has_surface() <= layout.is_body
+
+
+def test_a_plummer_sphere_is_in_equilibrium() -> None:
+    # Half of an endless sphere is within 1.305 a; E_kin = 3 pi/64 G M^2/a, by the virial theorem; isotropic.
+    sphere = Plummer(
+        count=40_000, mass=2.0, radius=0.5, extent=300, constant=3.0, center=(1, 2, 3), velocity=(4, 0, 0)
+    )
+    streams = Streams(1, "sphere")
+    x, v, attributes = sphere.place(streams, 0, 40_000)
+    np.testing.assert_array_equal(sphere.place(streams, 777, 1000).velocity, v[:, 777:1777])
+    assert attributes["mass"].sum() == pytest.approx(2)
+    r = np.linalg.norm(x - np.array([[1], [2], [3]]), axis=0)
+    assert np.median(r) == pytest.approx(0.5 / np.sqrt(2 ** (2 / 3) - 1), rel=0.02)
+    own = v - np.array([[4], [0], [0]])
+    assert 0.5 * 2.0 * (own**2).sum(0).mean() == pytest.approx(3 * np.pi / 64 * 3 * 2**2 / 0.5, rel=0.02)
+    np.testing.assert_allclose((own**2).mean(1), (own**2).mean(), rtol=0.05)
+    escape = np.sqrt(2 * 3 * 2) / (r**2 + 0.25) ** 0.25
+    assert (np.linalg.norm(own, axis=0) < escape).all()
+
+
+def test_a_disc_turns_about_its_axis_on_circles() -> None:
+    disc = Disc(
+        count=20_000,
+        mass=0.5,
+        radius=0.3,
+        halo_mass=4.0,
+        halo_radius=0.8,
+        dispersion=0,
+        axis=(1, 2, 2),
+        constant=1.5,
+    )
+    x, v, _ = disc.place(Streams(2, "disc"), 0, 20_000)
+    axis = np.array([1, 2, 2]) / 3
+    assert np.abs(axis @ x).max() < 1e-12
+    r = np.linalg.norm(x, axis=0)
+    assert r.max() <= 5 * 0.3
+    # half of exp(-x) x dx up to 5: (1 + x) exp(-x) = 0.5202
+    assert np.median(r) == pytest.approx(0.3 * 1.6209, rel=0.02)
+    np.testing.assert_allclose(
+        np.cross(x.T, v.T), (r * np.linalg.norm(v, axis=0))[:, None] * axis, atol=1e-12
+    )
+    pull = 1.5 * 4 * r / (r * r + 0.64) ** 1.5  # of the halo, and what is left is of the disc
+    of_disc = (np.linalg.norm(v, axis=0) ** 2 / r - pull) * r * r / 1.5
+    edge = r > 0.95 * 1.5
+    np.testing.assert_allclose(of_disc[edge], 0.5, rtol=0.01)
+    with pytest.raises(ValueError, match="halo_radius"):
+        Disc(count=1, mass=1.0, radius=1.0, halo_mass=1.0)

@@ -9,6 +9,7 @@ import pytest
 from simulate import EPS
 
 import particlesim as ps
+from particlesim.analysis.structure import radial_distribution
 from particlesim.engine.interactions.near_pairs import NearPairs
 from particlesim.engine.interactions.neighbours.record import BUILDS, OVERFLOW, new_neighbours
 from particlesim.engine.interactions.pairs import DirectPairs
@@ -26,6 +27,15 @@ LAWS: dict[str, dict[str, Any]] = {
     "morse": {"type": "morse", "depth": 1.0, "width": 2.0, "distance": 1.1, "cutoff": 2.0, "shift": "energy"},
     "soft_spheres": {"type": "soft_sphere", "epsilon": 30.0, "sigma": 1.3},
     "soft_by_radius": {"type": "soft_sphere", "epsilon": 30.0},
+    "friction": {"type": "friction", "coefficient": 4.5, "range": 1.5},
+    "thermostat": {
+        "type": "friction",
+        "coefficient": 4.5,
+        "range": 1.5,
+        "temperature": 1.0,
+        "boltzmann": 1.0,
+    },
+    "flocking": {"type": "flocking", "sight": 2.0, "alignment": 1.0, "cohesion": 0.3},
     "soft_hertz": {"type": "soft_sphere", "epsilon": 30.0, "exponent": 2.5, "cutoff": 0.9},
 }
 
@@ -82,7 +92,11 @@ def test_forces_and_energies_are_those_of_direct_sums(name: str, precision: str)
         c = island.island_columns()
         row = 37
         found.append(
-            (island.forces(0.0), each.energy(c), np.stack([each.force_on(c, row + k, 0.0) for k in range(3)]))
+            (
+                island.forces(0.0),
+                each.power(c, 0.0) if each.spends else each.energy(c),
+                np.stack([each.force_on(c, row + k, 0.0) for k in range(3)]),
+            )
         )
         simulation.close()
     (force, energy, some), (near_force, near_energy, near_some) = found
@@ -121,13 +135,13 @@ def test_lists_are_chosen_where_they_pay() -> None:
         simulation.close()
 
 
-@pytest.mark.parametrize("name", ["force_shifted", "soft_by_radius"])
+@pytest.mark.parametrize("name", ["force_shifted", "soft_by_radius", "thermostat"])
 def test_same_bits_for_any_number_of_threads(name: str) -> None:
     found = set()
     for threads in (1, 2, 3):
         simulation, _, each = started(liquid(LAWS[name], edge=15, spread=0.05), threads)
         simulation.advance_to(14)
-        assert each.near.report[BUILDS] > 1 or name != "force_shifted"
+        assert each.near.report[BUILDS] > 1 or name == "soft_by_radius"
         found.add(bits(simulation))
         simulation.close()
     assert len(found) == 1
@@ -140,7 +154,7 @@ def test_same_bits_with_too_little_room_for_lists() -> None:
         simulation, island, each = started(scenario)
         if little:
             near = each.near._replace(candidates=np.zeros(7000, np.uint32))
-            island.interactions, island._shares = (each._replace(near=near),), {}
+            island._lay_out((each._replace(near=near),), None)
         simulation.advance_to(20)
         if little:
             assert near.report[OVERFLOW]
@@ -193,7 +207,12 @@ def melt(edge: int, density: float, temperature: float, law: dict[str, Any], dt:
     v *= np.sqrt(temperature * 3 * (len(x) - 1) / (v * v).sum())
     scenario = ps.from_table(
         {
-            "simulation": {"duration": 200.0, "dt": dt, "integrator": "velocity_verlet"},
+            "simulation": {
+                "duration": 200.0,
+                "dt": dt,
+                "integrator": "velocity_verlet",
+                "box": {"size": [edge * spacing] * 3},
+            },
             "particles": [
                 {
                     "name": "atoms",
@@ -204,12 +223,8 @@ def melt(edge: int, density: float, temperature: float, law: dict[str, Any], dt:
             "interactions": [{**law, "name": "law", "method": "neighbours"}],
         }
     )
-    simulation, island, each = started(scenario)
-    length = edge * spacing
-    near = new_neighbours(each.near.members, len(x), law["cutoff"], box=(length,) * 3)
-    each = each._replace(near=near)
-    island.interactions, island._shares = (each,), {}
-    return simulation, length, each
+    simulation, _, each = started(scenario)
+    return simulation, edge * spacing, each
 
 
 def test_energy_and_momentum_of_a_melt() -> None:
@@ -247,3 +262,144 @@ def test_virial_is_how_the_energy_changes_with_the_size_of_the_box() -> None:
     assert np.trace(virial) == pytest.approx(-(energies[0] - energies[1]) / (2 * h), rel=1e-6)
     np.testing.assert_allclose(virial, virial.T, atol=1e-10 * np.abs(virial).max())
     simulation.close()
+
+
+def spray(method: str) -> ps.Scenario:
+    """Atoms, some held, and an emitter of others, which die of age."""
+    return ps.from_table(
+        {
+            "simulation": {"duration": 0.3, "dt": 0.002, "integrator": "velocity_verlet", "seed": 3},
+            "output": {"every": 25},
+            "particles": [
+                {
+                    "name": "block",
+                    "mass": 1.0,
+                    "layout": {
+                        "type": "lattice",
+                        "counts": [6, 6, 6],
+                        "spacing": 1.1,
+                        "origin": [-3, -3, -3],
+                    },
+                    "pinned": [0, 1, 2, 3, 4, 5],
+                }
+            ],
+            "emitters": [
+                {
+                    "name": "drops",
+                    "mass": 0.5,
+                    "shape": {"type": "sphere", "center": [0, 0, 5], "radius": 2.0},
+                    "rate": 700,
+                    "lifetime": {"type": "uniform", "low": 0.02, "high": 0.2},
+                    "speed": 1.0,
+                }
+            ],
+            "interactions": [
+                {"name": "law", "type": "soft_sphere", "epsilon": 40.0, "sigma": 1.2, "method": method}
+            ],
+        }
+    )
+
+
+def test_births_deaths_and_pins_are_those_of_direct_sums() -> None:
+    # Overlapping drops are no chaos for so short a time; the order of sums is all that differs.
+    found, threads = [], set()
+    for method, count in (("direct", 1), ("neighbours", 1), ("neighbours", 3)):
+        simulation = Simulation(spray(method), threads=count)
+        simulation.advance_to(130)
+        found.append(np.concatenate([np.asarray(state.position) for state in simulation.states]))
+        if method == "neighbours":
+            threads.add(bits(simulation))
+        simulation.close()
+    assert 216 < len(found[0]) == len(found[1])
+    np.testing.assert_allclose(found[1], found[0], atol=1e-9)
+    assert len(threads) == 1
+
+
+X = """0.8623085097507421 2.976218765822098 -8.402230115796038 0.1054136629203555 -0.8564583828174598 1.582759470107601
+0.7639421948305453 1.753173414312048 2798.291772190376 -0.048394220260857657 0.9963265197721935 -36.98000291272493
+20.84012299434647 83.05402124717285 -957.4799715203068 -147.7746229234994 63.98607852471505 16.03993673294834
+68.05916615864377 -2791.293578795945 -6.245128304568454 -8116.836104958410 14.88735559561229 -10593.46754655084
+-113.1607632802822 -8867.771540418822 -39.86982844450543 -4689.270299917261 259.3535277438717 -2694.523589434903
+-721.8487631550215 172.1802063863269"""
+
+
+def equation_of_state(density: float, temperature: float) -> tuple[float, float]:
+    """Energy of an atom and pressure of the Lennard-Jones fluid, in reduced units, by a fit to simulations of many authors.
+
+    Source: J. K. Johnson, J. A. Zollweg, K. E. Gubbins, Molecular Physics 78, 591 (1993), tables 5 to 10. Its critical
+    point, T = 1.313 at a density of 0.310, is one of this function, too.
+    """
+    x, t = np.array([0.0, *map(float, X.split())]), temperature
+    powers = (  # of 1/T: which parameters, and with which power
+        ((1, -1), (2, -0.5), (3, 0), (4, 1), (5, 2)),
+        ((6, -1), (7, 0), (8, 1), (9, 2)),
+        ((10, -1), (11, 0), (12, 1)),
+        ((13, 0),),
+        ((14, 1), (15, 2)),
+        ((16, 1),),
+        ((17, 1), (18, 2)),
+        ((19, 2),),
+    )
+    others = (
+        ((20, 2), (21, 3)),
+        ((22, 2), (23, 4)),
+        ((24, 2), (25, 3)),
+        ((26, 2), (27, 4)),
+        ((28, 2), (29, 3)),
+        ((30, 2), (31, 3), (32, 4)),
+    )
+    gamma, f = 3.0, np.exp(-3.0 * density**2)
+    pressure, energy, g = density * t, 0.0, (1 - f) / (2 * gamma)
+    for k, terms in enumerate(powers):
+        pressure += density ** (k + 2) * sum(x[j] * t**-p for j, p in terms)
+        energy += density ** (k + 1) / (k + 1) * sum(x[j] * (1 + p) * t**-p for j, p in terms)
+    for k, terms in enumerate(others):
+        if k > 0:
+            g = -(f * density ** (2 * k) - 2 * k * g) / (2 * gamma)
+        pressure += f * density ** (2 * k + 3) * sum(x[j] * t**-p for j, p in terms)
+        energy += g * sum(x[j] * (1 + p) * t**-p for j, p in terms)
+    return float(energy), float(pressure)
+
+
+def test_equation_of_state_has_its_critical_point() -> None:
+    h = 1e-3
+    below, at, above = (equation_of_state(0.310 + k * h, 1.313)[1] for k in (-1, 0, 1))
+    assert abs(above - below) / (2 * h) < 1e-4
+    assert abs(above - 2 * at + below) / h**2 < 1e-3
+
+
+def test_a_melt_has_the_energy_pressure_and_structure_of_the_literature() -> None:
+    # Near the triple point, ρ = 0.8442 and T = 0.722: half of the energy of motion on the lattice goes into the melt. Means
+    # over five units of time err by some 0.003 in energy and 0.03 in pressure; the fit by 0.02 and 0.02 there. What the
+    # cutoff leaves out is added for a uniform density beyond (Allen & Tildesley, 2nd ed., section 2.8).
+    cutoff, density = 2.5, 0.8442
+    simulation, length, _ = melt(6, density, 1.49, LENNARD_JONES)
+    simulation.advance_to(800)
+    n, heat, energy, pressure, structure = 864, [], [], [], []
+    for k in range(100):
+        simulation.advance_to(810 + 10 * k)
+        row = simulation.ledger()
+        heat.append(2 * row["kinetic"] / (3 * (n - 1)))
+        energy.append(row["potential.law"] / n)
+        # of the motion of n − 1 atoms about their centre of mass
+        pressure.append(row["pressure"] + density * heat[-1] / n)
+        if k % 10 == 0:
+            x = np.mod(simulation.states[0].position, length)
+            structure.append(radial_distribution(x, box=[length] * 3, reach=3.0, bins=150))
+    simulation.close()
+    third, ninth = cutoff**-3, cutoff**-9
+    t = float(np.mean(heat))
+    u = np.mean(energy) + 8 / 3 * np.pi * density * (ninth / 3 - third)
+    p = np.mean(pressure) + 16 / 3 * np.pi * density**2 * (2 * ninth / 3 - third)
+    assert t == pytest.approx(0.722, abs=0.03)
+    expected_u, expected_p = equation_of_state(density, t)
+    assert u == pytest.approx(expected_u, abs=0.04)
+    assert p == pytest.approx(expected_p, abs=0.12)
+    # The first shell: a peak of 3.0 at 1.09, and then few atoms, 0.6, at 1.55. L. Verlet, Phys. Rev. 165, 201 (1968).
+    r, g = structure[0].x, np.mean([each.y for each in structure], axis=0)
+    assert r[g.argmax()] == pytest.approx(1.09, abs=0.03)
+    assert g.max() == pytest.approx(3.05, abs=0.2)
+    valley = (r > 1.3) & (r < 1.8)
+    assert r[valley][g[valley].argmin()] == pytest.approx(1.55, abs=0.1)
+    assert g[valley].min() == pytest.approx(0.6, abs=0.1)
+    assert (g[r < 0.85] == 0).all()

@@ -11,6 +11,8 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
+from particlesim.interactions.gravity import MutualGravity
+from particlesim.laws.pair import Pair, central
 from particlesim.laws.scatter import kick
 
 
@@ -159,6 +161,23 @@ def test_a_formula_is_the_law_that_it_writes() -> None:
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-13)
 
 
+def test_spline_softening_is_smooth_and_that_of_points_from_28_tenths_on() -> None:
+    law = MutualGravity(constant=2.0, softening=0.5, softened="spline").record()
+    h = 2.8 * 0.5
+
+    def terms(r: float) -> np.ndarray:
+        pair = Pair(r, 0, 0, 0, 0, 0, np.float64(3.0), np.float64(0.7))
+        return np.array(central(law, pair, np.float64(r * r)), float)
+
+    strength = 2.0 * 3.0 * 0.7
+    assert terms(1e-9)[0] == pytest.approx(-strength / 0.5, rel=1e-14)  # as deep as Plummer's
+    for joint in (h / 2, h):  # U, k and q are continuous where the pieces meet
+        np.testing.assert_allclose(terms(joint * (1 - 1e-12)), terms(joint * (1 + 1e-12)), rtol=1e-10)
+    np.testing.assert_allclose(
+        terms(1.5), strength * np.array([-1 / 1.5, -1 / 1.5**3, 3 / 1.5**5]), rtol=1e-15
+    )
+
+
 def test_groups_mix_by_lorentz_and_berthelot() -> None:
     # an argon and a krypton atom at their mixed minimum, 2^(1/6) (σ₁ + σ₂)/2, have the energy −√(ε₁ ε₂) and feel no force
     epsilon, sigma = {"argon": 1.0, "krypton": 1.69}, {"argon": 0.8, "krypton": 1.2}
@@ -206,3 +225,102 @@ def test_what_cannot_be_is_told_before_the_run(law: dict[str, Any], said: str) -
 def test_random_kicks_need_a_method_that_takes_one_a_step() -> None:
     with pytest.raises(ps.ScenarioError, match="random kicks, one for each step, which rk4 cannot take"):
         ps.from_table(table(1, 0.01, "rk4", **fluid(temperature=1.0)))
+
+
+def doubts(duration: float, dt: float, method: str = "velocity_verlet", **parts: Any) -> str:
+    """What is said before and after a run."""
+    return "\n".join(ps.run(ps.from_table(table(duration, dt, method, **parts))).warnings)
+
+
+def binary(distance: float) -> dict[str, Any]:
+    """Two bodies of 1 kg on a circle, with G = 1: ω² = 2/d³."""
+    v = math.sqrt(0.5 / distance)
+    return {
+        "particles": [
+            points(
+                (distance / 2, 0, 0),
+                (-distance / 2, 0, 0),
+                velocity=[(0, v, 0), (0, -v, 0)],
+                name="a",
+                mass=1.0,
+            )
+        ],
+        "interactions": [{"type": "gravity", "constant": 1.0}],
+    }
+
+
+def test_a_step_too_long_for_the_steepest_pair_is_told_before_the_run() -> None:
+    # the limit of velocity Verlet is h ω = 2: h = √2 d^(3/2) = 0.0447 s for d = 0.1 m
+    from particlesim.engine.stability.limits import suspects
+
+    for dt, told in ((0.04, 0), (0.05, 1)):
+        simulation = simulation_of(50, dt, **binary(0.1))
+        warnings = suspects(simulation).warnings
+        assert len(warnings) == told
+        assert "the largest stable step of velocity_verlet for 'a', 0.0447 s" in "".join(warnings) or not told
+        simulation.close()
+
+
+def test_the_steepest_pair_counts_among_many() -> None:
+    # beyond 447 particles bounds stand for modes: a pair d = 0.01 m apart in a wide cloud decides, ω² = 2 G m/d³
+    cloud = {"type": "random", "count": 600, "shape": {"type": "ball", "radius": 100}}
+    simulation = simulation_of(
+        2,
+        0.01,
+        particles=[
+            {"name": "cloud", "mass": 1e-3, "layout": cloud},
+            points((500, 0, 0), (500.01, 0, 0), name="pair", mass=1.0),
+        ],
+        interactions=[{"type": "gravity", "constant": 1.0, "method": "direct"}],
+    )
+    from particlesim.engine.stability.limits import stability
+
+    assert stability(simulation).step == pytest.approx(2 / math.sqrt(2 / 0.01**3), rel=1e-3)
+    simulation.close()
+
+
+def test_many_pairs_are_told_with_what_they_cost() -> None:
+    from particlesim.preflight.advice import long_sums
+
+    group = {
+        "name": "stars",
+        "mass": 1.0,
+        "layout": {"type": "random", "count": 10**6, "shape": {"type": "ball", "radius": 1}},
+    }
+    law = {"type": "gravity", "softening": 0.01, "method": "direct"}
+    (said,) = long_sums(ps.from_table(table(1.0, 0.01, particles=[group], interactions=[law])))
+    # 10¹² pairs at 10⁹ a second, twice a step: 33 minutes, and 100 steps
+    assert said == (
+        "gravity sums 1e+12 pairs one by one in every sum of forces, about 33 minutes a step on one core and 2.3 days "
+        'in all; method = "tree" lets far particles act together'
+    )
+    law["method"] = "tree"
+    assert long_sums(ps.from_table(table(1.0, 0.01, particles=[group], interactions=[law]))) == ()
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "implicit_midpoint", "rk45", "dop853"])
+def test_implicit_and_adaptive_methods_take_pairs(method: str) -> None:
+    # a circle of radius ½ at ω = √2; implicit_midpoint errs by h² ω³ t/24 · ½ of its angle, backward Euler by h ω² t/2
+    simulation = simulation_of(100, 0.01, method=method, **binary(1.0))
+    simulation.advance_to(100)
+    angle = math.sqrt(2)
+    error = np.abs(
+        simulation.states[0].position[0] - 0.5 * np.array([math.cos(angle), math.sin(angle), 0])
+    ).max()
+    assert error < {"backward_euler": 0.02, "implicit_midpoint": 1e-4}.get(method, 1e-6)
+    simulation.close()
+
+
+def test_it_is_said_that_pairs_are_explicit_in_implicit_methods() -> None:
+    assert "gravity is not in the matrix of backward_euler" in doubts(
+        0.02, 0.01, "backward_euler", **binary(1.0)
+    )
+
+
+def test_charges_of_zero_do_nothing() -> None:
+    group = points((0, 0, 0), (1, 0, 0), name="a", mass=1.0, charge=0.0)
+    simulation = simulation_of(3, 0.01, particles=[group], interactions=[{"type": "coulomb"}])
+    simulation.advance_to(3)
+    assert np.array_equal(simulation.states[0].position, [[0, 0, 0], [1, 0, 0]])
+    assert simulation.ledger()["potential.coulomb"] == 0
+    simulation.close()

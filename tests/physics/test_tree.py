@@ -14,6 +14,7 @@ import particlesim as ps
 from particlesim.engine.interactions.tree.calibration import LEAST_NEED
 from particlesim.engine.interactions.tree.tree_pairs import TreePairs
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
 from particlesim.errors import PsimError, UsageError
 
 Places = NDArray[np.float64]
@@ -104,9 +105,7 @@ def test_errors_of_gravity_are_as_asked_for(place: Any, accuracy: float) -> None
 @pytest.mark.parametrize("softening", [0.0, 0.02, 3.0])
 def test_errors_hold_for_any_softening(softening: float) -> None:
     # 3 is more than the whole: far cells within one another's softening act by multipoles, too
-    error, tree = compare(
-        uniform(3000, np.random.default_rng(2)), {"accuracy": 1e-3, "softening": softening}
-    )
+    error, tree = compare(uniform(3000, np.random.default_rng(2)), {"accuracy": 1e-3, "softening": softening})
     assert error < 1.3e-3
     tree.close()
 
@@ -120,9 +119,7 @@ def test_errors_of_charges_are_as_asked_for(charge: str) -> None:
         "alternating": np.where(np.arange(3000) % 2, 1.0, -1.0),
         "one_sign": np.full(3000, -2.0),
     }[charge]
-    error, tree = compare(
-        x, {"accuracy": 1e-3, "type": "coulomb", "softening": 0.005}, charge=q.tolist()
-    )
+    error, tree = compare(x, {"accuracy": 1e-3, "type": "coulomb", "softening": 0.005}, charge=q.tolist())
     assert error < 1.3e-3
     tree.close()
 
@@ -176,10 +173,23 @@ def _moved(threads: int, steps: int = 6) -> tuple[bytes, bytes]:
 
 
 def test_threads_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from particlesim.engine.islands import coupled
-
-    monkeypatch.setattr(coupled, "WORTH_THREADS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 1)
     assert _moved(1) == _moved(2) == _moved(3)
+
+
+def test_what_was_measured_goes_on_with_a_run_that_is_resumed() -> None:
+    told = scenario(clusters(2000, np.random.default_rng(7)), {"method": "tree", "softening": 0.01})
+    told["simulation"] |= {"duration": 0.06, "dt": 0.01}
+    whole, first, again = (Simulation(ps.from_table(told)) for _ in range(3))
+    whole.advance_to(3)
+    whole.advance_to(6)
+    first.advance_to(3)
+    restore(again, snapshot(first))
+    again.advance_to(6)
+    for a, b in zip(whole.states[0].arrays(), again.states[0].arrays(), strict=True):
+        assert a.tobytes() == b.tobytes()
+    for simulation in (whole, first, again):
+        simulation.close()
 
 
 def test_momentum_drifts_by_the_error_and_no_more() -> None:
@@ -238,3 +248,13 @@ def test_the_inverse_root_is_as_exact_as_it_says() -> None:
     x = np.geomspace(1, 16, 2000)
     worst = max(abs(inverse_root(float(each)) * math.sqrt(each) - 1) for each in x)
     assert worst < 6e-11
+
+
+def test_cells_without_room_are_told_and_change_no_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    from particlesim.engine.interactions.tree import field
+
+    monkeypatch.setattr(field, "PARTICLES_PER_CELL", 10**6)
+    error, tree = compare(clusters(3000, np.random.default_rng(1)), {"accuracy": 1e-3, "softening": 0.01})
+    assert error < 1.3e-3
+    assert "no room" in tree.islands[0].interactions[0].summary()
+    tree.close()

@@ -152,10 +152,30 @@ PAIRS: Table = {
         },
         {"name": "star", "layout": {"type": "points", "position": [[3, 0, 0]]}, "mass": 1.0},
     ],
-    "interactions": [{"type": "gravity", "constant": 1.0, "softening": 0.05}],
+    "interactions": [
+        {"type": "gravity", "constant": 1.0, "softening": 0.05},
+        {"type": "soft_sphere", "epsilon": 0.05, "sigma": 0.4, "method": "neighbours"},
+    ],
+}
+
+BODIES: Table = {
+    "simulation": {"duration": 0.8, "dt": 0.002, "seed": 4},
+    "output": {"every": 20},
+    "bodies": [
+        {
+            "name": "bricks",
+            "shape": {"type": "box", "size": [0.1, 0.2, 0.4]},
+            "orientation": "random",
+            "layout": {"type": "lattice", "spacing": 0.4, "counts": [2, 3, 2], "origin": [0, 0.3, 0]},
+        },
+        {"name": "ball", "shape": {"type": "sphere", "radius": 0.2}, "position": [0.2, 1.8, 0.2]},
+    ],
+    "forces": [{"type": "gravity"}],
+    "planes": [{"normal": [0, 1, 0], "restitution": 0.3, "friction": 0.5}],
 }
 
 KINDS = {
+    "bodies": BODIES,
     "fountain": FOUNTAIN,
     "cloth": CLOTH,
     "memory": MEMORY,

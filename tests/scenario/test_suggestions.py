@@ -38,7 +38,9 @@ def hint(more: str) -> str:
     [
         ("[[collisions]]", "psim has no contact between particles"),
         ("[[spheres]]", '[[particles]] with a "radius"'),
-        ("[[planes]]\nfriction = 0.3", 'psim has no friction; "tangential_loss"'),
+        ("[[planes]]\nstatic_friction = 0.3", '"friction" of [[planes]]'),
+        ("[[planes]]\nrolling_friction = 0.3", "nothing rolls"),
+        ("[[planes]]\nbelt_velocity = [1, 0, 0]", '"surface_velocity" of [[planes]]'),
         ("[[planes]]\nbounciness = 0.3", '"restitution" of [[planes]]'),
         ("[[planes]]\nelasticity = 0.3", '"restitution" of [[planes]]'),
         ("[[planes]]\nBounciness = 0.3", '"restitution" of [[planes]]'),
@@ -49,7 +51,7 @@ def hint(more: str) -> str:
         ("[[forces]]\ntype = 'nbody'", "what particles do to each other are [[interactions]]"),
         ("[[forces]]\ntype = 'n-body'", "what particles do to each other are [[interactions]]"),
         ("[[forces]]\ntype = 'wind'", 'the "flow" of a "drag"'),
-        ("[[forces]]\ntype = 'frition'", 'did you mean "friction"? psim has no friction'),
+        ("[[forces]]\ntype = 'static_frition'", '"friction" of [[planes]]'),
         ("[wind]", 'the "flow" of a "drag"'),
         ("[[cloth]]", '"cloth" is a type of layout of [[particles]]'),
         ("[[springs]]\non = 'ball'\nwithin = 1\nstiffness = 1\nk = 3", 'psim calls it "stiffness"'),
@@ -66,7 +68,7 @@ def hint(more: str) -> str:
         ("[[joints]]", "[[rods]] keep distances"),
         ("[[contacts]]", "psim has no contact between particles"),
         ("[[forces]]\ntype = 'lift'", 'the force of a "field"'),
-        ("[[planes]]\nmu = 0.3", "psim has no friction"),
+        ("[[planes]]\nmu = 0.3", '"friction" of [[planes]]'),
         ("[[springs]]\non = 'ball'\nwithin = 1\nstiffness = 1\nbreak = 3", '"break_strain" or "break_force"'),
     ],
 )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from particlesim.engine.constraints.elimination import new_rig, new_rods
+from particlesim.engine.constraints.constraint import Constraint
+from particlesim.engine.constraints.elimination import divided, new_rig, new_rods
 from particlesim.engine.constraints.initial_checks import (
     Members,
     members_of,
@@ -17,53 +17,53 @@ from particlesim.engine.constraints.initial_checks import (
     require_once,
     require_speed,
 )
+from particlesim.engine.constraints.rod_modes import RodTensors, directions, pulls
 from particlesim.engine.constraints.shake_rattle import Rods, hold, places, take_aim
 from particlesim.engine.faults import Unheld
-from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.interactions.interaction import Coupling, Site
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
-from particlesim.model.arrays import Ints
-from particlesim.scenario.scenario import Scenario
+from particlesim.model.arrays import Floats, Ints
 from particlesim.trajectory.topology import Topology
 
+ROD_IN_SPRINGS = 20
+"""About how many springs take the time of a rod."""
 
-class RodSystem:
+
+class RodSystem(Constraint):
     """All rods of an island: `rods` as kernels take them, `order` as the sets list them."""
 
-    def __init__(self, members: Sequence[Members], offset: dict[str, int], rods: Rods, order: Ints) -> None:
+    def __init__(self, members: Sequence[Members], rods: Rods, order: Ints) -> None:
         self.members = tuple(members)
         self.rods = rods
         self.order = order
-        self._offset = offset
 
     @property
     def number(self) -> int:
-        """How many rods there are."""
         return len(self.order)
 
     @property
-    def pairs(self) -> tuple[Ints, Ints]:
+    def effort(self) -> int:
+        return ROD_IN_SPRINGS * self.number if len(self.rods.failed) > 1 else 0
+
+    @property
+    def given(self) -> float:
+        return float(self.rods.effort.sum())
+
+    @property
+    def ends(self) -> Ints:
+        return np.unique(np.concatenate(self._pairs))
+
+    @property
+    def _pairs(self) -> tuple[Ints, Ints]:
         """Rows of the first and of the second ends of all rods, set by set."""
         first = np.concatenate([each.first for each in self.members])
         return first, np.concatenate([each.second for each in self.members])
 
-    @property
-    def ends(self) -> Ints:
-        """Rows of all particles on rods, sorted."""
-        return np.unique(np.concatenate(self.pairs))
+    def records(self, threads: int) -> list[Rods]:
+        return divided(self.rods, threads)
 
-    @property
-    def components(self) -> int:
-        """Sets of rods that hang together."""
-        return len(self.rods.failed)
-
-    @property
-    def effort(self) -> float:
-        """The energy that rods have given to led ends since `begin` [J]."""
-        return float(self.rods.effort.sum())
-
-    def unheld(self) -> Unheld | None:
-        """The first rod that could not be held in the last steps."""
+    def unheld(self, site: Site) -> tuple[int, Unheld] | None:
         bad = np.flatnonzero(self.rods.failed >= 0)
         if not bad.size:
             return None
@@ -72,35 +72,27 @@ class RodSystem:
         each = self.members[k := int(np.searchsorted(borders, rod, side="right")) - 1]
         rod -= int(borders[k])
         a, b = each.indices[rod].tolist()
-        miss = float(self.rods.misfit[bad[0]])
-        return Unheld(each.made.name, (a, b), each.made.groups, float(each.length[rod]), miss)
+        miss, rows = float(self.rods.misfit[bad[0]]), (int(each.first[rod]), int(each.second[rod]))
+        pinned = site.pinned()
+        row = next((row for row in rows if not pinned[row]), rows[0])
+        return row, Unheld(each.made.name, (a, b), each.made.groups, float(each.length[rod]), miss)
 
-    def row_of(self, unheld: Unheld, free: NDArray[np.bool_]) -> int:
-        """The row of an end of a rod in the island, one of the `free` ones."""
-        rows = [self._offset[name] + k for name, k in zip(unheld.groups, unheld.particles, strict=True)]
-        return next((row for row in rows if free[row]), rows[0])
-
-    def lay_again(self, offset: dict[str, int], place: Ints) -> None:
-        """The same rods among other rows: what was in row k is in row `place[k]` now, and groups begin at rows `offset`."""
-        self._offset = offset
+    def lay_again(self, site: Site, place: Ints) -> None:
         self.members = tuple(
             replace(each, first=place[each.first], second=place[each.second]) for each in self.members
         )
         self.rods = self.rods._replace(rig=self.rods.rig._replace(rows=place[self.rods.rig.rows]))
 
     def begin(self) -> None:
-        """Forget what earlier steps have left: rods that could not be held, and work on led ends."""
         self.rods.failed[:] = -1
         self.rods.effort[:] = 0
 
     def fit(self, columns: Any) -> None:
-        """Bring particles to the nearest places and velocities that fit."""
         self.begin()
         take_aim(self.rods, places(columns))
         hold(self.rods, places(columns), 0.0, True)
 
     def topology(self, ids: Ints) -> list[Topology]:
-        """The rods of every set as a trajectory keeps them; `ids` are those of the island's rows."""
         return [
             Topology(
                 each.made.name,
@@ -111,27 +103,29 @@ class RodSystem:
             for each in self.members
         ]
 
+    def couplings(self, columns: Any, force: Floats, w: Floats) -> Iterator[tuple[str, Coupling]]:
+        pull = pulls(self._pairs, self.rods.rig, self.order, columns, force, w)
+        begin = 0
+        for each in self.members:
+            end = begin + len(each.first)
+            yield each.made.name, RodTensors(each.first, each.second, pull[begin:end])
+            begin = end
 
-def rod_system(
-    scenario: Scenario,
-    island: Island,
-    whole: GroupState,
-    states: Sequence[GroupState],
-    offset: dict[str, int],
-) -> RodSystem | None:
-    """The rods of an island, None where there are none. Its particles are put where they fit, and their velocities.
+    def directions(self, x: Floats) -> Any:
+        return directions(self._pairs, x)
 
-    `offset` are the first rows of its groups in `whole`. Raises UsageError (ScenarioError with the place, where that is
-    known) when rods and the particles at the start do not go together.
+
+def rod_system(site: Site, island: Island) -> RodSystem:
+    """The rods of an island. Its particles are put where they fit, and their velocities.
+
+    Raises UsageError (ScenarioError with the place, where that is known) when rods and the particles at the start do not go
+    together.
     """
-    if not island.rods:
-        return None
-    count = {state.name: state.count for state in states}
-    members = [members_of(scenario, each, whole, count, offset) for each in island.rods]
+    scenario, whole = site.scenario, site.whole
+    count = {name: state.count for name, state in site.state.items()}
+    members = [members_of(scenario, each, whole, count, site.offset) for each in island.constraints]
     require_once(scenario, members)
-    inverse = 1 / whole.mass[: whole.count].astype(float)
-    if whole.clocked:
-        inverse[np.isinf(whole.start[: whole.count])] = 0
+    inverse = site.inverse_mass()
     for each in members:
         require_motion(scenario, each, inverse)
         require_speed(scenario, each, whole)
@@ -139,11 +133,10 @@ def rod_system(
         np.concatenate([getattr(each, key) for each in members]) for key in ("first", "second", "length")
     )
     rig, order = new_rig(first, second, length, inverse)
-    found = RodSystem(
-        members, offset, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order
-    )
+    found = RodSystem(members, new_rods(rig, eager=_eager(island), touched=any(island.colliders)), order)
     found.fit(whole.columns(frozenset()))
-    if (bad := found.unheld()) is not None:
+    if (missed := found.unheld(site)) is not None:
+        bad = missed[1]
         a, b = bad.particles
         raise UsageError(
             f"{bad.name}: rods do not fit each other at the start; that between particles {a} and {b} misses its length "

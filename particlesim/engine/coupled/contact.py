@@ -60,8 +60,9 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
             if overlapped(contacts, p, q, hi):
                 k = q.m / hi
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
-                whole = CompositionRecord((type_of(h, 1),), (type_of(h, 1),))
-                r, _, outcome = trace(whole, Newtonian(), (mean,), contacts, p, hi, ())
+                half, whole = type_of(h, 0.5), type_of(h, 1)
+                parabola = CompositionRecord((half, half), (whole, None))
+                r, _, outcome = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)
             else:
                 r, outcome = respond(contacts, q)

@@ -210,18 +210,23 @@ def haste(room: Any, c: Any, first: Any, last: Any) -> tuple[float, int]:
     most, row = 0.0, first
     for i in range(first, last):
         if not rests(c.clock, i):
-            a2, jerk2, snap2 = 0.0, 0.0, 0.0
+            a2, jerk2, snap2, crackle2 = 0.0, 0.0, 0.0, 0.0
             for axis in range(3):
-                a, jerk, snap = room.start[axis, i], 0.0, 0.0
+                a, jerk, snap, crackle = room.start[axis, i], 0.0, 0.0, 0.0
                 for k in range(COEFFICIENTS):
                     b = room.b[3 * k + axis, i]
                     a += b
                     jerk += (k + 1) * b
                     snap += k * (k + 1) * b
+                    crackle += (k - 1) * k * (k + 1) * b
                 a2 += a * a
                 jerk2 += jerk * jerk
                 snap2 += snap * snap
-            mine = (jerk2 + np.sqrt(a2 * snap2)) / (2 * a2) if a2 > 0 else 0.0
+                crackle2 += crackle * crackle
+            mine = (jerk2 + np.sqrt(a2 * snap2)) / (2 * a2) if a2 > 0 else np.inf
+            # Where the acceleration passes through zero, how its change changes tells the time, not its size.
+            later = (snap2 + np.sqrt(jerk2 * crackle2)) / (2 * jerk2) if jerk2 > 0 else np.inf
+            mine = min(mine, later) if (a2 > 0) | (jerk2 > 0) else 0.0
             if mine > most or mine != mine:
                 most, row = mine, i
     return most, row

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler.barrier import new_gate
-from particlesim.engine.constraints.elimination import divided
-from particlesim.engine.constraints.shake_rattle import Rods
+from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.interactions.bond_layout import chunk_size, shares
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
@@ -143,11 +142,15 @@ def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work
 
 
 def share_out(
-    count: int, threads: int, driven: tuple[Driven, ...], elements: tuple[Interaction, ...], rods: Rods | None
+    count: int,
+    threads: int,
+    driven: tuple[Driven, ...],
+    elements: tuple[Interaction, ...],
+    constraint: Constraint | None,
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk; without an order."""
     ranges = shares(count, threads)
-    mine = [None] * len(ranges) if rods is None else divided(rods, len(ranges))
+    held = [None] * len(ranges) if constraint is None else constraint.records(len(ranges))
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
@@ -161,7 +164,7 @@ def share_out(
             led_between(driven, first, last),
             tuple(each.between(first, last) for each in elements),
             None,
-            mine[number],
+            held[number],
         )
         for number, (first, last) in enumerate(ranges)
     ]

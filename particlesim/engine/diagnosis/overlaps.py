@@ -9,8 +9,7 @@ import numpy as np
 
 from particlesim.colliders import Collider
 from particlesim.colliders.gaps import gaps_of
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Particles
@@ -33,8 +32,11 @@ class Overlap(NamedTuple):
     depth: float
 
 
-def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> Iterator[Overlap]:
-    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out."""
+def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
+    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out; rigid
+    bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
+    if structure.rigid:
+        return
     for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
         if not state.count or (isinstance(group, Particles) and group.pinned is True):
             continue
@@ -48,7 +50,7 @@ def overlaps(island: IndependentIsland | CoupledIsland, structure: Island) -> It
 
 def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:
     """How a group lies to a collider; up to `margin` [m] particles only touch it."""
-    shape = collider.shape()
+    shape = collider.body()
     number, deepest, most = 0, 0, -np.inf
     for first in range(0, state.count, PIECE):
         part = slice(first, min(first + PIECE, state.count))

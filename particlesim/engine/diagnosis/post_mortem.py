@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from particlesim.engine.diagnosis.strongest_force import strongest
 from particlesim.engine.diagnosis.undefined_paths import astray
 from particlesim.engine.faults import Fault
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.stability.limits import remedy
 from particlesim.engine.stability.linearised import IslandModel
 from particlesim.engine.state.columns import Columns, fetch
@@ -73,7 +72,7 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
     island = world.islands[number]
     if (lost := astray(world, fault.step + 1)) is not None:
         return lost
-    if isinstance(island, CoupledIsland):
+    if island.kept_from is not None:
         first = island.kept_from  # further back than the piece that failed, where every step is booked
     row = fault.row + sum(state.count for state in island.states[: fault.member])
     dt = world.scenario.grid.dt
@@ -118,14 +117,11 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
     return _report(world, number, early, "not finite", time, text)
 
 
-def _stopped(island: IndependentIsland | CoupledIsland, row: int, fault: Fault, first: int) -> Sign:
-    """Where a method that chooses its steps could not go on; an island of springs is there already."""
+def _stopped(island: BaseIsland, row: int, fault: Fault, first: int) -> Sign:
+    """Where a method that chooses its steps could not go on."""
     assert fault.stop is not None
-    p = fault.stop.particle
-    if isinstance(island, CoupledIsland):
-        return Sign(fault.step, row, p, row, island.interactions, island.island_columns())
-    columns, interactions, rows = island.replay(row, first, fault.step - first)
-    return Sign(fault.step, row, p, row - rows.start, interactions, columns)
+    columns, interactions, rows = island.stopped(row, first, fault.step - first)
+    return Sign(fault.step, row, fault.stop.particle, row - rows.start, interactions, columns)
 
 
 def overflowed(world: World, quantity: str) -> DivergenceError:
@@ -152,7 +148,7 @@ def _looked_back(world: World, number: int) -> Sign | None:
     """The first sign in the interval up to the present step; None where there is none, or no way to look."""
     island = world.islands[number]
     adaptive = world.graph.islands[number].method.adaptive
-    if not isinstance(island, CoupledIsland) or adaptive or island.kept_from >= world.step:
+    if island.kept_from is None or adaptive or island.kept_from >= world.step:
         return None
     return _first_sign(world, number, 0, island.kept_from, world.step)
 
@@ -273,7 +269,7 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
-        hint += f": {remedy(stable, rods=bool(world.graph.islands[number].rods))}"
+        hint += f": {remedy(stable, rods=bool(world.graph.islands[number].constraints))}"
     return DivergenceError(message, hint, found)
 
 
@@ -282,8 +278,7 @@ def _stable_step(world: World, number: int, member: int, p: Particle) -> float |
     island, structure = world.islands[number], world.graph.islands[number]
     if structure.method.adaptive:
         return math.inf
-    if isinstance(island, CoupledIsland):
-        island.go_back()
+    island.go_back()
     try:
         model = IslandModel(world.scenario, structure, island, p.t)
         with np.errstate(all="ignore"):

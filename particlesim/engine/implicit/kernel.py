@@ -273,9 +273,7 @@ def recollect(memory: Any, i: Any, before: Any, columns: Any, h: Any) -> None:
     memory[6][i] = h
 
 
-def finish(
-    method: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any
-) -> None:
+def finish(method: Any, c: Any, work: Any, share: Any, reach: Any, t: Any, end: Any, h: Any) -> None:
     """The new state of a share from the solved one."""
     s = work.system
     x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)

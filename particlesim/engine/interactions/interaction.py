@@ -162,6 +162,10 @@ class Interaction:
         has found out."""
         return self
 
+    def virial(self, c: Any, t: float) -> Floats | None:
+        """Σ l ⊗ f over its pairs at time t [J], shape [3, 3]; None of what is no sum over pairs."""
+        return None
+
     def energy(self, c: Any) -> float | None:
         """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
         return None

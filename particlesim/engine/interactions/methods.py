@@ -10,7 +10,7 @@ from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
-from particlesim.interactions import PairSet
+from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
 
 METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
@@ -25,15 +25,13 @@ WORTH_A_TREE = 4_000
 """Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
 
 
-def method_of(site: Site, pairs: PairSet) -> str:
-    """The method by which an interaction is summed among the particles of an island."""
-    if pairs.law.method != "auto":
-        return pairs.law.method
-    count = sum(site.state[name].count for name in pairs.groups)
-    ends = pairs.law.reach() is not None or pairs.law.touching()
-    if ends:
+def chosen(law: PairInteraction, count: int) -> str:
+    """The method by which an interaction of so many particles is summed."""
+    if law.method != "auto":
+        return law.method
+    if law.reach() is not None or law.touching():
         return "neighbours" if count > WORTH_LISTS else "direct"
-    return "tree" if count >= WORTH_A_TREE and pairs.law.lacks_multipoles() is None else "direct"
+    return "tree" if count >= WORTH_A_TREE and law.lacks_multipoles() is None else "direct"
 
 
 def summed(site: Site, pairs: PairSet) -> Interaction:
@@ -43,4 +41,5 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
     """
     if isinstance(pairs.law, Contact):
         return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
-    return METHODS[method_of(site, pairs)](site, pairs)
+    count = sum(site.state[name].count for name in pairs.groups)
+    return METHODS[chosen(pairs.law, count)](site, pairs)

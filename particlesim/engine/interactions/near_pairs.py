@@ -34,10 +34,12 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import AT_ONCE, BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block, energy_in, force_in, pair_of
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, tensor_bounds
-from particlesim.engine.interactions.pairs import refuse_coincident, spans_of, what_acts
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
+from particlesim.engine.interactions.pairs import periods_of, refuse_coincident, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
+from particlesim.laws.pair import pair_potential
+from particlesim.laws.registry import has_law
 
 SPRINGS = 20
 """About how many springs take as long as a particle with its neighbours."""
@@ -48,7 +50,8 @@ class NearColumns(NamedTuple):
     [m²]; what it keeps of every particle, [n], and ids, None where the law does not read them: all as in `PairColumns`.
 
     Then the lists; what laws read of the particles in the order of the lists, [room], None where they do not read it; and
-    the forces in that order, [room, 3].
+    the forces in that order, [room, 3]; and periods of the box, as in
+    `PairColumns`.
     """
 
     law: tuple[Any, ...]
@@ -60,6 +63,7 @@ class NearColumns(NamedTuple):
     near: Neighbours
     seen: Block
     pull: Any
+    box: Any = None
 
 
 class NearLists(Interaction):
@@ -103,6 +107,8 @@ class NearLists(Interaction):
             i, j = np.repeat(rows, len(others)), np.tile(near.order[others].astype(np.int64), len(rows))
             found.append(np.stack([i, j])[:, i < j])
         i, j = np.concatenate(found, axis=1)
+        if near.box is not None:  # in a small box lists may have two images of a particle
+            i, j = np.unique(np.stack([i, j]), axis=1)
         return i, j
 
     def bounds(self, c: Any, w: Floats, t: float) -> tuple[Ints, Floats, Floats]:
@@ -142,13 +148,23 @@ class NearPairs(NearLists, NearColumns):
         near = enlarged(self.near)
         return self if near is self.near else self._replace(near=near)
 
-    def energy(self, c: Any) -> float:
-        return float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
+    def energy(self, c: Any) -> float | None:
+        return None if self.spends else float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
+
+    @property
+    def spends(self) -> bool:
+        return not has_law(pair_potential, self.law)
+
+    def power(self, c: Any, t: float) -> float:
+        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+
+    def summary(self) -> str:
+        return f"neighbour lists of {len(self.near.members)} particles"
 
     def virial(self, c: Any, t: float) -> Floats:
-        """Σ l ⊗ f over all pairs [J], shape [3, 3]; its trace is −3 V times the pressure that the forces make."""
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""
         out = np.zeros(9)
-        near_virial(self, c, lone(c.x.size), t, out)
+        near_virial(self, c._replace(clock=None), lone(c.x.size), t, out)
         return out.reshape(3, 3)
 
 
@@ -157,22 +173,20 @@ class NearPairs(NearLists, NearColumns):
 
 def bring_up(each: Any, c: Any, share: Any, t: Any) -> Any:
     """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed."""
-    return refresh(each.near, c, share, t, carried(each, c))
+    columns, seen = columns_read(each, c), each.seen
+    moving, fixed = _read(columns[3:6], seen[3:6]), _read(columns[6:], seen[6:])
+    return refresh(each.near, c, share, t, moving, fixed)
+
+
+def _read(columns: Any, rows: Any) -> Any:
+    """Columns that are read, and where what is in them goes."""
+    return tuple((column, row) for column, row in zip(columns, rows, strict=True) if row is not None)
 
 
 def look_in(each: Any, c: Any, share: Any, t: Any) -> None:
     """`bring_up` for others than forces, which are due afterwards."""
     bring_up(each, c, share, t)
     each.near.report[DUE] = 1
-
-
-def carried(each: Any, c: Any) -> Any:
-    """Columns, and where what is in them goes."""
-    return tuple(
-        (column, row)
-        for column, row in zip(columns_read(each, c)[3:], each.seen[3:], strict=True)
-        if row is not None
-    )
 
 
 def columns_read(each: Any, c: Any) -> Any:
@@ -287,11 +301,12 @@ def _add(
             own[k, i] = sums[k, i]
     for j in range(first, last):
         place, other = candidate(each, entries[j], shifted)
+        part = None if near.part is None else near.part[place]
         row, there = near.order[place], other.x < FAR
         for i in lanes(GROUP):
             counts = (rows[i] != row) & (x[i] < FAR) & there
             for k, term in enumerate(terms(each, pair_of(lane(block, i), other, t), counts)):
-                own[k, i] += term
+                own[k, i] += term if part is None else part * term
     for k in range(own.shape[0]):
         for i in lanes(GROUP):
             sums[k, i] = own[k, i]
@@ -357,8 +372,20 @@ class IntoBounds(NamedTuple):
             row = near.order[place]
             for k in range(count):
                 other = near.order[self.entries[k] & MOST - 1]
-                if (row >= 0) & (row != other):
+                one = is_nearest(near, place, self.entries[k] & MOST - 1, image)
+                if (row >= 0) & (row != other) & one:
                     add_bounds(self.each, self.c, self.w, row, other, self.t, self.out[:, row])
+
+
+def is_nearest(near: Any, place: Any, other: Any, image: Any) -> Any:
+    """Whether an image of a member is the one nearest to another; of images that are as near, all are."""
+    found = True
+    if near.box is not None:
+        for axis, period in enumerate(near.box):
+            if period is not None:
+                d = near.x[axis, place] - near.x[axis, other] - near.images[axis, image]
+                found = found & (abs(d) <= 0.5 * period)
+    return found
 
 
 @kernel
@@ -378,7 +405,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
 
     Raises UsageError for two at one place, if they have no force there.
     """
-    if pairs.law.singular():
+    if pairs.law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
     record, _, least, most, a, b, ids = what_acts(site, pairs, spans_of(site, pairs))
@@ -386,7 +413,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
     if law.between is None:
         names.sort(key=site.offset.__getitem__)
     rows = [np.arange(site.offset[name], site.offset[name] + site.state[name].count) for name in names]
-    reach = 0.0 if touching else law.reach()
+    reach, periods = 0.0 if touching else law.reach(), periods_of(site, pairs)
     assert reach is not None
     near = new_neighbours(
         np.concatenate(rows),
@@ -394,10 +421,13 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
         reach,
         radii=touching,
         split=None if law.between is None else len(rows[0]),
+        box=periods,
+        clocked=site.whole.clocked,
         dtype=site.dtype,
     )
     room, moving, read = near.order.size, law.needs_velocity(), law.needs()
     wanted = (moving, moving, moving, True, "radius" in read, "charge" in read, a is not None, b is not None)
     numbers = [np.zeros(room, site.dtype) if each else None for each in wanted]
     seen = Block(*(None, None, None, *numbers, None if ids is None else np.zeros(room, np.int64)))
-    return NearPairs(record, least, most, a, b, ids, near, seen, np.zeros((room, 3), site.dtype))
+    pull = np.zeros((room, 3), site.dtype)
+    return NearPairs(record, least, most, a, b, ids, near, seen, pull, periods)

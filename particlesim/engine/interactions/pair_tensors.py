@@ -51,7 +51,7 @@ class PairTensors(NamedTuple):
 
     def add_tension(self, total: Floats) -> None:
         """Add its forces on all particles to those that rods have to bear, shape [3, particles] [N]."""
-        all_forces(self.each, self.c, lone(self.c.x.size), total, self.t)
+        total += forces_in(self.each, self.c, self.t)
 
     def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
         """A bound for every particle that is looked at, alike in all directions."""
@@ -69,7 +69,7 @@ class Ends(NamedTuple):
 
 def pair_between(each: Any, c: Any, i: Any, j: Any, t: Any) -> Any:
     """Two particles as laws see them."""
-    return pair_of(particle_of(each, c, i), particle_of(each, c, j), t)
+    return pair_of(particle_of(each, c, i), particle_of(each, c, j), t, False, each.box)
 
 
 @kernel
@@ -81,6 +81,13 @@ def pair_jacobians(each: Any, c: Any, first: Any, second: Any, t: Any, out: Any)
             out[0, k, q] = entry
         for k, entry in enumerate(slopes_in(each, p, pair_force_dv)):
             out[1, k, q] = entry
+
+
+def forces_in(each: Any, c: Any, t: float) -> NDArray[Any]:
+    """The forces of a set on all particles [N], shape [3, n]."""
+    total = np.zeros((3, c.x.size), c.x.dtype)
+    all_forces(each, c, lone(c.x.size), total, t)
+    return total
 
 
 @kernel

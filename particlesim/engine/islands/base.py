@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
+from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.births import Births, Source
+from particlesim.engine.ledger.sums import measure
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -42,8 +44,9 @@ class BaseIsland:
     """Groups that step together. `ids` are, for every emitter, the id of its first particle and the distance to the next."""
 
     names: tuple[str, ...] = ()
-    interactions: tuple[Any, ...] = ()
-    """What acts between particles, and its names in the ledger."""
+    """Names of the interactions in the ledger."""
+    kept_from: int | None = None
+    """The step at which the state was last kept (`keep`); None for islands that can do without."""
 
     def __init__(
         self,
@@ -67,10 +70,24 @@ class BaseIsland:
         self._read = frozenset[str]().union(*read, *pairs)
         self.books = Books(scenario, structure, states[0].dtype) if scenario.output.work else None
 
+    @property
+    def interactions(self) -> tuple[Any, ...]:
+        """What acts between particles."""
+        return ()
+
+    @property
+    def constraint(self) -> Constraint | None:
+        """What holds particles, None where nothing does."""
+        return None
+
     def phase(self, first: int, last: int) -> int:
         """How far steps may go from `first` towards `last` in one piece."""
         waits = self.books is not None or any(each is not None and each.waits for each in self._sources)
         return min(first + 1, last) if waits else last
+
+    def begin(self, team: Team) -> None:
+        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
+        was asked for."""
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         """Steps first … last − 1: births, motion, deaths."""
@@ -108,6 +125,15 @@ class BaseIsland:
         """Total force on every particle at a time [N], shape [3, n]."""
         raise NotImplementedError
 
+    def turning(self) -> NDArray[np.float64]:
+        """Angular velocities [rad/s], shape [3, n]; particles do not turn."""
+        return np.zeros((3, sum(state.count for state in self.states)))
+
+    def sums(self, member: int, records: tuple[Any, ...], time: float, team: Team) -> NDArray[np.float64]:
+        """Of a group: kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], and the potential energy of each of
+        some laws [J]."""
+        return measure(records, self.columns()[member], time, team)
+
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""
         raise NotImplementedError
@@ -120,6 +146,13 @@ class BaseIsland:
         """Particle `row` and those that step with it some steps after `first`, where an interval began; their interactions,
         and which rows these are. Nothing of the island changes."""
         raise NotImplementedError
+
+    def stopped(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
+        """As `replay`, for particles whose own steps could not go on."""
+        return self.replay(row, first, steps)
+
+    def go_back(self) -> None:
+        """Return to the beginning of the last interval, if the state then was kept."""
 
     def resettle(self, ids: Ints) -> None:
         """Fit everything else to groups that have got other particles than those with these ids, as from a checkpoint."""

@@ -173,9 +173,6 @@ class IndependentIsland(BaseIsland):
             room = new_room(columns, block)
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
 
-    def begin(self, team: Team) -> None:
-        """Nothing: its particles do not act on each other."""
-
     def keep(self, first: int) -> None:
         """Nothing: where something goes wrong, single blocks are looked at."""
 

@@ -199,7 +199,7 @@ class IslandBooks:
     ) -> None:
         self.books = books
         self._bounds, self._names, self._forces = bounds, names, forces
-        self._rods = bool(structure.rods)
+        self._held = bool(structure.constraints)
         self._driven = np.concatenate([each.rows for each in driven]) if driven else np.zeros(0, np.int64)
         self._members = range(len(structure.groups))
         self._contact = "contact" in books.names
@@ -237,7 +237,7 @@ class IslandBooks:
                     books.book_powers(k, powers, weights, h)
             self._book_spent(moments, interactions, end - start)
             self._book_motion(moments, forces, (step.columns, path), end - start)
-            if self._driven.size and self._rods:
+            if self._driven.size and self._held:
                 books.add("motion", -effort)
         if self._contact:
             books.add(
@@ -286,7 +286,7 @@ class IslandBooks:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
         f0, f1 = (self._forces(c, interactions, t) for c, t in ((step.columns, start), (path, end)))
-        if self._rods:  # whose forces are not among these
+        if self._held:  # whose forces are not among these
             middle = halfway_between(step.columns, path, step.h)
         else:
             middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)

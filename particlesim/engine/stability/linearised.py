@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.interactions.interaction import Coupling
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import IndependentIsland
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.stability.extreme_modes import bound, extreme_modes
-from particlesim.engine.stability.rod_modes import directions, free_motions, pulls
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group
@@ -30,7 +28,6 @@ from particlesim.model.attributes import ATTRIBUTES
 from particlesim.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
-AnyIsland = IndependentIsland | CoupledIsland
 
 SAMPLE = 24
 """Particles of a group that are looked at: the extreme ones, and others evenly spread."""
@@ -68,7 +65,7 @@ class Linearised:
 class IslandModel:
     """An island to be linearised at its present state; an emitter without particles, at those that will be born first."""
 
-    def __init__(self, scenario: Scenario, structure: Island, island: AnyIsland, time: float) -> None:
+    def __init__(self, scenario: Scenario, structure: Island, island: BaseIsland, time: float) -> None:
         self.scenario, self.structure, self.island, self.time = scenario, structure, island, time
         labels = scenario.force_labels()
         self.records: list[dict[str, Any]] = [
@@ -84,7 +81,7 @@ class IslandModel:
 
     def linearise(self) -> Linearised:
         """Systems of each force alone and of all together."""
-        if isinstance(self.island, CoupledIsland):
+        if self.structure.coupled and self.count:
             return self._dense(self.island) if self.count <= DENSE else self._large(self.island)
         blocks = self._blocks(SAMPLE)
         alone = {label: self._stacked([part]) for label, part in blocks.items()}
@@ -104,39 +101,40 @@ class IslandModel:
 
         None for islands with particles that have no inertia.
         """
-        if not isinstance(self.island, CoupledIsland) or any(self.massless):
+        if not (self.structure.coupled and self.count) or any(self.massless):
             return None
         w, sets = self._mobility(), [part for _, part in self._couplings(self.island)]
         k, d = self._background()
         return k + bound(sets, w, damping=False), d + bound(sets, w, damping=True)
 
-    def _couplings(self, island: CoupledIsland) -> list[tuple[str, Coupling]]:
+    def _couplings(self, island: BaseIsland) -> list[tuple[str, Coupling]]:
         """All interactions linearised, by label, and then rods; a force on several surfaces comes several times."""
         columns = island.island_columns()
         found: list[tuple[str, Coupling]] = [
             (name, each.linearise(columns, self.time))
             for name, each in zip(island.names, island.interactions, strict=True)
         ]
-        return [*found, *self._rods(island, [each for _, each in found])]
+        return [*found, *self._held(island, [each for _, each in found])]
 
-    def _rods(self, island: CoupledIsland, couplings: Sequence[Coupling]) -> Iterator[tuple[str, Coupling]]:
+    def _held(self, island: BaseIsland, couplings: Sequence[Coupling]) -> Iterator[tuple[str, Coupling]]:
         """Sets of rods with what springs and forces on their ends pull at present; none where there are too many."""
-        if island.rods is None or island.rods.number > MOST_RODS:
+        constraint = island.constraint
+        if constraint is None or constraint.number > MOST_RODS:
             return
         total = np.zeros((3, self.count))
-        ends, begin = island.rods.ends, 0
+        ends, begin = constraint.ends, 0
         for state, records in zip(island.states, self.records, strict=True):
             for row in ends[(ends >= begin) & (ends < begin + state.count)].tolist():
                 total[:, row] = _force(tuple(records.values()), state.particle(row - begin, self.time))
             begin += state.count
         for each in couplings:
             each.add_tension(total)
-        yield from pulls(island.rods, island.island_columns(), total, self._mobility())
+        yield from constraint.couplings(island.island_columns(), total, self._mobility())
 
     def _left_out(self) -> str:
         """What the linearised island lacks, in words."""
-        rods = self.island.rods if isinstance(self.island, CoupledIsland) else None
-        return " (without rods)" if rods is not None and rods.number > MOST_RODS else ""
+        constraint = self.island.constraint
+        return " (without rods)" if constraint is not None and constraint.number > MOST_RODS else ""
 
     def _mobility(self) -> Floats:
         """1/m of every particle, or 1/γ without inertia; 0 for pinned ones."""
@@ -157,6 +155,8 @@ class IslandModel:
         for group, state, records in zip(
             self.structure.groups, self.island.states, self.records, strict=True
         ):
+            if self.count and self.structure.coupled and not state.count:
+                continue  # nobody knows yet whom its particles will meet
             rows, sample = particles_of(self.scenario, group, state, self.time, most)
             terms = {label: _jacobians(group, sample, record) for label, record in records.items()}
             if flow := getattr(group.dynamics, "flow", ()):
@@ -181,7 +181,7 @@ class IslandModel:
         blocks = self._blocks(SAMPLE).values()
         return sum(_top(b.kx) for b in blocks), sum(_top(b.kv) for b in blocks)
 
-    def _dense(self, island: CoupledIsland) -> Linearised:
+    def _dense(self, island: BaseIsland) -> Linearised:
         """All particles, with matrices."""
         w = self._mobility()
         zero = np.zeros((3 * self.count, 3 * self.count))
@@ -202,9 +202,9 @@ class IslandModel:
         root = np.sqrt(np.repeat(w, 3)[free])
         # In y = √m x the matrices of springs are symmetric.
         kx, kv = (m[np.ix_(free, free)] * root / root[:, None] for m in (kx, kv))
-        if isinstance(self.island, CoupledIsland) and self.island.rods is not None:
+        if self.island.constraint is not None:
             x = np.concatenate([state.position.T.astype(float) for state in self.island.states], axis=1)
-            space = free_motions(directions(self.island.rods, x).toarray()[:, free] * root)
+            space = free_motions(self.island.constraint.directions(x).toarray()[:, free] * root)
             if space.shape[1] == 0:
                 return pairs(np.zeros(1), np.zeros(1))
             kx, kv = (space.T @ m @ space for m in (kx, kv))
@@ -224,7 +224,7 @@ class IslandModel:
         y = y / np.linalg.norm(y, axis=0)
         return pairs(*(-(y.conj() * (matrix @ y)).sum(axis=0) for matrix in (kx, kv)))
 
-    def _large(self, island: CoupledIsland) -> Linearised:
+    def _large(self, island: BaseIsland) -> Linearised:
         """The modes that decide; forces on single particles add their largest stiffness and damping to each."""
         w, couplings = self._mobility(), self._couplings(island)
         number = sum(part.number for _, part in couplings)
@@ -247,6 +247,13 @@ class IslandModel:
         if any(self.massless):
             return Linear(-modes[:, 0, None, None], None)
         return pairs(modes[:, 0], modes[:, 1])
+
+
+def free_motions(rows: Floats) -> Floats:
+    """An orthonormal basis of the motions that constraints, with rows [number, n], leave; shape [n, motions]."""
+    _, sizes, basis = np.linalg.svd(rows)
+    rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
+    return np.asarray(basis[rank:].T)
 
 
 def pairs(k: NDArray[Any], d: NDArray[Any]) -> Linear:

@@ -5,8 +5,8 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest` takes
-such particles through their step, in vectors.
+What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest`
+takes such particles through their step, in vectors.
 
 Whether a way crosses a collider, such as a ball or a thin sheet, and comes out of it again is seen on the parabola from
 its beginning to its end (`particlesim.colliders.way`).
@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import crossable, opposite
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.engine.step.resting import settled
+from particlesim.engine.step.resting import borne, settled, wedged
 from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to
 
 MAX_IMPACTS = 1024
@@ -33,6 +34,9 @@ MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
+
+LIVELY, CALM, SURE = 0, 1, 2
+"""What a particle that touches does: rebound; lie, if its hops are shorter than the step; lie in any case."""
 
 
 class Simple(NamedTuple):
@@ -92,6 +96,13 @@ def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
     return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
 
 
+def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as another moved it."""
+    if len(colliders) == 0:
+        return False
+    return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
+
+
 def inside(colliders: Any, on: Any, p: Any) -> Any:
     """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
     if len(colliders) == 0:
@@ -113,14 +124,39 @@ def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> An
 
 
 def first_crossing(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end.
-    What a particle lies on it does not cross."""
+    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end,
+    and the particle there. What a particle lies on it does not cross."""
     if len(colliders) == 0:
-        return type_of(p.x, 1)
-    others = first_crossing(colliders[1:], on[1:], p, q, h, slack)
+        return type_of(p.x, 1), q
+    first, there = first_crossing(colliders[1:], on[1:], p, q, h, slack)
     if not crossable(colliders[0]):
-        return others
-    return others if on[0] else min(first_contact(colliders[0], p, q, h, slack), others)
+        return first, there
+    s = type_of(p.x, 1)
+    if not on[0]:
+        s = min(first_contact(colliders[0], p, q, h, slack), s)
+    place = met(colliders[0], p, q, h, s)
+    sooner = s < first
+    there = moved_to(
+        q,
+        place.x if sooner else there.x,
+        place.y if sooner else there.y,
+        place.z if sooner else there.z,
+        q.vx,
+        q.vy,
+        q.vz,
+        q.t,
+    )
+    return min(s, first), there
+
+
+def met(c: Any, p: Any, q: Any, h: Any, s: Any) -> Any:
+    """The particle after the part s of the way on which it meets a collider: its parabola in the frame of that."""
+    if isinstance(c.shape, MovingRecord):
+        local = ride(c.shape, p)
+        there = place_on(way_of(local, ride(c.shape, q), h), local, s)
+        there = moved_to(there, there.x, there.y, there.z, there.vx, there.vy, there.vz, p.t + h * s)
+        return alight(c.shape, there)
+    return place_on(way_of(p, q, h), p, s)
 
 
 def turned_away(colliders: Any, p: Any, q: Any) -> Any:
@@ -143,9 +179,10 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    colliders = contacts.continuous + contacts.discrete
+    # What a way may cross tells by one look whether the way is free, with its end.
+    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
     met = inside(colliders, nowhere(colliders), q)
-    if not any(crossable(c) for c in contacts.continuous):
+    if len(colliders) == len(contacts.continuous) + len(contacts.discrete):
         return met
     nothing = nowhere(contacts.continuous)
     return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
@@ -154,9 +191,9 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """The end of a step from p that meets a collider before q, and whether it is rest, without an impact, so that there
     is nothing to trace."""
-    slack = rounding(contacts, p)
-    r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
-    calm = any(on) & (turn >= 1) & (not sunk(contacts.continuous, on, r, slack))
+    slack = rounding_of_step(contacts, p, q, h)
+    r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
+    calm = any(on) & (turn >= 1) & (not loose(contacts.continuous, on, r, slack))
     calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
@@ -173,6 +210,12 @@ def respond(contacts: Any, p: Any) -> Any:
 def rounding(contacts: Any, p: Any) -> Any:
     """Gaps that are nothing but rounding errors [m]."""
     return contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r + contacts.reach)
+
+
+def rounding_of_step(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """Gaps that are nothing but rounding errors in a step from p to q [m]."""
+    way = abs(p.vx) + abs(p.vy) + abs(p.vz) + abs(q.vx) + abs(q.vy) + abs(q.vz)
+    return rounding(contacts, p) + contacts.tolerance * h * way
 
 
 def farther(contacts: Any, p: Any, q: Any) -> Any:
@@ -196,26 +239,64 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
 
 
 @outlined
+def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    return settled(colliders, p, q, h, tolerance, slack, sure)
+
+
+@outlined
 def _glide(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
-    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it lies
-    on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
+    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it
+    lies on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
     q, memory = advance(method, dynamics, forces, p, h, memory)
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
-    if calm:
-        slack = rounding(contacts, p)
-        r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack)
-        sweeps = 1
-        while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
-            r, more, turn = settled(contacts.continuous, p, r, h, contacts.tolerance, slack)
-            on = tuple(one | other for one, other in zip(on, more, strict=True))
-            sweeps += 1
-        if sunk(contacts.continuous, on, r, slack):
-            r = moved_to(r, p.x, p.y, p.z, r.vx, r.vy, r.vz, r.t)
+    if calm > LIVELY:
+        slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
+        r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        if loose(contacts.continuous, on, r, slack):
+            r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
         if any(on):
             q, memory = r, restart(memory)
     return q, memory, on, turn
+
+
+@outlined
+def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    return borne(c, p, q, h, tolerance, slack, True)
+
+
+@outlined
+def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    return wedged(c, d, p, q, h, tolerance)
+
+
+@outlined
+def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
+    """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
+    along the crease between two, or on each in turn. One that stays caught comes to rest where it was."""
+    turn, found = type_of(h, 1), False
+    for k, c in enumerate(contacts.continuous):
+        if on[k] & (not found):
+            _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
+            if not sunk(contacts.continuous, on, lain, slack):
+                r, turn, found = lain, bend, True
+    for k, c in enumerate(contacts.continuous):
+        for j, d in enumerate(contacts.continuous[:k]):
+            if on[k] & on[j] & (not found):
+                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
+                if presses and not sunk(contacts.continuous, on, crept, slack):
+                    r, turn, found = crept, bend, True
+    if not found:
+        sweeps = 0
+        while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
+            r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
+            on = tuple(one | other for one, other in zip(on, more, strict=True))
+            sweeps += 1
+        if sunk(contacts.continuous, on, r, slack):
+            zero = h - h
+            r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
+    return r, on, turn
 
 
 @outlined
@@ -263,8 +344,8 @@ def _crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     chord = straight(p, q, h)
     if not any(on):
         chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
-    s = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
-    return h * s, place_on(way_of(chord, q, h), p, s)
+    s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
+    return h * s, place
 
 
 @outlined
@@ -307,7 +388,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     if len(contacts.continuous) > 0:
         impacts = 0
         stalls = 0
-        calm = True
+        calm = CALM
         p, outcome = _separate(contacts.continuous, p, p, contacts)
         legal = p
         while outcome == PASS:
@@ -327,13 +408,13 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             exact = True
             if late < left:
                 q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, calm)
-            if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm):
+            if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
                 break
             if stalls == MAX_STALLS:
                 # From now on it lies where it touches.
-                calm, stalls = True, 0
+                calm, stalls = SURE, 0
                 continue
             tau = late
             if exact:
@@ -349,7 +430,9 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
             left = left - tau
-            calm = False
+            calm = LIVELY
+        if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
+            p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
     else:
         q, after = advance(method, dynamics, forces, p, left, memory)
         p, memory = q, after

@@ -50,7 +50,11 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
     continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
-    discrete = [each.record() for each in colliders if each.detection == "discrete" or inert]
+    discrete = [
+        without_friction(each.record()) if inert else each.record()
+        for each in colliders
+        if each.detection == "discrete" or inert
+    ]
     if not continuous and (len(colliders) == 1 or _at_right_angles(colliders)):
         return Simple((*discrete, *bounds))
     resting = [without_rebound(each) for each in continuous]
@@ -65,9 +69,14 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
     return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0), falling=None))
 
 
+def without_friction(c: ColliderRecord) -> ColliderRecord:
+    """The same collider for what has no inertia, and so no momentum to lose."""
+    return c._replace(response=c.response._replace(friction=None, belt=None))
+
+
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:
     """Whether they are planes, and meeting one after the other never brings a particle back into an earlier one."""
-    planes = [each for each in colliders if isinstance(each, Plane)]
+    planes = [each for each in colliders if isinstance(each, Plane) and each.motion is None]
     if len(planes) < len(colliders):
         return False
     normals = [unit(plane.normal) for plane in planes]

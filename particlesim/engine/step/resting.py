@@ -1,9 +1,9 @@
 """Lasting contact: the step of a particle that lies on a collider, in closed form.
 
-A particle lies where it touches a collider and does not move into it by its own velocity, and yet the free step ends
-inside. The contact force then cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the
-free end, which is put back on the surface without rebound. Friction acts as a constant force of the step, with v the
-velocity along the surface relative to it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
+A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then
+cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the free end, which is put back on
+the surface without rebound. Friction acts as a constant force of the step, with v the velocity along the surface relative to
+it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
 
 - what is at rest stays at rest, to the last bit, as long as |a h| ≤ μ_s J; beyond that it starts in the direction of a;
 - what slides loses μ_k J against its direction, and stops in mid-step where that is more than there is.
@@ -21,9 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
+    at_rest,
     belt_along,
     crossable,
     put_back,
@@ -36,12 +38,19 @@ from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 
-def lies(c: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """Whether a step from p to q is rest on a collider. Any hop of p is shorter than the step, and so are all that would
-    follow; one on an elastic collider does not end, unless there is none."""
+def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
+    """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
+    less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
+    are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
+    have died out, only touching counts."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    here = (gap(c, p) <= slack) & (sunk(c, p, q)[0] < 0) & (coasting >= -slack)
-    return here & ((c.response.bounce < 2) | (coasting <= slack)) & (c.response.outcome == PASS)
+    deep, _ = sunk(c, p, q)
+    _, n = gap_and_normal(c, p)
+    calm = (
+        (coasting >= type_of(h, 0.5) * deep - slack) & (h * along(n, p) >= -slack) & (c.response.bounce < 2)
+    )
+    calm |= (abs(coasting) <= slack) | sure
+    return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
 
 
 def sunk(c: Any, p: Any, q: Any) -> Any:
@@ -65,13 +74,12 @@ def lifted(c: Any, p: Any, q: Any) -> Any:
     return q.x - g * n[0], q.y - g * n[1], q.z - g * n[2]
 
 
-def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """The end of a step from p that would end at q without contact, on the colliders on which p lies; which those are; and
     the part of the step after which p turns around, 1 if it does not."""
     if len(colliders) == 0:
         return q, (), type_of(h, 1)
-    here = lies(colliders[0], p, q, h, slack)
-    r, turn = held(colliders[0], p, q, h, tolerance)
+    here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
     q = moved_to(
         q,
         r.x if here else q.x,
@@ -82,8 +90,18 @@ def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) 
         r.vz if here else q.vz,
         q.t,
     )
-    q, others, first = settled(colliders[1:], p, q, h, tolerance, slack)
+    q, others, first = settled(colliders[1:], p, q, h, tolerance, slack, sure)
     return q, (here, *others), min(turn if here else type_of(h, 1), first)
+
+
+def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """Whether a step from p to q is rest on a collider, and what `held` says of it. One that moves is at rest in its own
+    frame."""
+    if isinstance(c.shape, MovingRecord):
+        here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
+        return here, alight(c.shape, r), turn
+    r, turn = held(c, p, q, h, tolerance)
+    return lies(c, p, q, h, slack, sure), r, turn
 
 
 def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
@@ -108,11 +126,16 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     # A velocity that is nothing but rounding is none: what stops must be at rest.
     speed2, noise = square(before), tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
     calm = speed2 <= noise * noise
+    drag = response.friction.kinetic * push
     base = tuple(None if b is None else (a if calm else b) for a, b in zip(change, before, strict=True))
+    # A path that turns by more than friction can hold back does not stop where it turns: friction is against its end.
+    length2, ahead, most2 = square(base), _dot(after, base), drag * drag
+    stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
+    bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
+    base = tuple(None if b is None else (a if bends else b) for a, b in zip(after, base, strict=True))
     size = np.sqrt(square(base))
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
-    drag = response.friction.kinetic * push
     left = _dot(after, way) - drag
     firm = square(change) <= (response.friction.static * push) * (response.friction.static * push)
     slides = (left > 0) & ((not calm) | (not firm))
@@ -137,9 +160,70 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one
 
 
+def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
+    turns around; and whether both of them press. Creases of surfaces that move or run are not this simple, and none."""
+    one = type_of(h, 1)
+    if c.response.belt is not None or d.response.belt is not None:
+        return q, one, False
+    if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
+        return q, one, False
+    zero = one - one
+    (deep, n), (low, m) = sunk(c, p, q), sunk(d, p, q)
+    n, m = _full(n, zero), _full(m, zero)
+    velocity = (q.vx, q.vy, q.vz)
+    lean = _dot(n, m)
+    spread = one - lean * lean
+    # Normal impulses J n + K m that end both approaches, and the shift that closes both gaps.
+    a, b = -_dot(n, velocity), -_dot(m, velocity)
+    j, k = (a - lean * b) / spread, (b - lean * a) / spread
+    f, g = (lean * low - deep) / spread, (lean * deep - low) / spread
+    ends = tuple(x + f * u + g * v for x, u, v in zip((q.x, q.y, q.z), n, m, strict=True))
+    inverse = one / np.sqrt(spread)
+    way = (
+        inverse * (n[1] * m[2] - n[2] * m[1]),
+        inverse * (n[2] * m[0] - n[0] * m[2]),
+        inverse * (n[0] * m[1] - n[1] * m[0]),
+    )
+    static, kinetic = zero, zero
+    for each, push in ((c.response, j), (d.response, k)):
+        if each.friction is not None:
+            static, kinetic = static + each.friction.static * push, kinetic + each.friction.kinetic * push
+    # Along the crease, as `held` along a surface
+    before, after = _dot(way, (p.vx, p.vy, p.vz)), _dot(way, velocity)
+    change = after - before
+    calm = abs(before) <= tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
+    side = one if (change if calm else before) > 0 else -one
+    left = side * after - kinetic
+    firm = abs(change) <= static
+    slides = (left > 0) & ((not calm) | (not firm))
+    kept = c.response.keep * d.response.keep
+    speed = kept * side * left if slides else zero
+    part = zero if calm else abs(before) / (abs(before) - left)
+    half = type_of(h, 0.5) * h
+    shift = (
+        -half * side * kinetic
+        if slides
+        else half * part * before - _dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
+    )
+    ends = tuple(x + shift * w for x, w in zip(ends, way, strict=True))
+    stays = calm & (not slides)
+    ends = tuple(old if stays else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
+    turns = not (slides | calm | firm)
+    r = _at(q, ends, tuple(speed * w for w in way))
+    return r, part if turns else one, (j >= 0) & (k >= 0) & (spread > tolerance)
+
+
+def _full(n: Any, zero: Any) -> Any:
+    """A normal with the zeros that it leaves out."""
+    return tuple(zero if axis is None else axis for axis in n)
+
+
 def _at(q: Any, place: Any, velocity: Any) -> Any:
     """The particle at another place, with another velocity."""
-    return moved_to(q, *place, *velocity, q.t)
+    x, y, z = place
+    vx, vy, vz = velocity
+    return moved_to(q, x, y, z, vx, vy, vz, q.t)
 
 
 def _dot(a: Any, b: Any) -> Any:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.colliders import Plane
 from particlesim.emitters import Schedule
 from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import acts_on, group_tables, unfelt
-from particlesim.scenario.rules import interactions, joints
+from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
+from particlesim.scenario.rules import bodies, interactions, joints, periodic
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
@@ -23,7 +24,7 @@ MOST_BIRTHS = 10**12
 def names(scenario: Tables) -> Iterator[Invalid]:
     """Groups, named forces and named interactions have names of their own; there is something to simulate."""
     if not scenario.groups:
-        yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
+        yield Invalid("there is nothing to simulate", allowed="[[particles]], [[bodies]] or [[emitters]]")
     seen: dict[str, Path] = {}
     for path, group in group_tables(scenario):
         if group.name in seen:
@@ -62,10 +63,50 @@ def references(scenario: Tables) -> Iterator[Invalid]:
             places.append(((*here, "on"), joint.on))
         places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += interactions.named_groups(scenario)
-    places += [(("motions", k, "on"), motion.on) for k, motion in enumerate(scenario.motions)]
+    places += [(("motions", k, "on"), m.on) for k, m in enumerate(scenario.motions) if m.on is not None]
     for path, name in places:
         if name not in known:
             yield _unknown_group(path, name, known)
+
+
+def led_colliders(scenario: Tables) -> Iterator[Invalid]:
+    """Motions lead colliders that there are, one each, that can move."""
+    named = {c.name: (path, c) for path, c in collider_tables(scenario) if c.name is not None}
+    led: dict[str, int] = {}
+    for k, motion in enumerate(scenario.motions):
+        if motion.collider is None:
+            continue
+        here: Path = ("motions", k, "collider")
+        if motion.collider not in named:
+            yield Invalid(
+                f"unknown collider {motion.collider!r}",
+                here,
+                allowed=", ".join(named) or "a name that a collider has",
+                hint=did_you_mean(motion.collider, tuple(named)),
+            )
+            continue
+        path, collider = named[motion.collider]
+        if isinstance(collider, Plane):
+            yield Invalid(
+                "a plane has no end and does not move",
+                here,
+                ((path, "here"),),
+                hint="a box or a rectangle does",
+            )
+        elif collider.contact == "stick":
+            yield Invalid(
+                "what sticks to a collider stays where it is, and would be left behind by one that moves",
+                here,
+                (((*path, "contact"), "stick here"),),
+            )
+        if motion.collider in led:
+            yield Invalid(
+                f"{motion.collider!r} is led already",
+                here,
+                ((("motions", led[motion.collider], "collider"), "here"),),
+                hint="one motion may have a path and a spin",
+            )
+        led[motion.collider] = k
 
 
 def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:
@@ -101,6 +142,12 @@ def needs(scenario: Tables) -> Iterator[Invalid]:
         for j, name in enumerate(scenario.output.fields):
             if name in OPTIONAL and not any(group.may_have(name) for group in scenario.groups):
                 yield Invalid(f"no particle has a {name}", ("output", "fields", j))
+            if name == "image" and scenario.simulation.box is None:
+                yield Invalid(
+                    "there are no images without a periodic box",
+                    ("output", "fields", j),
+                    hint="box = { size = [1, 1, 1] } under [simulation] makes one",
+                )
 
 
 def times(scenario: Tables) -> Iterator[Invalid]:
@@ -160,9 +207,13 @@ def booked(scenario: Tables) -> Iterator[Invalid]:
 CHECKS = (
     names,
     references,
+    bodies.joined,
+    bodies.kept,
+    bodies.held,
     needs,
     interactions.felt,
     interactions.kicked,
+    periodic.repeated,
     interactions.fixed_steps,
     undifferentiable,
     times,
@@ -170,6 +221,7 @@ CHECKS = (
     booked,
     joints.pins,
     joints.motions,
+    led_colliders,
     joints.pairs,
     joints.pulled,
     joints.joined,

@@ -29,6 +29,8 @@ def motions(scenario: Tables) -> Iterator[Invalid]:
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     whole: dict[str, int] = {}
     for k, motion in enumerate(scenario.motions):
+        if motion.on is None:
+            continue
         path, group = tables[motion.on]
         here: Path = ("motions", k)
         if not isinstance(group, Particles):

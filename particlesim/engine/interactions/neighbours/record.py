@@ -67,7 +67,8 @@ class Neighbours(NamedTuple):
 
     `order` [room]: row at every place, −1 for none; `place` [n]: place of every row, −1 for rows that are no members. `x`
     [3, room]: present positions, those of the state plus `wrap` [3, room], None without a box; `base` [3, room]: positions
-    when the lists were built; `radii` [room]: radii, or None.
+    when the lists were built; `radii` [room]: radii, or None; `part` [room]: how much of the present step each is there
+    (`presence`), None where all always are.
 
     `boxes` [6, nodes]: lowest and highest corner of every node; `spread` [nodes]: largest radius in it, or None; `levels`:
     where each level begins, the groups first, and the end.
@@ -91,6 +92,7 @@ class Neighbours(NamedTuple):
     base: Any
     wrap: Any
     radii: Any
+    part: Any
     boxes: Any
     spread: Any
     levels: Any
@@ -114,12 +116,13 @@ def new_neighbours(
     split: int | None = None,
     box: Sequence[float | None] | None = None,
     radii: bool = False,
+    clocked: bool = False,
     dtype: Any = np.float64,
     room: int = 0,
 ) -> Neighbours:
     """Lists of members, not yet built, in an island of some particles; a skin that is not given is found.
 
-    `room`: candidates to have room for, at least.
+    `clocked`: whether some may be born or die. `room`: candidates to have room for, at least.
 
     Raises ValueError for more members than a list can name, and for a box that is too small for its images.
     """
@@ -155,6 +158,7 @@ def new_neighbours(
         np.full((3, places), FAR, dtype),
         None if box is None else np.zeros((3, places), dtype),
         np.zeros(places, dtype) if radii else None,
+        np.zeros(places, dtype) if clocked else None,
         boxes,
         np.zeros(nodes) if radii else None,
         levels,
@@ -216,18 +220,12 @@ def slice_of(count: Any, k: Any) -> Any:
 
 
 def lives(clock: Any, i: Any, t: Any) -> Any:
-    """Whether particle i is alive at time t or will be born."""
-    return True if clock is None else clock.stop[i] > t
+    """Whether particle i has been alive in the present step, or will be born."""
+    if clock is None:
+        return True
+    return clock.stop[i] > (t if clock.begin is None else clock.begin)
 
 
 def within_sight(x: Any, y: Any, z: Any) -> Any:
     """Whether a place is nearer than FAR, which no place is that is not finite."""
     return abs(x) + abs(y) + abs(z) < FAR
-
-
-def acts(clock: Any, i: Any, t: Any) -> Any:
-    """Whether particle i acts on others at time t: born, pinned or stuck, and not dead."""
-    if clock is None:
-        return True
-    start = clock.start[i]
-    return ((start <= t) | (start == np.inf)) & (clock.stop[i] > t)

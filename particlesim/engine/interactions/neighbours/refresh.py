@@ -30,7 +30,6 @@ from particlesim.engine.interactions.neighbours.record import (
     SLICES,
     STALE,
     TURN,
-    acts,
     lives,
     slice_of,
     within_sight,
@@ -38,7 +37,7 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.neighbours.search import find_candidates
 from particlesim.engine.interactions.neighbours.sort import over_slices, place_of, sort_members
 from particlesim.engine.interactions.neighbours.tree import grow_tree
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import presence, type_of
 
 
 @outlined
@@ -60,7 +59,11 @@ def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any) -> None:
                 x, y, z = c.x[i], c.y[i], c.z[i]
                 if near.wrap is not None:
                     x, y, z = x + near.wrap[0, k], y + near.wrap[1, k], z + near.wrap[2, k]
-                here = acts(c.clock, i, t)
+                part = presence(c.clock, i)
+                here = part > 0
+                if near.part is not None:
+                    changed = changed | (near.part[k] != part)
+                    near.part[k] = part
                 for number, goes_to in zip(
                     (x if here else nowhere, y if here else nowhere, z if here else nowhere),
                     places,
@@ -185,13 +188,14 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
     find_candidates(near, share)
 
 
-def refresh(near: Any, c: Any, share: Any, t: Any, carried: Any = ()) -> Any:
+def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any = ()) -> Any:
     """Present places of all members, and lists that hold; returns whether anything has changed since the last time.
 
-    For each pair of columns in `carried`, what is in a row of the first goes to its place in the second.
+    For each pair of columns in `moving`, what is in a row of the first goes to its place in the second; for those in
+    `fixed`, which steps do not change, only when places are new.
     All threads of an island must call it, when all particles are in their places. It sets `report[TURN]` to 0.
     """
-    _gather(near, c, share, t, carried)
+    _gather(near, c, share, t, moving)
     if share.number == 0:
         near.report[TURN] = 0
         near.report[LIVED] += 1
@@ -201,6 +205,6 @@ def refresh(near: Any, c: Any, share: Any, t: Any, carried: Any = ()) -> Any:
         return changed > 0.0
     where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
     build(near, where, Crew(share.number, share.threads, share.gate), t)
-    _gather(near, c, share, t, carried)
+    _gather(near, c, share, t, (*moving, *fixed))
     meet(share.gate, share.threads)
     return True

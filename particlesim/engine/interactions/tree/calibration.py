@@ -45,7 +45,7 @@ def order_for(accuracy: float, count: int) -> int:
     return 8
 
 
-def first_limits(accuracy: float, order: int) -> tuple[float, float, float]:
+def first_limits(accuracy: float) -> tuple[float, float, float]:
     """The limits of a walk before an error has been measured: squares of tolerance, widest opening, widest target."""
     return (FIRST * accuracy) ** 2, WIDEST**2, NARROW**2
 
@@ -77,7 +77,7 @@ def calibrate(tree: Tree, limits: Floats, size: Floats, place: Any, w: Floats, t
     if best > accuracy:
         raise UsageError(
             f"forces cannot be as accurate as {accuracy:g} with a tree: {best:.1e} is reached",
-            "a larger accuracy, or method = \"direct\"",
+            'a larger accuracy, or method = "direct"',
         )
     limits[TOLERANCE] = max(tolerance for tolerance, error in tried if error <= accuracy) ** 2
     limits[ERROR] = max(error for tolerance, error in tried if tolerance**2 == limits[TOLERANCE])

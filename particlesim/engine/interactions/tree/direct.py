@@ -47,7 +47,9 @@ def pair(softening: Any, r2: Any) -> Any:
 
 
 @outlined
-def add_near(form: Any, span: Any, s: Any, near: Any, count: Any, at: Any, place: Any, row: Any, out: Any) -> None:
+def add_near(
+    form: Any, span: Any, s: Any, near: Any, count: Any, at: Any, place: Any, row: Any, out: Any
+) -> None:
     """The field at the targets from `at` on, into out [4, TARGETS]: gradient, and Σ w f where it is wanted.
 
     `near`: so many leaves; `row`: the polynomial of far cells about `place`.

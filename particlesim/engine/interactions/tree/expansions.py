@@ -7,8 +7,9 @@ About a centre c, sources w at y have the moments M_k = Σ w (c − y)^k/k!. Far
 cut off at |n| + |k| = p, the order. Cartesian, not harmonic, expansions are taken since only the chain f, f'/r,
 (f'/r)'/r, … knows what f is: softening costs nothing. f = 1/√(r² + ε²) here.
 
-Sources: Greengard & Rokhlin (1987) for the idea; Dehnen, J. Comput. Phys. 179 (2002) 27, for Cartesian expansions cut off at a
-total order. The derivatives of radial functions follow from D_{k+e} = x D'_k + k_e D'_{k−e}, where ' takes the chain one further.
+Sources: Greengard & Rokhlin (1987) for the idea; Dehnen, J. Comput. Phys. 179 (2002) 27, for Cartesian expansions cut off
+at a total order. The derivatives of radial functions follow from D_{k+e} = x D'_k + k_e D'_{k−e}, where ' takes the chain
+one further.
 """
 
 from __future__ import annotations

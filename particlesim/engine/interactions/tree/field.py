@@ -30,8 +30,8 @@ LEAF = 64
 _CHUNK = 4096
 """Particles whose sums are made one after the other."""
 PARTICLES_PER_CELL = 8
-"""Room is for one cell for so many particles, about twice as many as there are. Without room, leaves stay larger: that is slower,
-and as exact."""
+"""Room is for one cell for so many particles, about twice as many as there are. Without room, leaves stay larger: that is
+slower, and as exact."""
 _TASKS = 128
 """Parts that the walk is cut into, for threads to take in turn."""
 _TASK = 2048
@@ -86,7 +86,7 @@ def new_tree(form: Form, count: int, threads: int) -> Tree:
 
 def for_threads(tree: Tree, threads: int) -> Tree:
     """The same for another number of threads: what each has to itself is new."""
-    count, cells = tree.field.shape[1], tree.cells.span.shape[0] - 1
+    cells = tree.cells.span.shape[0] - 1
     return tree._replace(
         keys=tree.keys._replace(counts=new_keys(0, threads).counts),
         room=new_room(threads, cells, tree.room.fields.shape[2]),
@@ -97,9 +97,9 @@ def for_threads(tree: Tree, threads: int) -> Tree:
 def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any, share: Any) -> None:
     """Set the field at all particles, of all others; all threads of the share call it, and it is there when it returns.
 
-    `w`: the sources; `limits`: how much error is allowed (`walk.limits_of`); `size`: the length of the field at every particle
-    as it was before, which tells what an error means, and is set anew. Where all of it is 0, a first field by angles alone
-    is found beforehand.
+    `w`: the sources; `limits`: how much error is allowed (`walk.limits_of`); `size`: the length of the field at every
+    particle as it was before, which tells what an error means, and is set anew. Where all of it is 0, a first field by
+    angles alone is found beforehand.
     """
     count = x.size
     first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
@@ -153,22 +153,19 @@ def _enclose(tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, share: An
         mine[k] = least
         mine[3 + k] = most
     meet(share.gate, share.threads)
-    least = (np.inf, np.inf, np.inf)
-    most = (-np.inf, -np.inf, -np.inf)
+    low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
     for thread in range(share.threads):
         row = tree.borders[thread]
-        least = (min(least[0], row[0]), min(least[1], row[1]), min(least[2], row[2]))
-        most = (max(most[0], row[3]), max(most[1], row[4]), max(most[2], row[5]))
-    side = max(most[0] - least[0], most[1] - least[1], most[2] - least[2])
-    return least, side if side > 0 else 1.0
+        low = (min(low[0], row[0]), min(low[1], row[1]), min(low[2], row[2]))
+        high = (max(high[0], row[3]), max(high[1], row[4]), max(high[2], row[5]))
+    side = max(high[0] - low[0], high[1] - low[1], high[2] - low[2])
+    return low, side if side > 0 else 1.0
 
 
 @outlined
-def _order(
-    tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, lo: Any, scale: Any, share: Any
-) -> Any:
+def _order(tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, lo: Any, scale: Any, share: Any) -> Any:
     """Sort the particles along the curve; returns which side of `keys` has them."""
-    keys, index = tree.keys.key[0], tree.keys.index[0]
+    keys, index = tree.keys.key[0], tree.keys.rows[0]
     for i in range(first, last):
         keys[i] = key((x[i] - lo[0]) * scale, (y[i] - lo[1]) * scale, (z[i] - lo[2]) * scale)
         index[i] = i
@@ -213,7 +210,7 @@ def _load(
     share: Any,
 ) -> None:
     """Copy the particles in the order of the curve, in units of the box."""
-    s, index = tree.sorted, tree.keys.index[side]
+    s, index = tree.sorted, tree.keys.rows[side]
     for i in range(first, last):
         j = index[i]
         s.x[i] = (x[j] - lo[0]) * scale
@@ -228,7 +225,7 @@ def _load_needs(
     tree: Any, size: Any, w: Any, side: Any, first: Any, last: Any, unit: Any, known: Any, share: Any
 ) -> None:
     """1/g² by the field that is known, g in units of the box; 0 where nothing feels it."""
-    index, need = tree.keys.index[side], tree.sorted.need
+    index, need = tree.keys.rows[side], tree.sorted.need
     least = LEAST_NEED * known
     for i in range(first, last):
         g = max(size[index[i]], least) / unit
@@ -245,9 +242,11 @@ def _empty_cell(cells: Any) -> None:
         cells.place[c, k] = 9.0
 
 
-def _walk_all(tree: Any, form: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any) -> None:
+def _walk_all(
+    tree: Any, form: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any
+) -> None:
     """The sums of all particles: threads take parts of the walk in turn."""
-    given = Given(tree.keys.index[side], tree.field, size, tree.height, unit, scale)
+    given = Given(tree.keys.rows[side], tree.field, size, tree.height, unit, scale)
     room = Room(*(each[share.number] for each in tree.room))
     count = size.size
     parts = min(_TASKS, count // _TASK + 1)

@@ -38,7 +38,7 @@ class Term(NamedTuple):
 @functools.cache
 def of_degree(n: int) -> tuple[Index, ...]:
     """All multi-indices of degree n."""
-    found = (k for k in itertools.product(range(n + 1), repeat=3) if sum(k) == n)
+    found = ((a, b, c) for a, b, c in itertools.product(range(n + 1), repeat=3) if a + b + c == n)
     return tuple(sorted(found, reverse=True))
 
 
@@ -93,12 +93,10 @@ def raised(n: int, d: int) -> tuple[tuple[int, ...], ...]:
 
 @functools.cache
 def weights(n: int) -> tuple[float, ...]:
-    """n! k! for every index of degree n: Σ of these times M_k², with M_k = Σ w x^k/k!, is the square of the norm of the tensor
-    Σ w x ⊗ … ⊗ x."""
+    """n! k! for every index of degree n: Σ of these times M_k², with M_k = Σ w x^k/k!, is the square of the norm of the
+    tensor Σ w x ⊗ … ⊗ x."""
     factorial = math.factorial
-    return tuple(
-        float(factorial(n) * factorial(a) * factorial(b) * factorial(c)) for a, b, c in of_degree(n)
-    )
+    return tuple(float(factorial(n) * factorial(a) * factorial(b) * factorial(c)) for a, b, c in of_degree(n))
 
 
 @functools.cache
@@ -108,8 +106,8 @@ def size(n: int) -> int:
 
 
 def columns(first: int, last: int, without: int = -1) -> tuple[int, ...]:
-    """Where degrees begin in a row that holds those from `first` to `last`, but for one; −1 for what it does not hold; at the
-    end the length of the row.
+    """Where degrees begin in a row that holds those from `first` to `last`, but for one; −1 for what it does not hold; at
+    the end the length of the row.
 
     A function that kernels walk through, unlike the tables, which they only call: so they know of this module, and are
     compiled anew when it changes.

@@ -25,7 +25,7 @@ class Keys(NamedTuple):
 
     key: NDArray[np.int64]
     """[2, n]"""
-    index: NDArray[np.int32]
+    rows: NDArray[np.int32]
     """[2, n]"""
     counts: NDArray[np.int64]
     """[2, threads, digits]: how many of each digit a thread has, and where its next one goes."""
@@ -41,7 +41,8 @@ def new_keys(count: int, threads: int) -> Keys:
 
 
 def sort(keys: Any, first: Any, last: Any, share: Any) -> Any:
-    """Sort `key[0]` and `index[0]`, of which this thread has the part [first, last); returns which of the two holds the result.
+    """Sort `key[0]` and `rows[0]`, of which this thread has the part [first, last); returns which of the two holds the
+    result.
 
     All threads of the share call it, each with its part, in the order of their numbers.
     """
@@ -61,7 +62,7 @@ def _pass(keys: Any, side: Any, shift: Any, first: Any, last: Any, share: Any) -
     meet(share.gate, share.threads)
     moves = _places(keys, share)
     if moves:
-        index, to_key, to_index = keys.index[side], keys.key[1 - side], keys.index[1 - side]
+        index, to_key, to_index = keys.rows[side], keys.key[1 - side], keys.rows[1 - side]
         place = keys.counts[1, share.number]
         for i in range(first, last):
             digit = (key[i] >> shift) & (_DIGITS - 1)

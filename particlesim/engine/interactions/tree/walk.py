@@ -4,8 +4,8 @@ Every target cell inherits the sources that its parent could not settle. It test
 moments, of the others the larger of the two is opened, until leaves meet leaves. What a cell receives depends on its own
 ancestors alone, so threads share nothing that is written, and a sum does not depend on who does it.
 
-Far is what makes a small error (Dehnen 2014). With p the order, a source cell of strength S and reach ρ_A at distance r puts into
-the field at a target cell of radius ρ_B an error of about
+Far is what makes a small error (Dehnen 2014). With p the order, a source cell of strength S and reach ρ_A at distance r
+puts into the field at a target cell of radius ρ_B an error of about
 
     e = S (p + 1) (ρ_A + ρ_B)^p / r^(p+2),
 
@@ -48,7 +48,6 @@ from particlesim.engine.interactions.tree.expansions import (
     put,
     taken,
 )
-from particlesim.engine.interactions.tree.indices import columns, pieces
 from particlesim.engine.interactions.tree.form import (
     field_columns,
     first_degree,
@@ -57,6 +56,7 @@ from particlesim.engine.interactions.tree.form import (
     softening_reach,
     softening_square,
 )
+from particlesim.engine.interactions.tree.indices import columns, pieces
 
 _LANES = 8
 
@@ -68,8 +68,8 @@ class Room(NamedTuple):
     """
 
     lists: NDArray[np.int32]
-    """[threads, generations + 5, cells + LANES]: by generation the sources that its cell hands down; then far, near, not far,
-    to be tested, and whether each is far."""
+    """[threads, generations + 5, cells + LANES]: by generation the sources that its cell hands down; then far, near, not
+    far, to be tested, and whether each is far."""
     fields: NDArray[np.float64]
     """[threads, generations, numbers]: the polynomials of the cells that the walk is in."""
     stack: NDArray[np.int64]
@@ -92,7 +92,7 @@ class Limits(NamedTuple):
 class Given(NamedTuple):
     """Where the sums of the sorted particles go."""
 
-    index: NDArray[np.int32]
+    rows: NDArray[np.int32]
     """Which particle each is."""
     field: NDArray[np.float64]
     """[3, n]: gradient of Σ w f."""
@@ -204,7 +204,8 @@ def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, c
 def _test(
     form: Any, place: Any, limits: Any, work: Any, count: Any, b: Any, far: Any, begin: Any, rest: Any
 ) -> Any:
-    """Append the far ones of `work` to `far`, which has `begin`, and put the others into `rest`; returns how many are far."""
+    """Append the far ones of `work` to `far`, which has `begin`, and put the others into `rest`; returns how many are
+    far."""
     order = order_of(form)
     x, y, z, radius = place[b, X], place[b, Y], place[b, Z], place[b, RADIUS]
     soft, clear = softening_square(form), softening_reach(form)
@@ -222,7 +223,8 @@ def _test(
         reach = place[a, REACH] + radius
         t = reach * reach
         e2 = scale * place[a, STRENGTH] * place[a, STRENGTH] * t**order
-        is_far = (both * both < wide * r2) & (nearest < r2) & (e2 < r2 ** (order + 2)) & ((both + clear) * (both + clear) <= r2)
+        is_near = (both * both >= wide * r2) | (nearest >= r2) | (e2 >= r2 ** (order + 2))
+        is_far = not (is_near | ((both + clear) * (both + clear) > r2))
         far[begin + fars] = a
         rest[others] = a
         fars += 1 if is_far else 0
@@ -232,8 +234,8 @@ def _test(
 
 @outlined
 def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
-    """Add what far cells do to the polynomial of cell b, as many at a time as there are lanes; the list ends in as many empty
-    ones."""
+    """Add what far cells do to the polynomial of cell b, as many at a time as there are lanes; the list ends in as many
+    empty ones."""
     order, into, begins = order_of(form), field_columns(form), moment_columns(form)
     place, moments = cells.place, cells.moments
     source, sums = on_stack(3 + begins[-1], _LANES, np.float64), on_stack(into[-1], _LANES, np.float64)
@@ -316,7 +318,7 @@ def _particles(span: Any, leaves: Any, count: Any) -> Any:
 def hand_over(given: Any, out: Any, first: Any, last: Any) -> None:
     """Put the sums of the sorted particles [first, last) where their particles stand, in units of the world."""
     for i in range(first, last):
-        j, lane = given.index[i], i - first
+        j, lane = given.rows[i], i - first
         gx, gy, gz = out[0, lane] * given.scale, out[1, lane] * given.scale, out[2, lane] * given.scale
         given.field[0, j] = gx
         given.field[1, j] = gy

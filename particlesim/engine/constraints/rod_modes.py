@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.engine.constraints.rod_system import RodSystem
+from particlesim.engine.constraints.shake_rattle import Rig
 from particlesim.model.arrays import Floats, Ints
 
 DEPENDENT = 1e-12
@@ -68,8 +68,8 @@ class RodTensors(NamedTuple):
         return coo_array((np.repeat(data, 3), tuple(at)), shape=(3 * count, 3 * count)).tocsr()
 
 
-def pulls(system: RodSystem, columns: Any, force: Floats, w: Floats) -> Iterator[tuple[str, RodTensors]]:
-    """Every set of rods and what pulls back; `force` [N] has shape [3, n], w is 1/m.
+def pulls(pairs: tuple[Ints, Ints], rig: Rig, order: Ints, columns: Any, force: Floats, w: Floats) -> Floats:
+    """What pulls back on every rod [N/m]; `pairs` are rows of the ends, `force` [N] has shape [3, n], w is 1/m.
 
     Raises ValueError for a state that is not finite.
     """
@@ -80,8 +80,8 @@ def pulls(system: RodSystem, columns: Any, force: Floats, w: Floats) -> Iterator
         np.stack([column.astype(float) for column in part])
         for part in ((columns.x, columns.y, columns.z), (columns.vx, columns.vy, columns.vz))
     )
-    rows = directions(system, x)
-    first, second = system.pairs
+    rows = directions(pairs, x)
+    first, second = pairs
     turn = ((v[:, first] - v[:, second]) ** 2).sum(axis=0)
     moved = rows @ (np.repeat(w, 3) * force.T.ravel()) + turn
     if not np.isfinite(moved).all():
@@ -89,17 +89,11 @@ def pulls(system: RodSystem, columns: Any, force: Floats, w: Floats) -> Iterator
     matrix = rows @ diags_array(np.repeat(w, 3)) @ rows.T
     diagonal = matrix.diagonal()
     matrix = matrix + diags_array(np.where(diagonal > 0, DEPENDENT * diagonal, 1.0))
-    pull = _hanging(system, np.atleast_1d(spsolve(matrix.tocsc(), moved)), force)
-    begin = 0
-    for each in system.members:
-        end = begin + len(each.first)
-        yield each.made.name, RodTensors(each.first, each.second, pull[begin:end])
-        begin = end
+    return _hanging(rig, order, np.atleast_1d(spsolve(matrix.tocsc(), moved)), force)
 
 
-def _hanging(system: RodSystem, pull: Floats, force: Floats) -> Floats:
+def _hanging(rig: Rig, order: Ints, pull: Floats, force: Floats) -> Floats:
     """What pulls back [N/m], at least as much as if every connected set of rods with a held end hung on each of its rods."""
-    rig, order = system.rods.rig, system.order
     free, sets = rig.inverse > 0, np.arange(len(rig.looped))
     slots, rods = (np.repeat(sets, np.diff(borders)) for borders in (rig.slots, rig.rods))
     load = np.sqrt(
@@ -114,21 +108,14 @@ def _hanging(system: RodSystem, pull: Floats, force: Floats) -> Floats:
     return found
 
 
-def directions(system: RodSystem, x: Floats) -> Any:
+def directions(pairs: tuple[Ints, Ints], x: Floats) -> Any:
     """The rows x₁ − x₂ of all rods [m], a sparse matrix of shape [rods, 3 n]; positions have shape [3, n]."""
     from scipy.sparse import coo_array
 
-    first, second = system.pairs
+    first, second = pairs
     reach = (x[:, first] - x[:, second]).T
     axes = np.arange(3)
     columns = np.concatenate([3 * first[:, None] + axes, 3 * second[:, None] + axes], axis=1)
     rows = np.repeat(np.arange(len(first)), 6)
     values = np.concatenate([reach, -reach], axis=1)
     return coo_array((values.ravel(), (rows, columns.ravel())), shape=(len(first), 3 * x.shape[1])).tocsr()
-
-
-def free_motions(rows: Floats) -> Floats:
-    """An orthonormal basis of the motions that rods, with rows [rods, n], leave; shape [n, motions]."""
-    _, sizes, basis = np.linalg.svd(rows)
-    rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
-    return np.asarray(basis[rank:].T)

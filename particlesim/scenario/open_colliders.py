@@ -1,4 +1,4 @@
-"""The files that colliders are in: read once, when the graph of a scenario is built."""
+"""Colliders made ready for a run: the files that they are in are read, and they know the motions that lead them."""
 
 from __future__ import annotations
 
@@ -25,12 +25,17 @@ READERS: dict[str, Callable[[Path], Any]] = {
 
 
 def open_colliders(scenario: Scenario) -> None:
-    """Read the files of colliders that have not been read.
+    """Read the files of colliders that have not been read, and tell those that move what leads them.
 
     Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known,
     ResourceError where this machine has too little memory, which is no mistake of the scenario.
     """
+    led = {motion.collider: motion for motion in scenario.motions if motion.collider is not None}
     for k, collider in enumerate(scenario.colliders):
+        if collider.name in led:
+            motion = led[collider.name]
+            path = None if motion.path is None and motion.waypoints is None else motion.record()
+            collider.lead(path, None if motion.spin is None else motion.spin.record())
         for where, solid in files_in(collider, ("colliders", k)):
             if not solid.is_open:
                 _open(scenario, where, solid)

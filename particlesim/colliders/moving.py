@@ -1,0 +1,161 @@
+"""Colliders that move: led along a path, turning about an axis, or both.
+
+A place x in the world is at y = x₀ + Rᵀ (x − X(t)) in the frame of the collider, whose pivot was at x₀ at the start and is
+at X(t) now; R(t) is its turn by ω t about a fixed direction; velocities there are relative, Rᵀ (v − Ẋ − ω × (x − X)). In
+its frame the collider is at rest: its laws, the search for the first contact, impacts and rest are those of any other. So
+the velocity of its surface is felt, and with it the work that it does.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    gap,
+    gap_and_normal,
+    law,
+    moved_to,
+    normal,
+    path,
+)
+
+
+class SpinRecord(NamedTuple):
+    """A steady turn: its direction, a unit vector, and its rate [rad/s]."""
+
+    x: float
+    y: float
+    z: float
+    rate: float
+
+
+class MovingRecord(NamedTuple):
+    """A shape as it is at the start, where its pivot is then [m], the path of the pivot and the turn about it; each None
+    where there is none."""
+
+    shape: Any
+    x: float
+    y: float
+    z: float
+    path: Any
+    spin: SpinRecord | None
+
+
+class Frame(NamedTuple):
+    """A frame at a time: where the pivot is [m], its velocity [m/s], and the rotation, row by row; None where it does not
+    turn."""
+
+    x: Any
+    y: Any
+    z: Any
+    vx: Any
+    vy: Any
+    vz: Any
+    rows: Any
+
+
+def frame_at(c: MovingRecord, t: Any, like: Any) -> Frame:
+    """The frame of a collider at a time, in the precision of `like`."""
+    number = type(like)
+    x, y, z = c.x, c.y, c.z
+    vx, vy, vz = number(0), number(0), number(0)
+    if c.path is not None:
+        start = Particle(float(x), float(y), float(z), 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, t, 1.0)
+        x, y, z, vx, vy, vz = (number(each) for each in path(c.path, start))
+    rows = None
+    if c.spin is not None:
+        n = c.spin
+        angle = float(n.rate) * t
+        cos, sin = number(np.cos(angle)), number(np.sin(angle))
+        k = number(1) - cos
+        rows = (
+            (cos + k * n.x * n.x, k * n.x * n.y - sin * n.z, k * n.x * n.z + sin * n.y),
+            (k * n.x * n.y + sin * n.z, cos + k * n.y * n.y, k * n.y * n.z - sin * n.x),
+            (k * n.x * n.z - sin * n.y, k * n.y * n.z + sin * n.x, cos + k * n.z * n.z),
+        )
+    return Frame(x, y, z, vx, vy, vz, rows)
+
+
+def into(rows: Any, v: Any) -> Any:
+    """Rᵀ v."""
+    if rows is None:
+        return v
+    return tuple(rows[0][k] * v[0] + rows[1][k] * v[1] + rows[2][k] * v[2] for k in range(3))
+
+
+def out_of(rows: Any, v: Any) -> Any:
+    """R v."""
+    if rows is None:
+        return v
+    return tuple(row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in rows)
+
+
+def surface_velocity(c: MovingRecord, f: Frame, x: Any, y: Any, z: Any) -> Any:
+    """Velocity of the collider's body at a place in the world [m/s]."""
+    if c.spin is None:
+        return f.vx, f.vy, f.vz
+    n = c.spin
+    dx, dy, dz = x - f.x, y - f.y, z - f.z
+    return (
+        f.vx + n.rate * (n.y * dz - n.z * dy),
+        f.vy + n.rate * (n.z * dx - n.x * dz),
+        f.vz + n.rate * (n.x * dy - n.y * dx),
+    )
+
+
+def ride(c: MovingRecord, p: Particle) -> Particle:
+    """The particle as it is in the frame of the collider, at its time."""
+    f = frame_at(c, p.t, p.x)
+    wx, wy, wz = surface_velocity(c, f, p.x, p.y, p.z)
+    x, y, z = into(f.rows, (p.x - f.x, p.y - f.y, p.z - f.z))
+    vx, vy, vz = into(f.rows, (p.vx - wx, p.vy - wy, p.vz - wz))
+    return moved_to(p, x + c.x, y + c.y, z + c.z, vx, vy, vz, p.t)
+
+
+def alight(c: MovingRecord, p: Particle) -> Particle:
+    """The particle in the world, of one in the frame of the collider."""
+    f = frame_at(c, p.t, p.x)
+    x, y, z = out_of(f.rows, (p.x - c.x, p.y - c.y, p.z - c.z))
+    x, y, z = x + f.x, y + f.y, z + f.z
+    vx, vy, vz = out_of(f.rows, (p.vx, p.vy, p.vz))
+    wx, wy, wz = surface_velocity(c, f, x, y, z)
+    return moved_to(p, x, y, z, vx + wx, vy + wy, vz + wz, p.t)
+
+
+def outwards(c: MovingRecord, n: Any, p: Particle) -> Any:
+    """A normal of the shape's frame in the world."""
+    if c.spin is None:
+        return n
+    return out_of(frame_at(c, p.t, p.x).rows, n)
+
+
+@law(gap, MovingRecord)
+def moving_gap(c: MovingRecord, p: Particle) -> float:
+    return gap(c.shape, ride(c, p))
+
+
+@law(normal, MovingRecord)
+def moving_normal(c: MovingRecord, p: Particle) -> Vector:
+    return outwards(c, normal(c.shape, ride(c, p)), p)
+
+
+@law(gap_and_normal, MovingRecord)
+def moving_gap_and_normal(c: MovingRecord, p: Particle) -> tuple[float, Vector]:
+    g, n = gap_and_normal(c.shape, ride(c, p))
+    return g, outwards(c, n, p)
+
+
+@law(apart, MovingRecord)
+def moving_apart(c: MovingRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    return apart(c.shape, ride(c, p), ride(c, q), h, slack)
+
+
+@law(first_contact, MovingRecord)
+def moving_first_contact(c: MovingRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+    return first_contact(c.shape, ride(c, p), ride(c, q), h, slack)

@@ -1,0 +1,16 @@
+"""The kinds of constraint: what holds the particles of an island. A new kind is made here, beside the rods."""
+
+from __future__ import annotations
+
+from particlesim.engine.constraints.constraint import Constraint
+from particlesim.engine.constraints.rod_system import rod_system
+from particlesim.engine.interactions.interaction import Site
+from particlesim.graph.graph import Island
+
+
+def held(site: Site, island: Island) -> Constraint | None:
+    """What holds the particles of an island, None where nothing does; they are put where they fit, with their velocities.
+
+    Raises UsageError for sets that do not fit their particles.
+    """
+    return rod_system(site, island) if island.constraints else None

@@ -1,0 +1,125 @@
+"""When the work in an island is booked: before and after every step, at births and deaths (`ledger.particle_work`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace
+from particlesim.engine.coupled.forces import island_forces
+from particlesim.engine.islands.joined import Joined
+from particlesim.engine.islands.layout import Interactions, Layout
+from particlesim.engine.islands.moment import Moment
+from particlesim.engine.islands.stepping import Stepper
+from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
+from particlesim.engine.ledger.work import Books, moved
+from particlesim.engine.state.columns import Columns
+from particlesim.engine.step.impacts import Simple
+from particlesim.graph.graph import Island
+from particlesim.integrators import EmbeddedRungeKutta
+from particlesim.model.arrays import Floats
+
+Leg = tuple[Opened, Interactions, float]
+"""An own step at the end of which an island pauses, the interactions before it, and when it ends [s]."""
+
+
+class Bookkeeper:
+    """Keeps the books of an island, as long as it has the particles of a layout."""
+
+    def __init__(
+        self,
+        books: Books,
+        structure: Island,
+        names: tuple[str, ...],
+        joined: Joined,
+        layout: Layout,
+        stepper: Stepper,
+    ) -> None:
+        self.books = books
+        self._joined, self._layout, self._stepper = joined, layout, stepper
+        self._island = IslandBooks(books, structure, layout.bounds, layout.driven, names, self._forces_in)
+
+    def open(self, now: Moment, step: int) -> Opened:
+        """The state at the beginning of a step."""
+        dt, layout = self._stepper.dt, self._layout
+        columns, interactions = now.copied()
+        begin, h = spans(columns.clock, layout.count, step * dt, (step + 1) * dt)
+        free, given = None, 0.0
+        if "contact" in self.books.names:
+            free, copies = now.copied()
+            parts = tuple(part._replace(contacts=Simple(())) for part in layout.parts)
+            self._stepper.copy(layout, parts, copies, free, step, 1)
+            given = self._given()
+        return Opened(columns, begin, h, free, interactions=interactions, effort=given)
+
+    def close(self, opened: Opened, now: Moment, last: int) -> None:
+        """Book a step that has been taken, up to the beginning of step `last`."""
+        given = opened.effort if opened.free is not None else self._given()
+        self._book(opened, opened.interactions, now.columns, last * self._stepper.dt, given)
+        self._island.book_breaking(opened.interactions, now.interactions, now.columns)
+
+    def open_leg(self, now: Moment, pace: Pace) -> Leg:
+        """The own step at the end of which an island pauses."""
+        method, work = self._stepper.method, self._layout.work
+        assert isinstance(method, EmbeddedRungeKutta)
+        began, ended = float(pace.present[BEGAN]), float(pace.present[ENDED])
+        free, interactions = now.copied()
+        begin, h = spans(free.clock, self._layout.count, began, ended)
+        start = work.before.astype(float)
+        before = moved(free, start, np.zeros((6, 1)))
+        path = stages(before, (start, work.slopes), (began, ended), h, method)
+        return Opened(before, begin, h, free, path), interactions, ended
+
+    def close_leg(self, leg: Leg, now: Moment, *, arrived: bool) -> None:
+        """Book an own step, of which it is known by now what contact and breaking springs made of its end."""
+        opened, interactions, ended = leg
+        columns = now.columns
+        if not arrived:  # the next step has been tried already, from there
+            columns = moved(columns, self._layout.work.before.astype(float), np.zeros((6, 1)))
+        self._book(opened, interactions, columns, ended, 0.0)
+        self._island.book_breaking(interactions, now.interactions, columns)
+
+    def book_births(self, before: Moment, now: Moment, born: Sequence[int], begin: float) -> None:
+        """Book what the last `born` particles of every group bring in the step that begins at `begin` [s]; others are then
+        where they will be when those are born, on average."""
+        start = now.columns.clock.start
+        new = (start > begin) & np.isfinite(start)
+        ahead = float(start[new].mean()) - begin if new.any() else 0.0
+        change = _stored(now, ahead, ~new) - _stored(before, ahead, np.ones(before.columns.m.size, np.bool_))
+        self._island.book_births(self._joined.cut(now.columns), born, change)
+
+    def book_deaths(self, before: Moment, dead: NDArray[np.bool_], now: Moment, end: float) -> None:
+        """Book what the `dead` have taken away by the time `end` [s] from the island as it was `before`; others
+        are then where they were when those died, on average."""
+        ahead = float(before.columns.clock.stop[dead].mean()) - end
+        change = _stored(now, ahead, np.ones(now.columns.m.size, np.bool_)) - _stored(before, ahead, ~dead)
+        self.books.add("deaths", change)
+
+    def book_dead(self, now: Moment, end: float) -> None:
+        """Book what those take away who are dead at the time `end` [s], but for what they have stored with others."""
+        self._island.book_dead(self._joined.cut(now.columns), end)
+
+    def _book(
+        self, opened: Opened, interactions: Interactions, columns: Columns, end: float, given: float
+    ) -> None:
+        self._island.close(opened, columns, interactions, self._joined.cut, end, given)
+
+    def _given(self) -> float:
+        """The energy that constraints gave to led particles in the last steps [J]."""
+        return 0.0 if self._layout.constraint is None else self._layout.constraint.given
+
+    def _forces_in(self, columns: Columns, interactions: Interactions, time: float) -> Floats:
+        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
+        bonds, work, share = self._layout.alone(interactions)
+        island_forces(self._layout.parts, bonds, columns, work, share, time)
+        return np.array(work.force, float)
+
+
+def _stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:
+    """The potential energy of all interactions when those who move have gone on for a time `ahead` [J]."""
+    c = moment.columns
+    step = np.where(moves, ahead, 0.0)
+    places = {x: (getattr(c, x) + step * getattr(c, f"v{x}")).astype(c.x.dtype) for x in "xyz"}
+    return sum(each.energy(c._replace(**places)) or 0.0 for each in moment.interactions)

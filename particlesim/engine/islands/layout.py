@@ -1,0 +1,163 @@
+"""What the kernels of an island take for the particles that there are now: records, scratch, and every thread's share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from particlesim.engine.constraints.constraint import Constraint
+from particlesim.engine.coupled.gauss_radau import new_room
+from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
+from particlesim.engine.implicit.linear_system import new_system
+from particlesim.engine.interactions.bond_layout import chunk_size, order_of, owned
+from particlesim.engine.interactions.interaction import new_forms
+from particlesim.engine.islands.joined import Joined
+from particlesim.engine.state.columns import Columns
+from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
+from particlesim.graph.graph import Island
+from particlesim.groups.group import Group
+from particlesim.integrators import GaussRadauMethod, ImplicitMethod
+from particlesim.model.arrays import Floats
+
+Interactions = tuple[Any, ...]
+"""Records of interactions (`interactions.interaction`), those that are added chunk by chunk first."""
+
+
+class Layout:
+    """The particles of an island and what acts on them, as kernels take them; made anew when there are other particles.
+
+    `effort`: about as many springs as all that acts between particles takes the time of.
+    """
+
+    def __init__(
+        self,
+        structure: Island,
+        joined: Joined,
+        interactions: Interactions,
+        constraint: Constraint | None,
+    ) -> None:
+        whole = joined.whole
+        self.count, self.dtype = whole.count, whole.dtype
+        self.interactions, self.constraint = interactions, constraint
+        self.bounds, self.driven = joined.bounds, joined.driven
+        self.parts = _parts(structure, self.bounds, self.dtype)
+        self.effort = sum(each.effort for each in interactions)
+        self.effort += 0 if constraint is None else constraint.effort
+        self._cooling = _cooling(structure.groups, self.bounds)
+        self._method = structure.method
+        looks_back = (
+            constraint is not None
+            or any(part.contacts != Simple(()) for part in self.parts)
+            or any(each.looks_back for each in self.interactions)
+        )
+        self.work = scratch(self._method, self.count, self.dtype, looks_back=looks_back)
+        if isinstance(self._method, GaussRadauMethod):
+            self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
+        self._shares: dict[int, list[tuple[Interactions, Work, Share]]] = {}
+        self.place_equations(joined)
+
+    def place_equations(self, joined: Joined) -> None:
+        """Make the equations of implicit methods for particles where they are now."""
+        if isinstance(self._method, ImplicitMethod):
+            bonds, _ = apart(self.interactions)
+            system = new_system(bonds, joined.whole.x[:, : self.count], self.dtype)
+            self.work = self.work._replace(system=system)
+            self._shares.clear()
+
+    def renew(self) -> None:
+        """Let interactions begin an interval anew, so that it does not depend on those before."""
+        renewed = tuple(each.renewed() for each in self.interactions)
+        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
+            self.interactions = renewed
+            self._shares.clear()
+
+    def cooled(self, columns: Columns) -> Columns:
+        """Columns of these particles with the laws by which they cool."""
+        if columns.thermal is None or self._cooling is None:
+            return columns
+        rate, ambient = self._cooling
+        return columns._replace(thermal=columns.thermal._replace(rate=rate, ambient=ambient))
+
+    def shares(self, threads: int) -> list[tuple[Interactions, Work, Share]]:
+        """What each of some threads works on: its pieces of bonds, scratch, and particles with the other interactions."""
+        if threads not in self._shares:
+            self._shares[threads] = self._shared(threads)
+        return self._shares[threads]
+
+    def alone(self, interactions: Interactions) -> tuple[Interactions, Work, Share]:
+        """What one thread works on, with interactions in another state."""
+        ((mine, work, share),) = self.shares(1)
+        bonds, elements = apart(interactions)
+        bonds = tuple(each.with_changed(now.changing()) for each, now in zip(mine, bonds, strict=True))
+        elements = tuple(
+            each.with_changed(now.changing()) for each, now in zip(share.elements, elements, strict=True)
+        )
+        return bonds, work, share._replace(elements=elements)
+
+    def _shared(self, threads: int) -> list[tuple[Interactions, Work, Share]]:
+        chunk = chunk_size(self.count)
+        chunks = -(-self.count // chunk)
+        bonds, elements = apart(tuple(each.in_team(threads) for each in self.interactions))
+        found = []
+        for share in share_out(self.count, threads, self.driven, elements, self.constraint):
+            mine = tuple(
+                bond._replace(table=table, begin=begin)
+                for bond in bonds
+                for table, begin in [owned(bond.table, share.first, share.last, chunk, chunks)]
+            )
+            tables = [bond.table for bond in mine]
+            order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
+            found.append((mine, _own(self.work, share, self.dtype), share._replace(order=order)))
+        return found
+
+
+def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:
+    """Those that are added chunk by chunk, and the others."""
+    by_chunks = tuple(each for each in interactions if each.by_chunks)
+    return by_chunks, interactions[len(by_chunks) :]
+
+
+def _own(work: Work, share: Share, dtype: Any) -> Work:
+    """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+    work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
+    if work.system is None:
+        return work
+    system = work.system
+    own = system._replace(
+        pull=np.zeros_like(system.pull),
+        lanes=np.zeros_like(system.lanes),
+        forms=new_forms(share.elements, dtype),
+    )
+    return work._replace(system=own)
+
+
+def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:
+    """The groups of an island as kernels take them; `bounds` are the borders of their rows."""
+    return tuple(
+        as_precision(
+            Part(
+                dynamics_record(group),
+                tuple(force.record() for force in island.forces[k]),
+                contacts_record(island.colliders[k], group, dtype),
+                bounds[k],
+                bounds[k + 1],
+            ),
+            dtype,
+        )
+        for k, group in enumerate(island.groups)
+    )
+
+
+def _cooling(groups: Sequence[Group], bounds: Sequence[int]) -> tuple[Floats, Floats] | None:
+    """Rate of cooling [1/s] and temperature around [K] of every particle, shape [n]; None where no group cools."""
+    if all(group.cooling is None for group in groups):
+        return None
+    number = np.diff(bounds)
+    laws = [
+        (0.0, 0.0) if each.cooling is None else (each.cooling.rate, each.cooling.ambient) for each in groups
+    ]
+    rate, ambient = (np.repeat(column, number) for column in zip(*laws, strict=True))
+    return rate, ambient

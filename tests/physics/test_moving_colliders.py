@@ -1,0 +1,192 @@
+"""Colliders that motions lead: their surface velocity is felt, what lies on them rides along, and nothing gets past them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import G, points, simulate
+
+import particlesim as ps
+
+GRAVITY = [{"type": "gravity"}]
+
+
+def box(**options: Any) -> dict[str, Any]:
+    return {"type": "box", "name": "piston", "size": [1.0, 1.0, 1.0], **options}
+
+
+@pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
+@pytest.mark.parametrize("dt", [0.01, 2.0])
+def test_a_piston_gives_its_speed(e: float, dt: float) -> None:
+    # v' = u + e (u − v) along the way of the piston, from the time of contact on: gap 0.4 m at 3 − (−1) m/s.
+    u, v = 3.0, -1.0
+    final = simulate(
+        2.0,
+        dt,
+        particles=[points((1.0, 0, 0), velocity=[(v, 0, 0)], radius=0.1)],
+        colliders=[box(restitution=e)],
+        motions=[{"collider": "piston", "path": ["x + 3*t", "y", "z"]}],
+    ).final
+    t = 0.4 / (u - v)
+    after = u + e * (u - v)
+    assert final.velocity[0] == pytest.approx([after, 0, 0], abs=1e-9)
+    assert final.position[0] == pytest.approx([1 + v * t + after * (2 - t), 0, 0], abs=1e-7)
+
+
+def test_a_paddle_gives_the_speed_of_its_surface() -> None:
+    # A bar turns about z at ω; at the distance r of the particle its upper side moves at ω r across itself. Hit when the bar
+    # stands at φ: elastic, the particle at rest gets 2 ω r cos(..) along the normal of the bar.
+    omega, r, half = 2.0, 0.8, 0.05
+    final = simulate(
+        1.0,
+        0.01,
+        particles=[points((0.0, r, 0), radius=0.02)],
+        colliders=[{"type": "box", "name": "bar", "size": [2.0, 2 * half, 0.5]}],
+        motions=[{"collider": "bar", "spin": {"axis": [0, 0, 1], "rate": omega}}],
+    ).final
+    # its side is half + radius from the centre line: the foot of the particle is at the distance s from the axis
+    reach = half + 0.02
+    s = np.sqrt(r * r - reach * reach)
+    angle = np.arctan2(r, 0) - np.arcsin(reach / r)
+    normal = np.array([-np.sin(angle), np.cos(angle), 0])
+    assert final.velocity[0] == pytest.approx(2 * omega * s * normal, abs=1e-9)
+    t = angle / omega
+    assert final.position[0] == pytest.approx(
+        np.array([0, r, 0]) + 2 * omega * s * normal * (1 - t), abs=1e-8
+    )
+
+
+@pytest.mark.parametrize("shape", ["box", "rectangle", "mesh"])
+def test_what_lies_on_a_table_rides_along(shape: str, tmp_path: Any) -> None:
+    # y = a sin ωt with a ω² < g: it never lifts off, without rebound. And the table's sideways swing does not take it along
+    # without friction.
+    table: dict[str, Any] = {"type": shape, "name": "table", "restitution": 0.0}
+    top = 0.0
+    if shape == "box":
+        table |= {"size": [4, 0.2, 4]}
+        top = 0.1
+    elif shape == "rectangle":
+        table |= {"size": [4, 4], "thickness": 1e-3}
+        top = 5e-4
+    else:
+        import trimesh
+
+        trimesh.creation.box(extents=(4, 0.2, 4)).export(tmp_path / "table.stl")
+        table |= {"path": str(tmp_path / "table.stl")}
+        top = 0.1
+    final = simulate(
+        1.0,
+        1e-3,
+        particles=[points((0.2, top + 0.05, 0.1), radius=0.05)],
+        forces=GRAVITY,
+        colliders=[table],
+        motions=[
+            {
+                "collider": "table",
+                "path": ["x + 0.1*sin(3*t)", "y + a*(1 - cos(w*t))", "z"],
+                "constants": {"a": 0.05, "w": 6},
+            }
+        ],
+    ).final
+    y = top + 0.05 + 0.05 * (1 - np.cos(6.0))
+    assert final.position[0] == pytest.approx([0.2, y, 0.1], abs=2e-6)
+    assert final.velocity[0] == pytest.approx([0, 0.3 * np.sin(6.0), 0], abs=1e-3)
+
+
+def test_friction_takes_along_what_lies_on_a_turntable() -> None:
+    # At r = 0.3 m a turn of 1 rad/s asks for ω² r = 0.3 m/s² of friction, and μ g is 4.9: it goes round with the table.
+    final = simulate(
+        2.0,
+        1e-3,
+        particles=[points((0.3, 0.15, 0), radius=0.05, velocity=[(0, 0, -0.3)])],
+        forces=GRAVITY,
+        colliders=[box(size=[2, 0.2, 2], restitution=0.0, friction=0.5)],
+        motions=[{"collider": "piston", "spin": {"axis": [0, 1, 0], "rate": 1.0}}],
+    ).final
+    assert final.position[0] == pytest.approx([0.3 * np.cos(2), 0.15, -0.3 * np.sin(2)], abs=1e-3)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1e3, 1e5])
+def test_a_swatter_leaves_nothing_behind_it(speed: float) -> None:
+    # A sheet sweeps through a cloud of points at rest, in steps of many cloud sizes: all are before it in the end.
+    rng = np.random.default_rng(2)
+    x = np.column_stack([rng.uniform(0.5, 1.5, 40), rng.uniform(-0.4, 0.4, (40, 2))])
+    final = simulate(
+        4.0 / speed,
+        4.0 / speed / 3,
+        particles=[points(*(tuple(row) for row in x), radius=0.0)],
+        colliders=[
+            {
+                "type": "rectangle",
+                "name": "swatter",
+                "size": [1, 1],
+                "orientation": {"axis": [0, 0, 1], "angle": 90},
+            }
+        ],
+        motions=[{"collider": "swatter", "path": [f"x + {speed}*t", "y", "z"]}],
+    ).final
+    assert (final.position[:, 0] > 4).all()
+    np.testing.assert_allclose(final.velocity[:, 0], 2 * speed, rtol=1e-9)
+
+
+def test_the_work_of_a_moving_collider_is_booked() -> None:
+    # A particle at rest of 2 kg is hit elastically at 3 m/s: it gets ½ m (2u)².
+    result = simulate(
+        1.0,
+        0.01,
+        particles=[points((1, 0, 0), mass=2.0, radius=0.0)],
+        colliders=[box()],
+        motions=[{"collider": "piston", "path": ["x + 3*t", "y", "z"]}],
+        output={"ledger": True, "work": True},
+    )
+    row = {name: float(values[-1]) for name, values in result.ledger.items()}
+    assert row["work.contact"] == pytest.approx(0.5 * 2 * 36, rel=1e-9)
+    assert row["balance"] == pytest.approx(0, abs=1e-8)
+
+
+def test_what_a_motion_may_lead() -> None:
+    table: dict[str, Any] = {
+        "simulation": {"duration": 1, "dt": 0.01},
+        "particles": [points((0, 3, 0), name="a")],
+        "colliders": [box(), {"type": "plane", "name": "ground"}, box(name="glue", contact="stick")],
+    }
+    path = ["x + t", "y", "z"]
+    for motion, why in (
+        ({"collider": "pistol", "path": path}, "unknown collider 'pistol'"),
+        ({"collider": "ground", "path": path}, "a plane has no end"),
+        ({"collider": "glue", "path": path}, "left behind"),
+        ({"path": path}, "a group or a collider"),
+        ({"on": "a", "collider": "piston", "path": path}, "a group or a collider"),
+        ({"on": "a", "spin": {"axis": [0, 1, 0], "rate": 1}, "path": path}, "spin is for colliders"),
+        ({"collider": "piston", "particles": [0], "path": path}, "particles is for groups"),
+        ({"collider": "piston"}, "needs a path or waypoints"),
+    ):
+        with pytest.raises(ps.ScenarioError, match=why):
+            ps.from_table({**table, "motions": [motion]})
+    twice = [
+        {"collider": "piston", "path": path},
+        {"collider": "piston", "spin": {"axis": [0, 1, 0], "rate": 1}},
+    ]
+    with pytest.raises(ps.ScenarioError, match="is led already"):
+        ps.from_table({**table, "motions": twice})
+
+
+def test_gravity_is_what_it_was() -> None:
+    # A ball dropped on a table that rises at 1 m/s: relative to the table it is thrown down at 1 m/s.
+    h, u = 1.0, 1.0
+    final = simulate(
+        1.0,
+        1e-3,
+        "velocity_verlet",
+        particles=[points((0, 0.5 + h, 0), radius=0.0)],
+        forces=GRAVITY,
+        colliders=[box()],
+        motions=[{"collider": "piston", "path": ["x", "y + t", "z"]}],
+    ).final
+    t = (-u + np.sqrt(u * u + 2 * G * h)) / G
+    after = u + (u + G * t)
+    left = 1.0 - t
+    y = 0.5 + u * t + after * left - G / 2 * left**2
+    assert final.position[0, 1] == pytest.approx(y, abs=1e-8)
