@@ -173,7 +173,7 @@ def unlimited() -> tuple[str, ...]:
 def _within_numbers(world: World, number: int) -> Iterator[None]:
     """Turns what no number can hold into a UsageError."""
     try:
-        with np.errstate(over="raise"):
+        with np.errstate(over="raise", invalid="raise"):  # too large, and infinite from the beginning
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
         structure = world.graph.islands[number]
