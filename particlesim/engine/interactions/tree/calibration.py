@@ -74,7 +74,12 @@ def calibrate(tree: Tree, limits: Floats, size: Floats, place: Any, w: Floats, t
             error == 0
         ):  # as among particles in one place: nothing was measured, and the first tolerance is a safe one
             return
-        if LEAST * accuracy <= error <= MOST * accuracy or (error < accuracy and _settled(tried)):
+        if LEAST * accuracy <= error <= MOST * accuracy:
+            return
+        if error < accuracy and _settled(tried):
+            limits[TOLERANCE] = (
+                tried[-2][0] ** 2
+            )  # the larger one may let in errors once there are more particles
             return
         limits[TOLERANCE] = (tried[-1][0] * _step(accuracy, tried)) ** 2
     best = min(error for _, error in tried)
