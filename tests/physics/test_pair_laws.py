@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
@@ -379,3 +380,16 @@ def test_a_tree_tells_that_forces_are_beyond_numbers(far: float, softening: floa
     law = {"type": "gravity", "method": "tree", "softening": softening}
     with pytest.raises(ps.UsageError, match="by a tree are not finite"):
         ps.run(ps.from_table(table(0.03, 0.01, particles=[group], interactions=[law])))
+
+
+def test_no_implicit_method_is_proposed_where_pairs_limit_the_step() -> None:
+    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long, with implicit methods as well
+    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0)
+    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}
+    scenario = ps.from_table(table(5.0, 0.5, "velocity_verlet", particles=[group], interactions=[law]))
+    said: list[str] = []
+    with contextlib.suppress(ps.DivergenceError):
+        ps.run(scenario, warn=said.append)
+    assert "beyond the largest stable step" in said[0]
+    assert "try simulation.dt = " in said[0]
+    assert "backward_euler" not in said[0]
