@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
-from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite
+from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
 from particlesim.engine.islands.base import OWN_STEPS
 from particlesim.engine.islands.births import Births
@@ -231,6 +231,8 @@ class Simulation(World):
         Raises DivergenceError.
         """
         if not all(map(led_are_finite, self.states)) and (lost := astray(self, self.step)) is not None:
+            raise lost
+        if (lost := lost_collider(self, self.step)) is not None:
             raise lost
         known = dict(enumerate(self._energies)) if self._energies_of == self.step else {}
         if not known and (wanted := self._guard.wants(self)):

@@ -20,7 +20,7 @@ from particlesim.flows.base import Flow
 from particlesim.laws.registry import Matrix, Particle, Vector, law, velocity, velocity_dx
 from particlesim.model.units import Metres, SquareMetresPerSecond
 from particlesim.model.units import Vector as Vector3
-from particlesim.model.vectors import unit
+from particlesim.model.vectors import square, unit
 
 
 class Vortex(Flow):
@@ -46,7 +46,7 @@ class Vortex(Flow):
 
     def record(self) -> RankineRecord | LambOseenRecord:
         kind = RankineRecord if self.profile == "rankine" else LambOseenRecord
-        return kind(*self.center, *unit(self.axis), self.circulation / (2 * np.pi), self.core_radius**2)
+        return kind(*self.center, *unit(self.axis), self.circulation / (2 * np.pi), square(self.core_radius))
 
 
 class VortexRecord(NamedTuple):

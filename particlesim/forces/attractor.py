@@ -29,6 +29,7 @@ from particlesim.model.constants import GRAVITATIONAL_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import CubicMetresPerSecondSquared, Kilograms, Metres, Number
 from particlesim.model.units import Vector as Vector3
+from particlesim.model.vectors import square
 
 
 class Attractor(Force):
@@ -74,10 +75,10 @@ class Attractor(Force):
 
     def record(self) -> InverseSquareRecord | PowerLawRecord | LogarithmicRecord:
         if self.exponent == 2:
-            return InverseSquareRecord(*self.center, self.mu, self.softening**2)
+            return InverseSquareRecord(*self.center, self.mu, square(self.softening))
         if self.exponent == 1:
-            return LogarithmicRecord(*self.center, self.mu, self.softening**2)
-        return PowerLawRecord(*self.center, self.mu, self.softening**2, (self.exponent + 1) / 2)
+            return LogarithmicRecord(*self.center, self.mu, square(self.softening))
+        return PowerLawRecord(*self.center, self.mu, square(self.softening), (self.exponent + 1) / 2)
 
     def has_zero(self) -> bool:
         return self.exponent > 1 or (self.exponent < 1 and self.mu > 0)  # infinitely far away; in the center

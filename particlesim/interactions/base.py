@@ -18,6 +18,7 @@ from particlesim.laws.registry import has_law
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
+from particlesim.model.vectors import square
 
 PairMethod = Literal["auto", "direct", "neighbours", "tree"]
 """How forces of pairs may be summed."""
@@ -108,7 +109,7 @@ class PairInteraction(Model):
         if self.shift == "none" or self.cutoff is None:
             return self.record()
         shifted = EnergyShifted if self.shift == "energy" else ForceShifted
-        return shifted(self.record(), self.cutoff**2)
+        return shifted(self.record(), square(self.cutoff))
 
     def in_steps(self, dt: float, seed: int) -> tuple[Any, ...]:
         """The parameters for a run with steps of dt [s] and a seed, which laws with random forces need."""

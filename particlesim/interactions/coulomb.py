@@ -17,6 +17,7 @@ from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import COULOMB_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import CoulombConstant, Metres, Number
+from particlesim.model.vectors import square
 
 
 class Coulomb(FarInteraction):
@@ -49,7 +50,7 @@ class Coulomb(FarInteraction):
 
     def record(self) -> CoulombRecord:
         k = COULOMB_CONSTANT / self.relative_permittivity if self.constant is None else self.constant
-        return CoulombRecord(k, self.softening**2)
+        return CoulombRecord(k, square(self.softening))
 
     def needs(self) -> frozenset[str]:
         return frozenset({"charge"})

@@ -20,6 +20,7 @@ from particlesim.laws.pair import Pair, Terms, central_law, over_cube
 from particlesim.model.constants import GRAVITATIONAL_CONSTANT
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import GravitationalConstant, Metres
+from particlesim.model.vectors import square
 
 
 class MutualGravity(FarInteraction):
@@ -49,7 +50,7 @@ class MutualGravity(FarInteraction):
     def record(self) -> MutualGravityRecord | SplineGravityRecord:
         if self.softened == "spline":
             return SplineGravityRecord(self.constant, SPLINE_REACH * self.softening)
-        return MutualGravityRecord(self.constant, self.softening**2)
+        return MutualGravityRecord(self.constant, square(self.softening))
 
     def singular(self) -> bool:
         return self.softening == 0

@@ -19,6 +19,7 @@ from particlesim.laws.pair import Pair, Terms, central_law
 from particlesim.model.base import Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Joules, Metres
+from particlesim.model.vectors import square
 
 Depth = Annotated[Joules, Ge(0)]
 Size = Annotated[Metres, Gt(0)]
@@ -55,7 +56,7 @@ class LennardJones(PairInteraction):
     def record(self) -> LennardJonesRecord | MixedRecord:
         if isinstance(self.epsilon, dict) or isinstance(self.sigma, dict):
             return MixedRecord()
-        return LennardJonesRecord(4 * self.epsilon, self.sigma**2)
+        return LennardJonesRecord(4 * self.epsilon, square(self.sigma))
 
     def numbers_of(self, group: str) -> tuple[float, float]:
         if not self.mixed:

@@ -14,6 +14,7 @@ from annotated_types import Ge
 from particlesim.interactions.base import PairInteraction
 from particlesim.laws.pair import Pair, Terms, central_law
 from particlesim.model.units import Metres, Number
+from particlesim.model.vectors import square
 
 
 class PairPowerLaw(PairInteraction):
@@ -32,8 +33,8 @@ class PairPowerLaw(PairInteraction):
 
     def record(self) -> PairPowerRecord | PairLogarithmRecord:
         if self.exponent == 1:
-            return PairLogarithmRecord(self.strength, self.softening**2)
-        return PairPowerRecord(self.strength, self.softening**2, (self.exponent + 1) / 2)
+            return PairLogarithmRecord(self.strength, square(self.softening))
+        return PairPowerRecord(self.strength, square(self.softening), (self.exponent + 1) / 2)
 
     def singular(self) -> bool:
         return self.softening == 0 and self.exponent > 0

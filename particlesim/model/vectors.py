@@ -7,6 +7,11 @@ import math
 Vector3 = tuple[float, float, float]
 
 
+def square(x: float) -> float:
+    """x², infinite where no number holds it: a length beyond all others. (x**2 would raise OverflowError.)"""
+    return x * x
+
+
 def dot(a: Vector3, b: Vector3) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -201,3 +201,19 @@ def test_hinges_and_surfaces_can_be_the_strongest() -> None:
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0.0]])
     moving = Columns(*flat.T, *np.outer([0, 0, 5.0], np.ones(3)), np.ones(3), None, None, None, ())
     assert plate.force_on(moving, 1, 0.0) == pytest.approx([0, 0, -0.5 * 1.2 * 1.5 * 25 / 3])
+
+
+@pytest.mark.parametrize(("x", "when"), [("sqrt(0.05 - t)", "0.05"), ("x + 1/t", "0"), ("t/x", "0")])
+def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str) -> None:
+    scenario = table(
+        0.1,
+        0.01,
+        particles=[points((0, 5, 0))],
+        colliders=[{"name": "ball", "type": "sphere", "radius": 1.0}],
+        motions=[{"name": "lift", "collider": "ball", "path": [x, "y", "z"]}],
+        output={"every": 1},
+    )
+    with pytest.raises(
+        ps.DivergenceError, match=f"lift gives the collider 'ball' is not finite at t = {when} s"
+    ):
+        ps.run(ps.from_table(scenario))

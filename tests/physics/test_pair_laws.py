@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
@@ -324,3 +325,71 @@ def test_charges_of_zero_do_nothing() -> None:
     assert np.array_equal(simulation.states[0].position, [[0, 0, 0], [1, 0, 0]])
     assert simulation.ledger()["potential.coulomb"] == 0
     simulation.close()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"type": "gravity", "softening": 1e200},
+        {"type": "coulomb", "softening": 1e200},
+        {"type": "power_law", "strength": 1.0, "exponent": 2.0, "softening": 1e200},
+    ],
+    ids=lambda law: law["type"],
+)
+def test_a_softening_whose_square_no_number_holds_leaves_no_force(law: dict[str, Any]) -> None:
+    group = points((0, 0, 0), (1, 0, 0), name="a", mass=1.0, charge=1e-6)
+    simulation = simulation_of(3, 0.01, particles=[group], interactions=[law])
+    simulation.advance_to(3)
+    assert np.array_equal(simulation.states[0].position, [[0, 0, 0], [1, 0, 0]])
+    simulation.close()
+
+
+@pytest.mark.parametrize("method", ["direct", "neighbours"])
+def test_a_cutoff_whose_square_no_number_holds_cuts_nothing(method: str) -> None:
+    places = []
+    for cut in ({}, {"cutoff": 1e200, "method": method}):
+        parts = binary(1.0)
+        parts["interactions"][0] |= cut
+        simulation = simulation_of(50, 0.01, **parts)
+        simulation.advance_to(50)
+        places.append(simulation.states[0].position)
+        simulation.close()
+    assert places[0] == pytest.approx(places[1], rel=1e-12)
+
+
+def test_a_length_beyond_all_numbers_is_told() -> None:
+    group = points((0, 0, 0), (1, 0, 0), name="a")
+    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1e300}
+    with pytest.raises(ps.UsageError, match="not finite"):
+        ps.run(ps.from_table(table(0.1, 0.01, particles=[group], interactions=[law])))
+
+
+def test_a_tree_takes_bodies_in_one_place() -> None:
+    # softened, so they feel nothing of each other; no error can be measured there, and the first tolerance stays
+    group = points(*[(0, 0, 0)] * 100, name="a", mass=1.0)
+    law = {"type": "gravity", "constant": 1.0, "softening": 0.1, "method": "tree"}
+    simulation = simulation_of(3, 0.01, particles=[group], interactions=[law])
+    simulation.advance_to(3)
+    assert not simulation.states[0].position.any()
+    simulation.close()
+
+
+@pytest.mark.parametrize(("far", "softening"), [(1e160, 0.0), (1.0, 1e200)])
+def test_a_tree_tells_that_forces_are_beyond_numbers(far: float, softening: float) -> None:
+    group = points((far, 0, 0), (0, 0, 0), name="a", mass=1.0)
+    law = {"type": "gravity", "method": "tree", "softening": softening}
+    with pytest.raises(ps.UsageError, match="by a tree are not finite"):
+        ps.run(ps.from_table(table(0.03, 0.01, particles=[group], interactions=[law])))
+
+
+def test_no_implicit_method_is_proposed_where_pairs_limit_the_step() -> None:
+    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long, with implicit methods as well
+    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0)
+    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}
+    scenario = ps.from_table(table(5.0, 0.5, "velocity_verlet", particles=[group], interactions=[law]))
+    said: list[str] = []
+    with contextlib.suppress(ps.DivergenceError):
+        ps.run(scenario, warn=said.append)
+    assert "beyond the largest stable step" in said[0]
+    assert "try simulation.dt = " in said[0]
+    assert "backward_euler" not in said[0]

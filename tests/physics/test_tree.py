@@ -258,3 +258,28 @@ def test_cells_without_room_are_told_and_change_no_force(monkeypatch: pytest.Mon
     assert error < 1.3e-3
     assert "no room" in tree.islands[0].interactions[0].summary()
     tree.close()
+
+
+def test_particles_that_come_later_have_the_accuracy_too() -> None:
+    # at the start there are two bodies, near each other: no tolerance makes an error, and none can be measured
+    forces = []
+    for method in ("direct", "tree"):
+        parts = {
+            "particles": [points((0, 0, 0), (1e-3, 0, 0), name="pair", mass=1.0)],
+            "emitters": [
+                {
+                    "name": "cloud",
+                    "mass": 1.0,
+                    "burst": {"at": 0.01, "count": 3000},
+                    "shape": {"type": "ball", "radius": 1},
+                }
+            ],
+            "interactions": [{"type": "gravity", "constant": 1e-3, "softening": 0.01, "method": method}],
+        }
+        simulation = Simulation(ps.from_table(table(0.03, 0.01, **parts)), threads=1)
+        simulation.advance_to(2)
+        forces.append(np.hstack([state.velocity.T for state in simulation.states]))
+        simulation.close()
+    direct, tree = forces
+    error = np.linalg.norm(tree - direct, axis=0) / np.linalg.norm(direct, axis=0)
+    assert np.sqrt(np.mean(error[2:] ** 2)) < 1e-3

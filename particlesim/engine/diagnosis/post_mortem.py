@@ -269,7 +269,8 @@ def _report(
         message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
-        hint += f": {remedy(stable, rods=bool(world.graph.islands[number].constraints))}"
+        structure = world.graph.islands[number]
+        hint += f": {remedy(stable, limited=bool(structure.constraints) or structure.has_pairs)}"
     return DivergenceError(message, hint, found)
 
 

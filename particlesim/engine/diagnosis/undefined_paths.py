@@ -1,4 +1,4 @@
-"""Led particles whose path has no value: expressions such as sqrt(1 - t) end before a run does."""
+"""Led particles and colliders whose path has no value: expressions such as sqrt(1 - t) end before a run does."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.colliders.moving import frame_at
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import drive_to
 from particlesim.engine.world import World
@@ -26,6 +27,32 @@ def astray(world: World, last: int) -> DivergenceError | None:
             middle = (low + high) // 2
             low, high = (low, middle) if _lost(state, middle * dt)[0].size else (middle, high)
         return _told(world, state, high * dt, last * dt)
+    return None
+
+
+def lost_collider(world: World, step: int) -> DivergenceError | None:
+    """The error to raise when a collider has no place or no velocity at the beginning of a step, None if all have.
+
+    Nothing touches such a collider, so no particle would tell.
+    """
+    time = step * world.scenario.grid.dt
+    for motion in world.scenario.motions:
+        if motion.collider is None:
+            continue
+        collider = next(each for each in world.scenario.all_colliders if each.name == motion.collider)
+        try:
+            with np.errstate(all="ignore"):
+                frame = frame_at(collider.body(), np.float64(time), np.float64(0))
+            place, speed = ([float(number) for number in each] for each in (frame[:3], frame[3:6]))
+        except (ArithmeticError, ValueError):  # from plain numbers: 1/x of a place at x = 0
+            place = speed = [math.nan] * 3
+        if not all(map(math.isfinite, (*place, *speed))):
+            return DivergenceError(
+                f"the path that {motion.label} gives the collider {motion.collider!r} is not finite at t = {time:.9g} s: "
+                f"place ({place[0]:.6g}, {place[1]:.6g}, {place[2]:.6g}) m, "
+                f"velocity ({speed[0]:.6g}, {speed[1]:.6g}, {speed[2]:.6g}) m/s",
+                HINT,
+            )
     return None
 
 

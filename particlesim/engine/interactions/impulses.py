@@ -6,12 +6,12 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
 and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. So momentum is kept, and energy never grows,
-pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on
-take part in the turns, so that what lies on a floor holds what lies on it.
+pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles
+lie on take part in the turns, so that what lies on a floor holds what lies on it.
 
 Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as
-they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not fly
-apart.
+they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not
+fly apart.
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
@@ -56,8 +56,8 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; rows of particles
-    at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
+    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; rows of
+    particles at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
 
     rows: Any
     normal: Any
@@ -277,21 +277,21 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
     """List those of particles [first, last) that are near a collider; returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
-        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):
-            if (not held(c.clock, i)) & (collider.response.outcome == PASS):
-                p = fetch(c, i, t)
-                g, n = gap_and_normal(collider.shape, p)
-                if g < type_of(g, NEAR_WALL) * p.r:
-                    x, y, z = whole(n, g)
-                    dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
-                    bench.wall[end] = i
-                    bench.wall_normal[0, end] = x
-                    bench.wall_normal[1, end] = y
-                    bench.wall_normal[2, end] = z
-                    lies = g < type_of(g, ON_WALL) * p.r
-                    least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
-                    bench.wall_normal[3, end] = least if lies else type_of(g, -1)
-                    end += 1
+        watched = (each.near.place[i] >= 0) & (each.a[i] > 0) & (not held(c.clock, i))
+        if watched & (end < bench.wall.size) & (collider.response.outcome == PASS):
+            p = fetch(c, i, t)
+            g, n = gap_and_normal(collider.shape, p)
+            if g < type_of(g, NEAR_WALL) * p.r:
+                x, y, z = whole(n, g)
+                dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
+                bench.wall[end] = i
+                bench.wall_normal[0, end] = x
+                bench.wall_normal[1, end] = y
+                bench.wall_normal[2, end] = z
+                lies = g < type_of(g, ON_WALL) * p.r
+                least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
+                bench.wall_normal[3, end] = least if lies else type_of(g, -1)
+                end += 1
     return end
 
 

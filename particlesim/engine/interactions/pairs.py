@@ -33,6 +33,7 @@ from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
+from particlesim.model.vectors import square
 
 MOST_LOOKED_AT = 50_000_000
 """Pairs that are looked at for the largest stable step: about a second; of more particles, some, evenly spread."""
@@ -250,7 +251,7 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
     reach = law.reach()
     least = None if law.everywhere() else dtype.type(0)
-    most = None if reach is None else dtype.type(reach**2)
+    most = None if reach is None else dtype.type(square(reach))
     own = np.zeros((2, site.whole.count), dtype)
     for name in pairs.groups:
         first, count = site.offset[name], site.state[name].count

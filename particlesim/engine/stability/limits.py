@@ -57,6 +57,8 @@ class IslandStability:
     spectra: dict[str, NDArray[np.complex128]] = field(repr=False, default_factory=dict)
     rods: bool = False
     """Whether there are rods, which methods without a limit cannot hold."""
+    pairs: bool = False
+    """Whether there are interactions of pairs, which have a limit with implicit methods, too: they are not in the matrix."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
@@ -71,7 +73,7 @@ class IslandStability:
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {remedy(self.step, rods=self.rods)}"
+            f"{self._strictest()}: {remedy(self.step, limited=self.rods or self.pairs)}"
         )
 
     def _strictest(self) -> str:
@@ -143,10 +145,13 @@ def suspects(world: World) -> Stability:
     return Stability(dt, tuple(island for island in found if island.warning(dt) is not None))
 
 
-def remedy(step: float, *, rods: bool) -> str:
-    """What to try when steps are longer than the largest stable one [s]; methods without a limit hold no rods."""
+def remedy(step: float, *, limited: bool) -> str:
+    """What to try when steps are longer than the largest stable one [s].
+
+    `limited`: with rods, which methods without a limit cannot hold, or interactions of pairs, which those leave explicit.
+    """
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
-    names = () if rods else unlimited()
+    names = () if limited else unlimited()
     return f"{text}, or an integrator without a limit ({', '.join(names)})" if names else text
 
 
@@ -174,7 +179,7 @@ def unlimited() -> tuple[str, ...]:
 def _within_numbers(world: World, number: int) -> Iterator[None]:
     """Turns what no number can hold into a UsageError."""
     try:
-        with np.errstate(over="raise"):
+        with np.errstate(over="raise", invalid="raise"):  # too large, and infinite from the beginning
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
         structure = world.graph.islands[number]
@@ -222,6 +227,7 @@ def _judged(world: World, number: int) -> IslandStability:
         values,
         spectra,
         bool(structure.constraints),
+        structure.has_pairs,
     )
 
 

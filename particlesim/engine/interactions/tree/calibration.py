@@ -70,10 +70,24 @@ def calibrate(tree: Tree, limits: Floats, size: Floats, place: Any, w: Floats, t
         error = rms_error(tree.field[:, rows], exact, float(size[feel].mean()))
         tried.append((math.sqrt(limits[TOLERANCE]), error))
         limits[ERROR] = max(error, np.finfo(float).eps)
-        if LEAST * accuracy <= error <= MOST * accuracy or (error < accuracy and _settled(tried)):
+        if (
+            error == 0
+        ):  # as among particles in one place: nothing was measured, and the first tolerance is a safe one
+            return
+        if LEAST * accuracy <= error <= MOST * accuracy:
+            return
+        if error < accuracy and _settled(tried):
+            limits[TOLERANCE] = (
+                tried[-2][0] ** 2
+            )  # the larger one may let in errors once there are more particles
             return
         limits[TOLERANCE] = (tried[-1][0] * _step(accuracy, tried)) ** 2
     best = min(error for _, error in tried)
+    if not math.isfinite(best):
+        raise UsageError(
+            "forces by a tree are not finite, or less than numbers can tell from nothing",
+            'places, masses or a softening are out of all proportion; give other units, or method = "direct"',
+        )
     if best > accuracy:
         raise UsageError(
             f"forces cannot be as accurate as {accuracy:g} with a tree: {best:.1e} is reached",
@@ -108,9 +122,14 @@ def evaluate(
 
 
 def rms_error(found: Floats, exact: Floats, mean: float) -> float:
-    """Root of the mean square of relative errors [3, n]; relative to no less than a part of the mean."""
+    """Root of the mean square of relative errors [3, n]; relative to no less than a part of the mean; 0 without any."""
     miss = np.linalg.norm(found - exact, axis=0)
-    return float(np.sqrt(np.mean((miss / np.maximum(np.linalg.norm(exact, axis=0), LEAST_NEED * mean)) ** 2)))
+    if not miss.any():
+        return 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(
+            np.sqrt(np.mean((miss / np.maximum(np.linalg.norm(exact, axis=0), LEAST_NEED * mean)) ** 2))
+        )
 
 
 def _sampled(tree: Tree, place: Any, w: Floats, rows: Any, team: Team | None) -> Floats:

@@ -35,6 +35,7 @@ from particlesim.engine.interactions.tree.form import BothSigns, Form, Gradient,
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
+from particlesim.model.vectors import square
 from particlesim.process.threads import Team
 
 SPRINGS_PER_PARTICLE = 200
@@ -170,7 +171,7 @@ def tree_of(site: Site, pairs: PairSet) -> TreePairs:
         member[first : first + site.state[name].count] = 1
     signs = OneSign() if law.by == "mass" else BothSigns()
     order = calibration.order_for(law.accuracy, int(member.sum()))
-    form = Form((None,) * order, signs, Plummer(law.softening_length() ** 2), Gradient())
+    form = Form((None,) * order, signs, Plummer(square(law.softening_length())), Gradient())
     limits = np.array([*calibration.first_limits(law.accuracy), law.accuracy, 0.0])
     return TreePairs(
         direct,
