@@ -88,7 +88,7 @@ def test_short_words_are_not_taken_for_other_words(more: str) -> None:
     ("line", "said"),
     [
         ("pin = true", '"pinned" of [[particles]]'),
-        ("restitution = 1", '"restitution" belongs in [[planes]]'),
+        ("detection = 'discrete'", '"detection" belongs in [[planes]]'),
         ("velocity = [1, 0, 0]", '"velocity" belongs in layout of [[particles]]'),
         ("integrator = 'verlet'", '"velocity_verlet" or "stormer_verlet"'),
         ("integrator = { method = 'leapfrog' }", '"velocity_verlet" or "stormer_verlet"'),
