@@ -16,6 +16,8 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
+from particlesim.bodies import Bodies
+from particlesim.bodies.shape import BODY_SHAPES
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
@@ -38,6 +40,7 @@ from particlesim.model.base import field_docs
 from particlesim.sampling.distributions import Choice, Exponential, LogNormal, Normal, Uniform
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
+from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.time_and_output import Output, SimulationSettings
@@ -47,6 +50,8 @@ TEXTS = Path(__file__).with_name("reference")
 
 DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
 SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
+NOT_FOR_BODIES = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
+"""Keys of particles that bodies refuse."""
 DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
 
 
@@ -63,6 +68,8 @@ def parts() -> Iterator[str]:
     yield "## `[simulation]`"
     yield prose("simulation")
     yield table(SimulationSettings)
+    yield "### `box`"
+    yield summary(PeriodicBox) + "\n\n" + table(PeriodicBox)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
@@ -83,6 +90,11 @@ def parts() -> Iterator[str]:
     yield from variants(DYNAMICS)
     yield "### Cooling"
     yield summary(Cooling) + "\n\n" + table(Cooling)
+    yield "## `[[bodies]]`"
+    yield prose("rigid_bodies")
+    yield table(Bodies, without=NOT_FOR_BODIES)
+    yield "### Shapes of bodies"
+    yield from variants(BODY_SHAPES)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
+from particlesim.bodies import Bodies, BodyShape
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
@@ -33,15 +34,19 @@ from particlesim.model.units import Unit
 from particlesim.sampling.distributions import Distribution
 from particlesim.sampling.regions import HalfSpace
 from particlesim.sampling.shapes import Shape
+from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 # What a table is called, and where on the page it is described. The first match counts.
 TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (SimulationSettings, "[simulation](#simulation)"),
+    (PeriodicBox, "[box](#box)"),
     (Output, "[output](#output)"),
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),
+    (Bodies, "[bodies](#bodies)"),
+    (BodyShape, "[shape of a body](#shapes-of-bodies)"),
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),
     (Force, "[forces](#forces)"),

@@ -30,11 +30,15 @@ def plan(
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
+    from particlesim.graph.graph import method_of
     from particlesim.integrators import method_for
     from particlesim.preflight.advice import advice, long_sums, sliding
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
+    methods = {method_of(group, scenario.simulation.integrator).label: None for group in scenario.bodies}
+    if len(scenario.bodies) < len(scenario.groups):
+        methods = {method_for(scenario.simulation.integrator).label: None, **methods}
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
@@ -50,7 +54,7 @@ def plan(
         "steps": grid.steps,
         "dt": grid.dt,
         "dt_asked": grid.asked,
-        "integrator": method_for(scenario.simulation.integrator).label,
+        "integrator": " and ".join(methods),
         "precision": scenario.simulation.precision,
         "frames": required.frames,
         "fields": ["position", "id", *scenario.recorded_fields()],
@@ -69,12 +73,12 @@ def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
     from particlesim.compiler import uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import misplaced
+    from particlesim.runs.validity import misplaced, squeezed
 
     with uncompiled():
         world = World(scenario)
         found = stability(world)
-        return found, (*found.warnings, *misplaced(world))
+        return found, (*found.warnings, *misplaced(world), *squeezed(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ def mean_square_displacement(trajectory: Trajectory, *, group: str | None = None
         raise UsageError(f"{trajectory.path} has no frames yet")
     first = trajectory[0]
     chosen = np.ones(len(first), bool) if group is None else first.of(group)
-    ids, start = first.id[chosen], first.position[chosen].astype(float)
+    ids, start = first.id[chosen], first.unwrapped[chosen].astype(float)
     order = np.argsort(ids, kind="stable")
     ids, start = ids[order], start[order]
     found = np.full(len(trajectory), np.nan)
@@ -33,7 +33,7 @@ def mean_square_displacement(trajectory: Trajectory, *, group: str | None = None
         place = np.minimum(np.searchsorted(ids, frame.id), max(len(ids) - 1, 0))
         known = ids[place] == frame.id if len(ids) else np.zeros(len(frame), bool)
         if known.any():
-            moved = frame.position[known].astype(float) - start[place[known]]
+            moved = frame.unwrapped[known].astype(float) - start[place[known]]
             found[number] = (moved**2).sum(axis=1).mean()
     return found
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from particlesim.analysis import series
 from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, save
+from particlesim.analysis.motion import mean_square_displacement
+from particlesim.analysis.structure import radial_distribution
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import unknown_name
 from particlesim.trajectory.reader import Trajectory
@@ -30,8 +32,10 @@ def plot(
     """Draw `quantity` over time into the image `out` (PNG, SVG or PDF by its ending).
 
     quantity: "energy" (parts and total), "drift" (relative energy drift), "momentum", "angular_momentum",
-    "count", or a component such as "x", "vy", "speed", "temperature": a line per particle if there are at
-    most 12, else the median within bands that hold 50 % and 90 % of them. ids, group: only these particles.
+    "count", "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "rdf" (the
+    radial distribution function of the last frame, over the distance), or a component such as "x", "vy", "speed",
+    "temperature": a line per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of
+    them. ids, group: only these particles.
     Raises UsageError for what the file does not hold, an output that exists (unless `overwrite`), an unknown
     ending, and when matplotlib is missing.
     """
@@ -39,9 +43,13 @@ def plot(
     known = series.quantities(trajectory)
     if quantity not in known and quantity not in series.LEDGER_QUANTITIES:
         raise unknown_name("quantity", quantity, known)
-    if quantity in series.LEDGER_QUANTITIES and (ids is not None or group is not None):
+    if quantity in (*series.LEDGER_QUANTITIES, "pressure") and (ids is not None or group is not None):
         raise UsageError(
             f"{quantity!r} is recorded for all particles together", "Leave out the choice of ids or group."
+        )
+    if quantity in series.TOGETHER and ids is not None:
+        raise UsageError(
+            f"{quantity!r} is one of many particles", "Leave out the choice of ids; --group is possible."
         )
     if not len(trajectory):
         raise UsageError(f"{trajectory.path} has no frames yet")
@@ -70,6 +78,19 @@ def _draw(
         _lines(axes, times, {"count": trajectory.counts})
         axes.set_ylim(bottom=0)
         return "Particles"
+    if quantity == "pressure":
+        _lines(axes, times, {"pressure": trajectory.ledger["pressure"]})
+        return "Pressure"
+    if quantity == "displacement":
+        _lines(axes, times, {"displacement": mean_square_displacement(trajectory, group=group)})
+        return "Mean square displacement"
+    if quantity == "rdf":
+        last, box = trajectory[-1], trajectory.box
+        x = last.position if group is None else last.position[last.of(group)]
+        sizes = None if box is None else [np.inf if each is None else each for each in box.periods]
+        curve = radial_distribution(x, box=sizes)
+        _lines(axes, curve.x, {"rdf": curve.y})
+        return "Radial distribution function"
     drawn = series.of_particles(trajectory, quantity, ids=ids, group=group)
     if isinstance(drawn, series.Tracks):
         _lines(axes, times, {f"id {i}": v for i, v in zip(drawn.ids, drawn.values.T, strict=True)})
@@ -109,12 +130,16 @@ def _legend(axes: Axes) -> None:
 def _label(axes: Axes, trajectory: Trajectory, quantity: str, title: str) -> None:
     unit = series.unit_of(quantity)
     name = title.split(" · ")[0]
-    axes.set_xlabel("time [s]", color=INK)
+    over_time = quantity != "rdf"
+    axes.set_xlabel("time [s]" if over_time else "distance [m]", color=INK)
     axes.set_ylabel(f"{name} [{unit}]" if unit else name, color=INK)
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=INK)
     axes.set_title(trajectory.path.name, loc="right", fontsize=9, color="#777777")
     axes.margins(x=0.01)
     # Differences of large numbers are read better as 9.81 than as 1e-3 + 9.8; tiny numbers keep their power.
     axes.ticklabel_format(axis="y", useOffset=False, scilimits=(-3, 5), useMathText=True)
-    if np.ptp(trajectory.times) > 0:
+    if not over_time:
+        axes.ticklabel_format(axis="x", useOffset=False, scilimits=(-3, 5), useMathText=True)
+        axes.set_xlim(left=0)
+    elif np.ptp(trajectory.times) > 0:
         axes.set_xlim(float(trajectory.times.min()), float(trajectory.times.max()))

@@ -17,6 +17,8 @@ from particlesim.trajectory.reader import Trajectory
 Series = npt.NDArray[np.float64]
 
 LEDGER_QUANTITIES = ("energy", "momentum", "angular_momentum", "count", "drift")
+TOGETHER = ("displacement", "rdf")
+"""Quantities of all particles, or of a group, together: mean square displacement, and radial distribution."""
 FEW = 12
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
@@ -43,7 +45,8 @@ def quantities(trajectory: Trajectory) -> tuple[str, ...]:
     if "velocity" in trajectory.fields:
         particles.append("speed")
     known = [name for name in LEDGER_QUANTITIES if name == "count" or trajectory.ledger]
-    return tuple(dict.fromkeys((*known, *particles)))
+    known += ["pressure"] if "pressure" in trajectory.ledger else []
+    return tuple(dict.fromkeys((*known, *TOGETHER, *particles)))
 
 
 def energies(trajectory: Trajectory) -> dict[str, Series]:
@@ -134,6 +137,8 @@ def component_of(frame: Frame, quantity: str) -> npt.NDArray[Any]:
 
 def unit_of(quantity: str) -> str:
     """SI unit of anything that `quantities` names; "" for pure numbers."""
+    if quantity == "displacement":
+        return "m²"
     if (found := component(quantity)) is not None:
         return FIELDS[found[0]].unit
     return ledger_unit(quantity)

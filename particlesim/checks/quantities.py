@@ -19,6 +19,8 @@ from particlesim.model.units import (
     Newtons,
     NewtonSeconds,
     Number,
+    Pascals,
+    RadiansPerSecond,
     Seconds,
     Unit,
     shown,
@@ -41,13 +43,21 @@ TOTALS = (
 )
 """Quantities that every simulation has; `scenario.ledger_columns` knows those that a scenario adds."""
 
-VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3)
+VECTOR_FIELDS = tuple(spec.name for spec in FIELDS.values() if spec.components == 3 and spec.kind == "float")
+
+
+def axes_of(field: str) -> tuple[str, ...]:
+    """Names of the components of a field; quaternions begin with w."""
+    return AXES if FIELDS[field].components == 3 else ("w", *AXES)
+
 
 FIELD_QUANTITIES = tuple(
     name
     for spec in FIELDS.values()
     if spec.kind == "float"
-    for name in ([spec.name] if spec.components == 1 else [f"{spec.name}.{axis}" for axis in AXES])
+    for name in (
+        [spec.name] if spec.components == 1 else [f"{spec.name}.{axis}" for axis in axes_of(spec.name)]
+    )
 )
 """Quantities of every particle, which a statistic makes one number."""
 
@@ -61,10 +71,13 @@ _UNITS: dict[str, Any] = {
     "energy": Joules,
     "work": Joules,
     "balance": Joules,
+    "pressure": Pascals,
     "momentum": NewtonSeconds,
     "angular_momentum": JouleSeconds,
     "position": Metres,
     "velocity": MetresPerSecond,
+    "orientation": Number,
+    "angular_velocity": RadiansPerSecond,
     "speed": MetresPerSecond,
     "acceleration": MetresPerSecondSquared,
     "force": Newtons,

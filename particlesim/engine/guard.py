@@ -13,6 +13,7 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
 from particlesim.engine.world import World
@@ -50,6 +51,11 @@ class Guard:
         self._judged = [
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
+        ]
+        # What starts inside is pushed apart step by step, which gives energy.
+        self._judged = [
+            judged and not (isinstance(island, RigidIsland) and island.intrusions())
+            for judged, (island, _) in zip(self._judged, pairs, strict=True)
         ]
         # The first step at which the energies of an island can be a beginning.
         self._from = [int(any(overlaps(island, structure))) for island, structure in pairs]

@@ -13,7 +13,7 @@ from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite,
 from particlesim.engine.guard import Guard
 from particlesim.engine.islands.base import OWN_STEPS
 from particlesim.engine.islands.births import Births
-from particlesim.engine.ledger.sums import MOTION, measure
+from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
 from particlesim.engine.step.records import as_precision
@@ -21,7 +21,7 @@ from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
-from particlesim.scenario.ledger_columns import attribute_totals, work_columns
+from particlesim.scenario.ledger_columns import attribute_totals, pressures, work_columns
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -57,6 +57,7 @@ class Simulation(World):
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
+        self._pressures = pressures(self.scenario)
         self._ledger_columns = self._name_columns()
         self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
@@ -142,10 +143,10 @@ class Simulation(World):
         forces = sorted({k for here, _ in self._sources for k in here})
         bonds = range(len(self.scenario.forces), len(self._labels) - len(self.scenario.interactions))
         names = [self._labels[k] for k in (*forces, *bonds)]
-        names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.conserves()]
+        names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
-        return (*MOTION, *potentials, *attribute_totals(self.scenario), *work)
+        return (*MOTION, *potentials, *attribute_totals(self.scenario), *self._pressures, *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -167,9 +168,26 @@ class Simulation(World):
         for energies in self._energies:
             for name, value in energies.items():
                 total[name] += value
+        for name in self._pressures:
+            total[name] = self._pressure(total)
         if self.scenario.output.work:
             self._balance(total)
         return total
+
+    def _pressure(self, row: dict[str, float]) -> float:
+        """(2 K + Σ l·f)/(3 V) [Pa], with the energy K of the motion about the centre of mass: the virial theorem."""
+        box = self.scenario.simulation.box
+        volume = None if box is None else box.as_box().volume
+        assert volume is not None
+        mass = sum(float(state.mass[: state.count].sum(dtype=float)) for state in self.states)
+        drift = sum(row[f"momentum.{axis}"] ** 2 for axis in "xyz") / (2 * mass) if mass > 0 else 0.0
+        virial = sum(
+            float(np.trace(found))
+            for island in self.islands
+            for each in island.interactions
+            if (found := each.virial(island.island_columns(), self.time)) is not None
+        )
+        return (2 * (row["kinetic"] - drift) + virial) / (3 * volume)
 
     def _balance(self, total: dict[str, float]) -> None:
         """Add the work that has been done and what is left of the balance [J]."""
@@ -189,9 +207,9 @@ class Simulation(World):
         """Kinetic and potential energies of an island [J]; its momenta are added to `total`."""
         island, structure = self.islands[number], self.graph.islands[number]
         found = {"kinetic": 0.0}
-        for columns, group in zip(island.columns(), structure.groups, strict=True):
+        for member, group in enumerate(structure.groups):
             forces, records = self._sources[self.scenario.groups.index(group)]
-            sums = measure(records, columns, self.time, self.team).tolist()
+            sums = island.sums(member, records, self.time, self.team).tolist()
             if group.dynamics.type == "second_order":
                 found["kinetic"] += sums[0]
                 for key, value in zip(MOTION[1:], sums[1:], strict=False):

@@ -24,6 +24,7 @@ from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.layout import Layout
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -53,13 +54,27 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Simulation: frozenset(
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
-            *("_kicks", "_labels", "_sources", "_ledger_columns"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
             *("_energies", "_energies_of"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
+    RigidIsland: frozenset(
+        (
+            "_joined",
+            "_structure",
+            "_method",
+            "_scene",
+            "_still",
+            "_motion",
+            "_contacts",
+            "_kept",
+            "_kept_memory",
+            "kept_from",
+        )
+    ),
     IndependentIsland: frozenset(("program", "_booking")),
     CoupledIsland: frozenset(
         {

@@ -18,6 +18,7 @@ from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
@@ -50,7 +51,8 @@ class World:
             for group in island.groups:
                 if not isinstance(group, Emitter):
                     states[group.name] = populate(self.scenario, island, group)
-        for group in self.scenario.particles:  # ids run through the groups in the scenario's order
+        # Ids run through the groups in the scenario's order.
+        for group in (*self.scenario.particles, *self.scenario.bodies):
             state = states[group.name]
             state.id[: state.count] += first_id
             first_id += state.count
@@ -62,7 +64,9 @@ class World:
             mine = [
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
-            if island.coupled:
+            if island.rigid:
+                islands.append(RigidIsland(self.scenario, island, mine, ids))
+            elif island.coupled:
                 islands.append(CoupledIsland(self.scenario, island, mine, ids))
             else:
                 islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))
@@ -103,6 +107,14 @@ class World:
             for name, each in zip(island.names, island.interactions, strict=True)
             if each.broke is not None
         }
+
+    def turning(self, state: GroupState) -> NDArray[np.float64]:
+        """Angular velocities of the bodies of a group [rad/s], shape [n, 3]."""
+        for island in self.islands:
+            for member, part in zip(island.states, rows(island.states), strict=True):
+                if member is state:
+                    return island.turning()[:, part].T
+        raise ValueError(f"{state.name} is no group of this simulation")
 
     def forces_on(self, state: GroupState) -> NDArray[np.floating[Any]]:
         """Sum of all forces on every particle of a group [N], shape [n, 3]."""

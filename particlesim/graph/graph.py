@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from particlesim.bodies import Bodies
 from particlesim.bonds import BondSet, HingeSet, RodSet
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
@@ -17,6 +18,7 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
 from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, pair_sets
@@ -69,6 +71,11 @@ class Island:
         return bool(self.interactions or self.constraints) or self.method.together
 
     @property
+    def rigid(self) -> bool:
+        """Whether it is one of rigid bodies."""
+        return isinstance(self.groups[0], Bodies)
+
+    @property
     def has_pairs(self) -> bool:
         """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
         return any(isinstance(each, PairSet) for each in self.interactions)
@@ -94,10 +101,13 @@ class Graph:
         lines = []
         for number, island in enumerate(self.islands):
             kind = "coupled: steps together" if island.coupled else "independent particles: steps in blocks"
+            kind = "rigid bodies: step together" if island.rigid else kind
             lines.append(f"island {number + 1} ({kind}, {island.method.label})")
             for group in island.groups:
                 node = next(
-                    n for n in self.nodes if n.kind in ("particles", "emitter") and n.name == group.name
+                    n
+                    for n in self.nodes
+                    if n.kind in ("particles", "bodies", "emitter") and n.name == group.name
                 )
                 lines.append(f"  {node.kind} {node.name}: {node.detail}")
                 sources = [edge.source for edge in self.edges if edge.target == node]
@@ -190,6 +200,8 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
 
 def method_of(group: Group, default: AnyIntegrator) -> Method:
     """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
+    if isinstance(group, Bodies):
+        return RIGID_LEAPFROG
     method = method_for(group.integrator or default)
     return method if group.dynamics.type == "second_order" else _without_inertia(method)
 
@@ -215,6 +227,8 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
     for first, *others in (each.groups for each in (*interactions, *rods)):
         for other in others:
             parent[root(other)] = root(first)
+    for body in scenario.bodies[1:]:  # they may all touch
+        parent[root(body.name)] = root(scenario.bodies[0].name)
     members: dict[str, list[Group]] = {}
     for group in scenario.groups:
         members.setdefault(root(group.name), []).append(group)
@@ -249,6 +263,11 @@ def _group_node(group: Group) -> Node:
         return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
     assert isinstance(group, Particles)
     number = group.layout.number()
+    if isinstance(group, Bodies):
+        what = group.shape.words()
+        return Node(
+            "bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}"
+        )
     count = f"{number} particles" if number is not None else "particles"
     return Node("particles", group.name, f"{count}, {group.layout.type}")
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from particlesim.extensions.open_union import OpenUnion
 from particlesim.interactions.base import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.interactions.coulomb import Coulomb
 from particlesim.interactions.flocking import Flocking
 from particlesim.interactions.formula import PairFormula
@@ -29,6 +30,7 @@ INTERACTIONS: tuple[type[PairInteraction], ...] = (
     PairFormula,
     PairFriction,
     Flocking,
+    Contact,
 )
 
 OPEN_INTERACTIONS = OpenUnion(
@@ -51,7 +53,8 @@ AnyInteraction = Annotated[
     | SoftSphere
     | PairFormula
     | PairFriction
-    | Flocking,
+    | Flocking
+    | Contact,
     Tagged("type"),
     OPEN_INTERACTIONS,
 ]

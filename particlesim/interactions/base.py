@@ -143,6 +143,10 @@ class PairInteraction(Model):
         """Whether its forces derive from a potential."""
         return has_law(pair_potential, self.record())
 
+    def stores(self) -> bool:
+        """Whether pairs have an energy, that the ledger shows, be it alone or beside losses."""
+        return self.conserves()
+
     def feeds(self) -> bool:
         """Whether it may bring energy from outside."""
         return not self.conserves()

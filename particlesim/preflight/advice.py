@@ -8,6 +8,7 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -15,6 +16,8 @@ PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
 """Seconds on one core beyond which all pairs of a run are told to be many."""
+BY_PLACE = ("attractor", "point_spring", "rotating_frame", "field")
+"""Forces that depend on the place."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -30,6 +33,8 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_loose(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_unrepeated(scenario),
+        *contact_doubts(scenario),
     )
 
 
@@ -82,6 +87,13 @@ def _projection(scenario: Scenario) -> list[str]:
 def _friction(scenario: Scenario) -> list[str]:
     """Friction that no surface shows, and friction that acts on nothing."""
     found = []
+    for body in scenario.bodies:
+        static, kinetic = body.coefficients
+        if kinetic > static:
+            found.append(
+                f"{body.name!r}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back "
+                "more than what lies, and what starts stops again"
+            )
     for k, each in enumerate(scenario.all_colliders):
         name, (static, kinetic) = f"{each.kind} {each.name or k}", each.coefficients
         if kinetic > static:
@@ -124,6 +136,17 @@ def _explicit(scenario: Scenario) -> list[str]:
         "of an explicit method, or equations will not be solved"
         for each in pair_sets(scenario)
         if isinstance(methods[each.groups[0]], ImplicitMethod)
+    ]
+
+
+def _unrepeated(scenario: Scenario) -> list[str]:
+    """Forces that depend on the place, in a periodic box."""
+    if scenario.simulation.box is None:
+        return []
+    return [
+        f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
+        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        if force.type in BY_PLACE
     ]
 
 

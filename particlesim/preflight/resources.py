@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
+from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
-from particlesim.integrators import RungeKutta, method_for
+from particlesim.integrators import RungeKutta
 from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
@@ -42,6 +44,11 @@ SPRING_BYTES = 32
 """Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
 ROSTER_BYTES = 40
 """What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
+BODY_BYTES = 16_000
+"""Memory of a rigid body beside that of a particle: room for its contacts, what is remembered of them, and the solver's
+scratch; measured."""
+BODY_SAVED = 64 * 48 + 64
+"""What a checkpoint keeps of a rigid body: impulses of contacts, orientation, angular momentum."""
 ROD_BYTES = 500
 """Memory of a rod in a chain: its place in the order of elimination, rows of the matrix, scratch."""
 SPRING_STORED = 10
@@ -119,13 +126,15 @@ def _width(scenario: Scenario) -> int:
 def _particle_bytes(scenario: Scenario, group: Group) -> float:
     """Memory of a particle of a group while it is stepped."""
     number = _width(scenario)
-    method = method_for(group.integrator or scenario.simulation.integrator)
+    method = method_of(group, scenario.simulation.integrator)
     size: float = 7 * number + 8  # position, velocity, mass; id
     size += _attribute_bytes(group, number)
     size += method.memory * number
     if isinstance(group, Emitter):
         return 1.5 * (size + CLOCK_BYTES)  # room to grow
     assert isinstance(group, Particles)
+    if isinstance(group, Bodies):
+        return 2 * size + BODY_BYTES
     if group.pinned:
         size += CLOCK_BYTES
     joined: list[tuple[str, ...]] = [each.groups for each in scenario.bonds]
@@ -140,10 +149,12 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
 def _saved_bytes(scenario: Scenario, group: Group) -> float:
     """Memory of a particle of a group in a checkpoint, which is a copy of the state until it is written."""
     number = _width(scenario)
-    method = method_for(group.integrator or scenario.simulation.integrator)
+    method = method_of(group, scenario.simulation.integrator)
     clocked = isinstance(group, Emitter) or (isinstance(group, Particles) and bool(group.pinned))
     size = (7 + method.memory) * number + 8  # position, velocity, mass; id
     size += number * (not group.has("radius"))  # stored in any case
+    if isinstance(group, Bodies):
+        size += BODY_SAVED
     return size + CLOCK_BYTES * bool(clocked) + _attribute_bytes(group, number)
 
 

@@ -98,7 +98,7 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball."""
+    """All other shapes among the colliders: containers and whatever is no ball; and rigid bodies."""
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
@@ -107,6 +107,10 @@ def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
             pose = None if each.motion is None else functools.partial(_pose, each)
             pivot = np.zeros(3) if pose is None else np.array(each.pivot())
             shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose))
+    groups = [group.name for group in scenario.groups]
+    for body in scenario.bodies:
+        surface = body.shape.triangles()
+        shapes.append(MeshShape(surface.corners, surface.faces, group=groups.index(body.name)))
     return tuple(shapes)
 
 

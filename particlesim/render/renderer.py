@@ -40,6 +40,7 @@ from particlesim.render.kernels.solids import box_triangles, box_tubes
 from particlesim.render.overlay import Overlay
 from particlesim.render.scene import colormaps
 from particlesim.render.scene.bodies import Bodies
+from particlesim.render.scene.box_edges import AlongPaths, BoxEdges
 from particlesim.render.scene.camera import Viewpoint, choose_viewpoint
 from particlesim.render.scene.coloring import NOTHING, choose_coloring, color_indices, quantized, values_of
 from particlesim.render.scene.draw_list import NO_BOX, Act, Balls, Buffers, Cast
@@ -57,6 +58,7 @@ from particlesim.render.scene.shadow_maps import depth_map
 from particlesim.render.scene.source import BallShape, Frame, FrameSource, MeshShape, PlaneShape
 from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
+from particlesim.trajectory.box import Box
 
 Picture = npt.NDArray[np.uint8]
 
@@ -98,7 +100,12 @@ class Renderer:
         self.coloring = choose_coloring(source, settings.color_by)
         if settings.color_by == "auto" and groups and set(self.own_colors) >= set(groups):
             self.coloring = NOTHING  # nothing is left that a value could colour
-        self.scene = survey(source, self._values)
+        box: Box | None = getattr(source, "box", None)
+        self.box = None if box is None or self.bodies else BoxEdges(box)
+        self._follows_paths = box is not None and self.box is None
+        self.scene = survey(source, self._values, self._as_drawn)
+        if self.box is not None:
+            self.scene = self.scene.with_points(self.box.corners)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
         self.range = (float(low), float(high))
@@ -110,14 +117,14 @@ class Renderer:
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         solid = balls if settings.ground else ()
-        stage = meshes if settings.ground else ()
+        stage = tuple(each for each in meshes if settings.ground or each.group is not None)
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
         self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, stage)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         self.balls = Balls.of(solid, self.center, self.scale)
-        self.props = Props(stage, self.center, self.scale)
+        self.props = Props(stage, self.center, self.scale, source[0])
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
@@ -211,13 +218,14 @@ class Renderer:
     def draw(self, frame: Frame, turn: float = 0.0) -> Picture:
         """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its
         target."""
+        frame = self._as_drawn(frame)
         viewpoint = self.viewpoint.turned(turn) if turn else self.viewpoint
         view = viewpoint.view(self.center, self.scale, self.width, self.height)
         planes = _towards(self.planes, view)
         cast = self._place(frame, view, planes)
         bare = _without(cast, [mask for _, mask in self._sheer])
         shadow, sky = self._maps(bare)
-        act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._trail_segments(frame, view))
+        act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._lines(frame, view))
         out = self._paint(act)
         for share, mask in self._sheer:
             others = [other for _, other in self._sheer if other is not mask]
@@ -328,7 +336,7 @@ class Renderer:
         world, sphere = np.empty((every, 3), np.float32), np.empty((every, 4), np.float32)
         box = np.empty((every, 4), np.int32)
         world[n:last] = balls.center
-        world[last:], normal = self.props.at(float(frame.time))
+        world[last:], normal = self.props.at(frame)
         chunks = -(-n // CHUNK)
         bad = [0] * chunks
 
@@ -341,13 +349,15 @@ class Renderer:
         project.to_view(world, radius, n, every, view, planes, 0.0, sphere, box)
         with self._lock:
             self.bad_positions += sum(bad)
-        hidden = np.concatenate([self.bodies.concealed(frame, sized), np.arange(n, every) >= last])
+        concealed = self.bodies.concealed(frame, sized) | self.props.carried(frame)
+        hidden = np.concatenate([concealed, np.arange(n, every) >= last])
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
         solids, whole = self._with_props(solids, whole, world, last, normal, view)
-        stone = np.full(every - n, len(self.palette) - 1, color.dtype)
-        color = np.concatenate([self._painted(frame, color), stone])
+        painted, stone = self._painted(frame, color), len(self.palette) - 1
+        balls_color = np.full(last - n, stone, color.dtype)
+        color = np.concatenate([painted, balls_color, self.props.colors(frame, painted, stone)])
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX
@@ -452,14 +462,26 @@ class Renderer:
             else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
         )
 
-    def _trail_segments(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
-        if self.trails is None:
-            return None
+    def _lines(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
+        """Trails, and the edges of a periodic box."""
+        found: list[tuple[Array, Array]] = []
         width = max(3.6 * self.height / 1080, 1.5 * self.samples)
-        segments = self.trails.segments(
-            float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id)
-        )
-        return segments if len(segments[0]) else None
+        if self.trails is not None:
+            found.append(
+                self.trails.segments(
+                    float(frame.time), view, self.center, self.scale, width, np.asarray(frame.id)
+                )
+            )
+        if self.box is not None:
+            edges = self.box.segments(view, self.center, self.scale, 0.4 * width)
+            found.append((edges, np.full(len(edges), len(self.palette) - 1, np.int32)))
+        if not any(len(rows) for rows, _ in found):
+            return None
+        return np.concatenate([rows for rows, _ in found]), np.concatenate([color for _, color in found])
+
+    def _as_drawn(self, frame: Frame) -> Frame:
+        """A frame whose springs and surfaces do not lead across a periodic box: there, positions are those along paths."""
+        return AlongPaths(frame) if self._follows_paths else frame
 
     def _buffers(self, width: int) -> Buffers:
         """This thread's samples of one band."""

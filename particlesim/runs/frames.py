@@ -21,7 +21,7 @@ Buffer = Callable[[str, int], Array]
 def column(
     simulation: Simulation, field: str, out: Array, overflowed: Callable[[str], None] | None = None
 ) -> Array:
-    """Fill `out`, of shape [n] or [n, 3], with a field of all particles, group after group.
+    """Fill `out`, of shape [n] or [n, 3], with a field of all particles, group after group; positions are those in the box.
 
     Beyond 3.4e38 a float32 is infinite; the state is not, and the run goes on. `overflowed(field)` is called then.
     """
@@ -46,14 +46,23 @@ def _fill(
     note: Callable[..., None],
 ) -> None:
     n, time = state.count, simulation.time
-    if field == "position":
+    box = simulation.scenario.simulation.box
+    if field == "position" and box is not None:
+        out[:] = box.as_box().wrapped(state.x[:, :n].T)
+    elif field == "position":
         _interleave(simulation, state.x, out, note)
+    elif field == "image":
+        out[:] = 0 if box is None else box.as_box().images(state.x[:, :n].T)
     elif field == "velocity":
         _interleave(simulation, state.v, out, note)
     elif field == "force":
         out[:] = simulation.forces_on(state)
     elif field == "acceleration":
         out[:] = simulation.forces_on(state) / state.mass[:n, None]
+    elif field == "orientation":
+        out[:] = state.orientations().T
+    elif field == "angular_velocity":
+        out[:] = simulation.turning(state)
     elif field == "speed":
         out[:] = np.sqrt((state.v[:, :n].astype(float) ** 2).sum(axis=0))
     elif field == "temperature":
@@ -92,7 +101,7 @@ def columns_of(
 def frame_of(simulation: Simulation, index: int) -> Frame:
     """The present state as a frame in memory, in the run's own precision; fields are made when they are asked for."""
     count = simulation.count
-    precision = simulation.scenario.simulation.precision
+    precision, box = simulation.scenario.simulation.precision, simulation.scenario.simulation.box
 
     def load(field: str) -> Array:
         spec = FIELDS[field]
@@ -103,7 +112,8 @@ def frame_of(simulation: Simulation, index: int) -> Frame:
         time=simulation.time,
         step=simulation.step,
         count=count,
-        fields=tuple(FIELDS),
+        fields=tuple(name for name in FIELDS if name != "image" or box is not None),
         groups=tuple(group.name for group in simulation.scenario.groups),
         load=load,
+        box=None if box is None else box.as_box(),
     )

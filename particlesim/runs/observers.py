@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.checks.check import Check, Initial
-from particlesim.checks.quantities import AXES, FIELD_QUANTITIES
+from particlesim.checks.quantities import AXES, FIELD_QUANTITIES, axes_of
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import rows
 from particlesim.errors import UsageError
@@ -62,7 +62,8 @@ class Selection:
         chosen = self.of_group(simulation)
         if self._region is None:
             return chosen
-        return chosen[inside(self._region, values(simulation, "position")[chosen])]
+        places = column(simulation, "position", np.empty((simulation.count, 3)))
+        return chosen[inside(self._region, places[chosen])]
 
     def of_group(self, simulation: Simulation) -> NDArray[np.intp]:
         """Rows of the particles of the group, in the region or not."""
@@ -73,10 +74,13 @@ class Selection:
 
 
 def values(simulation: Simulation, quantity: str) -> Floats:
-    """A field of all particles at the present state, or a component of it: shape [n] or [n, 3]."""
+    """A field of all particles at the present state, or a component of it: shape [n] or [n, 3]; positions along the path."""
     name, _, axis = quantity.partition(".")
-    whole = column(simulation, name, np.empty(FIELDS[name].shape(simulation.count)))
-    return np.asarray(whole[:, AXES.index(axis)] if axis else whole)
+    if name == "position" and simulation.scenario.simulation.box is not None:
+        whole = np.concatenate([state.position.astype(float) for state in simulation.states])
+    else:
+        whole = column(simulation, name, np.empty(FIELDS[name].shape(simulation.count)))
+    return np.asarray(whole[:, axes_of(name).index(axis)] if axis else whole)
 
 
 class Statistic:
@@ -228,11 +232,11 @@ class Reference:
     def _farthest(
         self, simulation: Simulation, frame: Frame, wanted: NDArray[Any], ids: NDArray[Any]
     ) -> Seen:
-        stored = frame[self._field]
+        stored = frame.unwrapped if self._field == "position" else frame[self._field]
         here = values(simulation, self._field)[_places(ids, wanted)].astype(stored.dtype).astype(float)
         expected = stored[_places(frame.id, wanted)].astype(float)
         if self._axis:
-            here, expected = (v[:, AXES.index(self._axis)] for v in (here, expected))
+            here, expected = (v[:, axes_of(self._field).index(self._axis)] for v in (here, expected))
         apart = np.abs(here - expected) if here.ndim == 1 else np.linalg.norm(here - expected, axis=1)
         apart[np.isnan(apart)] = np.inf
         worst = int(apart.argmax())

@@ -26,7 +26,7 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced
+from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -169,6 +169,7 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
     found = (
         *suspects(simulation).warnings,
         *misplaced(simulation),
+        *squeezed(simulation),
         *flat_triangles(scenario),
         *long_sums(scenario),
     )
@@ -259,6 +260,7 @@ def _writer(
         causes=tuple(CAUSES.values()),
         particles_hint=max(most, 1),
         topology=topology,
+        box=None if scenario.simulation.box is None else scenario.simulation.box.as_box(),
     )
 
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import Mesh
+from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.islands.rigid import Intrusion, RigidIsland
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
@@ -74,6 +76,8 @@ def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
+        if isinstance(island, RigidIsland) and (intrusions := island.intrusions()):
+            found.append(_intruding(world, intrusions))
         for overlap in overlaps(island, structure):
             state = overlap.state
             where, collider = next(
@@ -86,6 +90,30 @@ def misplaced(world: World) -> tuple[str, ...]:
                 "surface, which changes their energy"
             )
     return tuple(found)
+
+
+def _intruding(world: World, intrusions: list[Intrusion]) -> str:
+    """What bodies are inside of at the start, and how deep."""
+    (name, number), other, depth = intrusions[0]
+    if isinstance(other, tuple):
+        what = f"body {other[1]} of {other[0]!r}"
+    else:
+        where = next(path for path, each in collider_tables(world.scenario) if each is other)
+        what = f"{other.kind} {other.name or '.'.join(map(str, where))}"
+    pairs = f"{len(intrusions):,} pairs overlap" if len(intrusions) > 1 else "one pair overlaps"
+    return (
+        f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
+        f"{depth:.3g} m; the first steps push them apart, which may change their energy"
+    )
+
+
+def squeezed(world: World) -> tuple[str, ...]:
+    """A sentence for every interaction by contact with particles that overlap each other at the start."""
+    return tuple(
+        f"{each.label}: {each.number:,} pair{'s' if each.number > 1 else ''} of particles overlap at the start, the deepest "
+        f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
+        for each in crowded(world)
+    )
 
 
 def flat_triangles(scenario: Scenario) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     stored = [
         label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
     ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
-    stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.conserves()]
+    stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.stores()]
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
@@ -28,8 +28,21 @@ def totals(scenario: Tables) -> tuple[str, ...]:
         *(f"broken.{name}" for name in broken),
         *(f"potential.{label}" for label in stored),
         *attribute_totals(scenario),
+        *pressures(scenario),
         *(booked(scenario) if scenario.output.work else ()),
     )
+
+
+def pressures(scenario: Tables) -> tuple[str, ...]:
+    """The pressure, where particles fill a box that is periodic along all axes and act on each other alone: what springs,
+    rods and pins carry is not counted."""
+    box = scenario.simulation.box
+    if box is None or not all(box.periodic):
+        return ()
+    carried = bool(scenario.bonds or scenario.rod_sets or scenario.hinges)
+    carried = carried or any(group.has_pins() for group in scenario.particles)
+    moving = all(group.dynamics.type == "second_order" for group in scenario.groups)
+    return ("pressure",) if moving and not carried else ()
 
 
 def attribute_totals(scenario: Tables) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
+from particlesim.bodies import Bodies
 from particlesim.bonds import BondSet
 from particlesim.colliders import Collider
 from particlesim.forces import Force
@@ -44,6 +45,8 @@ def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[
 
 def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     """Why a group cannot feel an interaction; None if it can."""
+    if isinstance(group, Bodies):
+        return "interactions act between particles, and rigid bodies feel none"
     if group.dynamics.type == "tracer":
         return "tracers move with their flow; nothing acts on them"
     if group.dynamics.type == "first_order" and interaction.needs_velocity():
@@ -88,5 +91,7 @@ def may_break(scenario: Tables, bonds: BondSet) -> bool:
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
+    for k, bodies in enumerate(scenario.bodies):
+        yield ("bodies", k), bodies
     for k, emitter in enumerate(scenario.emitters):
         yield ("emitters", k), emitter

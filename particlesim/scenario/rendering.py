@@ -26,7 +26,7 @@ def colorable(fields: Collection[str], *, springs: bool = False) -> tuple[str, .
     """What `color_by` may be for a trajectory with these fields, and perhaps with springs."""
     speed = ("speed",) if {"velocity", "speed"} & set(fields) else ()
     strain = ("strain",) if springs else ()
-    own = sorted({*fields, *speed, *strain, "x", "y", "z"} - {"position", "id"})
+    own = sorted({*fields, *speed, *strain, "x", "y", "z"} - {"position", "id", "image"})
     return ("auto", "none", *own)
 
 

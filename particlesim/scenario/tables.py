@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import PrivateAttr
 
+from particlesim.bodies import Bodies
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
 from particlesim.checks.check import Check
 from particlesim.colliders import AnyCollider, Collider, Plane
@@ -39,6 +40,8 @@ class Tables(Model):
     """Which moments and which quantities go to the trajectory."""
     particles: tuple[Particles, ...] = ()
     """Particles that are there from the start."""
+    bodies: tuple[Bodies, ...] = ()
+    """Rigid bodies."""
     emitters: tuple[Emitter, ...] = ()
     """Sources of particles."""
     forces: tuple[AnyForce, ...] = ()
@@ -75,8 +78,8 @@ class Tables(Model):
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """All groups: laid out ones, then those of emitters."""
-        return (*self.particles, *self.emitters)
+        """All groups: laid out ones, bodies, then those of emitters."""
+        return (*self.particles, *self.bodies, *self.emitters)
 
     @property
     def all_colliders(self) -> tuple[Collider, ...]:
@@ -129,9 +132,11 @@ class Tables(Model):
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
         groups = ("group",) if len(self.groups) > 1 else ()
+        if self.simulation.box is not None:
+            groups = (*groups, "image")
         if self.output.fields is not None:
-            return (*self.output.fields, *groups)
-        fields = ["velocity"]
+            return tuple(dict.fromkeys((*self.output.fields, *groups)))
+        fields = ["velocity", *(("orientation", "angular_velocity") if self.bodies else ())]
         fields += [
             name
             for name, attribute in ATTRIBUTES.items()

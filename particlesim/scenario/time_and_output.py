@@ -12,11 +12,17 @@ from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Hertz, Seconds
+from particlesim.scenario.box import PeriodicBox
 
 if TYPE_CHECKING:
     FieldName = str
 else:
-    FieldName = Literal[("velocity", "speed", "acceleration", "force", *ATTRIBUTES, "age")]
+    FieldName = Literal[
+        (
+            *("velocity", "orientation", "angular_velocity", "speed", "acceleration", "force"),
+            *(*ATTRIBUTES, "age", "image"),
+        )
+    ]
 
 
 class SimulationSettings(Model):
@@ -34,6 +40,8 @@ class SimulationSettings(Model):
     """Seed of all random numbers."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of the state: 64 bits, or 32 bits for half the memory and more speed."""
+    box: PeriodicBox | None = None
+    """A periodic box. Particles outside of it at the start are images of others inside."""
 
     @model_validator(mode="after")
     def _one_step(self) -> SimulationSettings:

@@ -44,10 +44,27 @@ FIELDS: dict[str, FieldSpec] = {
         FieldSpec("id", 1, "", "integer", "Number that a particle keeps from birth to death; never reused."),
         FieldSpec("velocity", 3, "m/s", "float", "How fast it moves."),
         FieldSpec("force", 3, "N", "float", "Sum of all forces on it."),
+        FieldSpec("orientation", 4, "", "float", "How a rigid body is turned: a unit quaternion w, x, y, z."),
+        FieldSpec(
+            "angular_velocity",
+            3,
+            "rad/s",
+            "float",
+            "How fast a rigid body turns, along the axes of the world.",
+        ),
         FieldSpec("acceleration", 3, "m/s²", "float", "Rate of change of its velocity."),
         *(FieldSpec(each.name, 1, each.unit, "float", each.doc) for each in ATTRIBUTES.values()),
         FieldSpec("age", 1, "s", "float", "Time since its birth."),
         FieldSpec("speed", 1, "m/s", "float", "Length of its velocity."),
+        FieldSpec(
+            "image",
+            3,
+            "",
+            "integer",
+            "How many boxes of a periodic box it has gone: along its path it is at position + "
+            "image times the size of the box.",
+            bits=32,
+        ),
         FieldSpec("group", 1, "", "integer", "Index of its group in the list of group names.", bits=32),
     )
 }
@@ -55,13 +72,23 @@ FIELDS: dict[str, FieldSpec] = {
 ALWAYS = ("position", "id")
 
 _AXES = ("x", "y", "z")
-_PREFIX = {"position": "", "velocity": "v", "force": "f", "acceleration": "a"}
+_PREFIX = {
+    "position": "",
+    "velocity": "v",
+    "force": "f",
+    "acceleration": "a",
+    "angular_velocity": "w",
+    "image": "image_",
+}
+_QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 def component_names(name: str) -> tuple[str, ...]:
     """Short column names of a field: position → x, y, z; velocity → vx, vy, vz; scalars keep their name."""
     if FIELDS[name].components == 1:
         return (name,)
+    if name == "orientation":
+        return _QUATERNION
     return tuple(_PREFIX[name] + axis for axis in _AXES)
 
 
@@ -104,4 +131,6 @@ def ledger_unit(column: str) -> str:
         return "kg m²/s"
     if head in {"kinetic", "potential", "energy", "total", "work", "balance", "dissipated", "thermal"}:
         return "J"
+    if head == "pressure":
+        return "Pa"
     return ATTRIBUTES[head].unit if head in ATTRIBUTES else ""

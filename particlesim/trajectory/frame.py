@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
+from particlesim.trajectory.box import Box
 from particlesim.trajectory.fields import unknown_name
 
 Array = npt.NDArray[Any]
@@ -27,6 +28,8 @@ class Frame:
     index: int
     fields: tuple[str, ...]
     groups: tuple[str, ...]
+    box: Box | None
+    """The periodic box that positions are in; None where there is none."""
 
     def __init__(
         self,
@@ -38,12 +41,14 @@ class Frame:
         fields: tuple[str, ...],
         groups: tuple[str, ...],
         load: Callable[[str], Array],
+        box: Box | None = None,
     ) -> None:
         self.index = index
         self.time = time
         self.step = step
         self.fields = fields
         self.groups = groups
+        self.box = box
         self._count = count
         self._load = load
         self._loaded: dict[str, Array] = {}
@@ -80,6 +85,12 @@ class Frame:
     def position(self) -> Array:
         """Positions [m], shape [n, 3]."""
         return self["position"]
+
+    @property
+    def unwrapped(self) -> Array:
+        """Positions along the paths of the particles [m], shape [n, 3]: in a periodic box `position` is that of the image in
+        the box. Without one they are the positions."""
+        return self["position"] if self.box is None else self.box.unwrapped(self["position"], self["image"])
 
     @property
     def id(self) -> Array:

@@ -9,6 +9,7 @@
       Steps                         NSteps; Values (times); where each frame starts
     /psim
       format                        version of this layout (attribute)
+      box [3, 3]                    origin, size, periodic or not of a periodic box (attribute); positions are in it
       frames [frames]               number, step, time, offset, count, births, deaths of each
       ledger [frames]               one named column per quantity
       events/births, deaths         id, time, cause
@@ -32,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particlesim.trajectory.box import Box
 from particlesim.trajectory.chunks import chunk_rows
 from particlesim.trajectory.fields import FieldSpec, Precision, ledger_unit
 from particlesim.trajectory.topology import Topology, write_topology
@@ -63,6 +65,17 @@ def column_path(field: str) -> str:
     return "VTKHDF/Points" if field == "position" else f"VTKHDF/PointData/{field}"
 
 
+def read_box(psim: h5py.Group) -> Box | None:
+    """The periodic box that positions are in. Raises ValueError for an attribute that makes none."""
+    if "box" not in psim.attrs:
+        return None
+    stored = np.asarray(psim.attrs["box"], float).reshape(3, 3)
+    if not (np.isfinite(stored).all() and stored[1].min() > 0):
+        raise ValueError("a box without a size")
+    (a, b, c), (width, height, depth), (x, y, z) = stored.tolist()
+    return Box((a, b, c), (width, height, depth), (x != 0, y != 0, z != 0))
+
+
 def ledger_dtype(columns: Sequence[str]) -> np.dtype[Any]:
     """One float64 per ledger column."""
     return np.dtype([(name, "<f8") for name in columns])
@@ -80,6 +93,7 @@ def create_file(
     compressed: bool,
     particles: int,
     topology: Sequence[Topology] = (),
+    box: Box | None = None,
 ) -> None:
     """Write a complete trajectory file without frames; `particles` is the count expected in a large one.
 
@@ -96,6 +110,8 @@ def create_file(
         _create_cells(file, topology)
         _create_psim(file, groups, ledger, causes)
         write_topology(file["psim"], topology)
+        if box is not None:
+            file["psim"].attrs["box"] = np.array(box, float)
         for key, value in provenance.items():
             file["psim/provenance"][key] = value
     path.write_bytes(image.getbuffer())

@@ -20,7 +20,7 @@ from particlesim.trajectory.files import check_readable, damaged, finished_frame
 from particlesim.trajectory.frame import Frame
 from particlesim.trajectory.hdf5 import entries
 from particlesim.trajectory.integrity import check_contents, check_tables
-from particlesim.trajectory.layout import STATES, STATUS, column_path
+from particlesim.trajectory.layout import STATES, STATUS, column_path, read_box
 from particlesim.trajectory.lock import is_being_written
 from particlesim.trajectory.summary import read_summary
 from particlesim.trajectory.superblock import read_superblock
@@ -124,6 +124,9 @@ class Trajectory(Sequence[Frame]):
         recorded = self._file["VTKHDF/PointData"]
         self.fields = tuple(name for name in FIELDS if name == "position" or name in recorded)
         self.groups = tuple(psim["groups"].asstr()[:]) if len(psim["groups"]) else ()
+        self.box = read_box(psim)
+        if self.box is not None and "image" not in self.fields:
+            raise damaged(self.path, "it has a periodic box and no images")
         self.provenance = {name: _plain(dataset) for name, dataset in entries(psim["provenance"])}
         if not isinstance(self.provenance.get("scenario", ""), str):
             raise damaged(self.path, "its scenario is no text")
@@ -235,6 +238,7 @@ class Trajectory(Sequence[Frame]):
             fields=self.fields,
             groups=self.groups,
             load=lambda field: self._read(field, index),
+            box=self.box,
         )
 
     def _read(self, field: str, index: int, row: int | None = None) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import InputOutputError, UsageError
+from particlesim.trajectory.box import Box
 from particlesim.trajectory.buffers import BufferPool
 from particlesim.trajectory.checkpoint_file import discard_checkpoints
 from particlesim.trajectory.continuation import cut_to
@@ -46,7 +47,7 @@ class TrajectoryWriter:
     counts into. ledger: names of scalars given with every frame. provenance: where the file comes from; the
     key "scenario" holds its TOML text. causes: names of the codes that `events` takes. particles_hint: the
     largest count expected in a frame; it only chooses how the file is cut (`chunks`). topology: springs and
-    surfaces, of names of their own.
+    surfaces, of names of their own. box: the periodic box that positions are in; `fields` then has "image".
 
     The file is at `path` as soon as the constructor returns. Raises UsageError for an unknown field and for a
     path that exists (unless `overwrite`) or cannot be written.
@@ -66,6 +67,7 @@ class TrajectoryWriter:
         causes: Sequence[str] = (),
         particles_hint: int = 8192,
         topology: Sequence[Topology] = (),
+        box: Box | None = None,
     ) -> None:
         self._take(path, fields, ledger, precision, topology)
         check_target(self.path, overwrite=overwrite)
@@ -81,6 +83,7 @@ class TrajectoryWriter:
             compressed=compression == "gzip",
             particles=particles_hint,
             topology=topology,
+            box=box,
         )
         self._run = str(provenance.get("run", ""))
         self._begin(0)

@@ -128,7 +128,7 @@ def melt(edge: int, threads: int) -> tuple[Simulation, float]:
     island = simulation.islands[0]
     (each,) = island.interactions
     near = new_neighbours(each.near.members, len(x), CUTOFF, SKIN, box=(edge * spacing,) * 3)
-    island.interactions, island._shares = (each._replace(near=near),), {}
+    island._lay_out((each._replace(near=near),), None)
     simulation.advance_to(100)
     return simulation, edge * spacing
 

@@ -39,10 +39,12 @@ def test_every_registered_class_and_record_is_reached() -> None:
     assert {type(f) for f in FORCE_CASES.values()} == set(FORCES)
     assert {type(f) for f in FLOW_CASES.values()} == set(FLOWS)
     registered = {record for generic in GENERICS.values() for record in generic.laws}
-    # Not those of the engine, of bonds and surfaces (test_bonds), nor paths, which are no forces.
+    # Not those of the engine, of bonds and surfaces (test_bonds), nor paths, which are no forces, of particles or colliders
+    # (test_moving_colliders).
     beyond = (
         "particlesim.engine.",
         "particlesim.bonds.",
+        "particlesim.colliders.moving",
         "particlesim.groups.motion",
         "particlesim.forces.sheet_drag",
     )

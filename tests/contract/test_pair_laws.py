@@ -64,6 +64,7 @@ def test_force_is_the_gradient_of_its_potential(model: PairInteraction) -> None:
     if not has_law(pair_potential, record):
         return
     for p in PAIRS:
+        p = p._replace(vx=0.0, vy=0.0, vz=0.0)  # dampers beside a potential do nothing then
         gradient = differences(lambda q: pair_potential(record, q), p, "x y z")[0]  # type: ignore[arg-type,return-value]
         f = pair_force(record, p)
         noise = 1.5 * np.finfo(float).eps / H * abs(pair_potential(record, p))
@@ -86,7 +87,7 @@ def test_jacobians(model: PairInteraction, generic: object, names: str) -> None:
         expected = differences(lambda q: pair_force(record, q), p, names)  # type: ignore[arg-type,return-value]
         found = np.reshape(generic(record, p), (3, 3))  # type: ignore[operator]
         np.testing.assert_allclose(
-            found, expected, rtol=0, atol=1e-6 * scale(expected) + TOLERANCE * scale(pair_force(record, p))
+            found, expected, rtol=0, atol=2e-6 * scale(expected) + TOLERANCE * scale(pair_force(record, p))
         )
 
 

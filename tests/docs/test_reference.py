@@ -61,7 +61,7 @@ def complete(text: str) -> str:
     keys = tomllib.loads(text)
     if "simulation" not in keys:
         text += SIMULATION
-    if not {"particles", "emitters"} & set(keys):
+    if not {"particles", "bodies", "emitters"} & set(keys):
         text += PARTICLES
     return text
 
@@ -186,7 +186,11 @@ def test_commands_exist(line: str) -> None:
     if words and not words[0].startswith("-"):
         assert words[0] in known, f"there is no psim {words[0]}"
         command, words = known[words[0]], words[1:]
-    options = {o for parameter in command.params for o in (*parameter.opts, *parameter.secondary_opts, "--help", "-h")}
+    options = {
+        o
+        for parameter in command.params
+        for o in (*parameter.opts, *parameter.secondary_opts, "--help", "-h")
+    }
     for word in words:
         if re.match(r"-{1,2}[a-zA-Z]", word):
             assert word.partition("=")[0] in options, f"{line}: no option {word}"

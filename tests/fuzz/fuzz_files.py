@@ -16,6 +16,7 @@ import io
 import os
 import re
 import resource
+import shutil
 import signal
 import struct
 import sys
@@ -307,6 +308,9 @@ def read_sweep(path: Path) -> None:
 
 def read_scenario(path: Path) -> None:
     """A scenario, written down again, and by its name."""
+    for named in SCENARIOS.glob("*.png"):  # what shipped scenarios name
+        if not path.with_name(named.name).exists():
+            shutil.copy(named, path.with_name(named.name))
     scenario = ps.load(path)
     physics_digest(scenario)
     path.with_name("again.toml").write_text(dump(scenario), encoding="utf-8")

@@ -158,7 +158,24 @@ PAIRS: Table = {
     ],
 }
 
+BODIES: Table = {
+    "simulation": {"duration": 0.8, "dt": 0.002, "seed": 4},
+    "output": {"every": 20},
+    "bodies": [
+        {
+            "name": "bricks",
+            "shape": {"type": "box", "size": [0.1, 0.2, 0.4]},
+            "orientation": "random",
+            "layout": {"type": "lattice", "spacing": 0.4, "counts": [2, 3, 2], "origin": [0, 0.3, 0]},
+        },
+        {"name": "ball", "shape": {"type": "sphere", "radius": 0.2}, "position": [0.2, 1.8, 0.2]},
+    ],
+    "forces": [{"type": "gravity"}],
+    "planes": [{"normal": [0, 1, 0], "restitution": 0.3, "friction": 0.5}],
+}
+
 KINDS = {
+    "bodies": BODIES,
     "fountain": FOUNTAIN,
     "cloth": CLOTH,
     "memory": MEMORY,

@@ -6,7 +6,7 @@ import particlesim as ps
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
 
 
-@pytest.mark.parametrize("kind", ["fountain", "cloth", "memory", "adaptive", "rods", "pairs"])
+@pytest.mark.parametrize("kind", ["fountain", "cloth", "memory", "adaptive", "rods", "pairs", "bodies"])
 def test_stopped_twice_and_resumed(tmp_path, resume, whole, kind):
     scenario = ps.from_table(resume.kinds[kind])
     path = tmp_path / "a.vtkhdf"

@@ -16,6 +16,7 @@ from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import Move, all_finite, evaluate, kick_and_drift, look, rates
 from particlesim.engine.coupled.workspace import StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
+from particlesim.engine.interactions.interaction import conclude_elements
 from particlesim.engine.state.columns import block_of, fetch, held, in_step, span, still, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
@@ -226,8 +227,8 @@ def begin_step(c: Any, work: Any, share: Any) -> None:
 
 
 def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
-    """Contacts and breaking after a step; returns whether it was a good one in all shares, else restores its beginning if
-    that has been kept."""
+    """Contacts, what interactions do then, and breaking after a step; returns whether it was a good one in all shares, else
+    restores its beginning if that has been kept."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     collide(parts, c, work.before, share, t, end, h)
     after_contact(share.rods, c, share)
@@ -235,6 +236,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0
     if good:
+        conclude_elements(share.elements, parts, c, work.before, share, end, h)
         break_bonds(bonds, c, share, end)
     else:
         back_to_beginning(work.before, c, share)

@@ -33,7 +33,10 @@ class Overlap(NamedTuple):
 
 
 def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
-    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out."""
+    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out; rigid
+    bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
+    if structure.rigid:
+        return
     for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
         if not state.count or (isinstance(group, Particles) and group.pinned is True):
             continue

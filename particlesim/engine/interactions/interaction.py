@@ -78,6 +78,11 @@ class Interaction:
     prepares: ClassVar[bool] = False
     """Whether it has something to find out before every sum of forces (`prepare`)."""
 
+    concludes: ClassVar[bool] = False
+    """Whether it has something to do at the end of every step (`conclude`)."""
+    looks_back: ClassVar[bool] = False
+    """Whether it then needs the state at the beginning of the step."""
+
     # ---- kernels: forces, and the matrix of implicit methods
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
@@ -86,6 +91,14 @@ class Interaction:
         All threads of an island call it, with all positions in place; thread `share.number` of `share.threads` owns
         particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has
         written what others read, it ends with one, as `add_forces` only reads.
+        """
+
+    def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
+
+        All threads of an island call it, with all particles in their places after other contacts; `parts`
+        are the groups with their colliders, and `before` [6, n] is the
+        state at the beginning of the step, where it `looks_back`. It ends with a `meet`.
         """
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
@@ -148,6 +161,10 @@ class Interaction:
         """One that is laid out anew after births and deaths, with what the one before, of which row k is row `place[k]` now,
         has found out."""
         return self
+
+    def virial(self, c: Any, t: float) -> Floats | None:
+        """Σ l ⊗ f over its pairs at time t [J], shape [3, 3]; None of what is no sum over pairs."""
+        return None
 
     def energy(self, c: Any) -> float | None:
         """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
@@ -258,6 +275,19 @@ def prepare_elements(sets: Any, c: Any, share: Any, t: Any) -> None:
     for each in sets:
         if type(each).prepares:
             prepare_set(each, c, share, t)
+
+
+@outlined
+def conclude_set(each: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """`conclude` for one set."""
+    type(each).conclude(each, parts, c, before, share, t, h)
+
+
+def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """Let all sets that have something to do at the end of a step do so; all threads of an island come here."""
+    for each in sets:
+        if type(each).concludes:
+            conclude_set(each, parts, c, before, share, t, h)
 
 
 @outlined

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from particlesim.engine.interactions.contacts import contacts_of
+from particlesim.engine.interactions.impulses import impulses_of
 from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
 from particlesim.interactions import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
 
 METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "direct": pairs_of,
@@ -36,5 +39,7 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
 
     Raises UsageError for two at one place, if they have no force there.
     """
+    if isinstance(pairs.law, Contact):
+        return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
     count = sum(site.state[name].count for name in pairs.groups)
     return METHODS[chosen(pairs.law, count)](site, pairs)

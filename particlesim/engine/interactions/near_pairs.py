@@ -35,7 +35,7 @@ from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import AT_ONCE, BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block, energy_in, force_in, pair_of
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
-from particlesim.engine.interactions.pairs import refuse_coincident, spans_of, what_acts
+from particlesim.engine.interactions.pairs import periods_of, refuse_coincident, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
 from particlesim.laws.pair import pair_potential
@@ -50,7 +50,8 @@ class NearColumns(NamedTuple):
     [m²]; what it keeps of every particle, [n], and ids, None where the law does not read them: all as in `PairColumns`.
 
     Then the lists; what laws read of the particles in the order of the lists, [room], None where they do not read it; and
-    the forces in that order, [room, 3].
+    the forces in that order, [room, 3]; and periods of the box, as in
+    `PairColumns`.
     """
 
     law: tuple[Any, ...]
@@ -62,28 +63,17 @@ class NearColumns(NamedTuple):
     near: Neighbours
     seen: Block
     pull: Any
+    box: Any = None
 
 
-class NearPairs(Interaction, NearColumns):
-    """An interaction of pairs with a cutoff, summed over neighbour lists."""
+class NearLists(Interaction):
+    """What all kinds have in common that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
 
     __slots__ = ()
     prepares: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(NearColumns._fields)
-
-    def prepare(self, c: Any, share: Any, t: Any) -> None:
-        near, groups = self.near, self.near.begin.size
-        changed = bring_up(self, c, share, t)
-        if self.ids is not None or changed or near.report[DUE] != 0:
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    pull_on(self, g, t)
-            meet(share.gate, share.threads)
-            if share.number == 0:
-                near.report[DUE] = 0
+    law: Any
+    near: Neighbours
+    pull: Any
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
@@ -101,6 +91,57 @@ class NearPairs(Interaction, NearColumns):
     @property
     def effort(self) -> int:
         return SPRINGS * len(self.near.members)
+
+    def linearise(self, c: Any, t: float) -> PairTensors:
+        return PairTensors(self, c, t)
+
+    def list_pairs(self, c: Any) -> tuple[Ints, Ints]:
+        """Both ends of the pairs in the lists, each pair once."""
+        near_forces(self, c, lone(c.x.size), 0.0)
+        near, found = self.near, [np.empty((2, 0), np.int64)]
+        for g in range(near.begin.size):
+            begin = int(near.begin[g])
+            others = near.candidates[begin : begin + int(near.count[g])].astype(np.int64) & MOST - 1
+            rows = near.order[GROUP * g : GROUP * g + GROUP].astype(np.int64)
+            rows = rows[rows >= 0]
+            i, j = np.repeat(rows, len(others)), np.tile(near.order[others].astype(np.int64), len(rows))
+            found.append(np.stack([i, j])[:, i < j])
+        i, j = np.concatenate(found, axis=1)
+        if near.box is not None:  # in a small box lists may have two images of a particle
+            i, j = np.unique(np.stack([i, j]), axis=1)
+        return i, j
+
+    def bounds(self, c: Any, w: Floats, t: float) -> tuple[Ints, Floats, Floats]:
+        """Rows of particles, and largest stiffness [1/s²] and damping [1/s] of each; w is 1/m."""
+        out = np.zeros((14, len(w)))
+        near_bounds(self, c, lone(c.x.size), w, out, t)
+        return np.arange(len(w)), *tensor_bounds(out)
+
+    def force_on(self, c: Any, row: int, t: float) -> Floats:
+        near_forces(self, c, lone(c.x.size), t)
+        k = int(self.near.place[row])
+        return np.zeros(3) if k < 0 else np.asarray(self.pull[k].astype(float))
+
+
+class NearPairs(NearLists, NearColumns):
+    """An interaction of pairs with a cutoff, summed over neighbour lists."""
+
+    __slots__ = ()
+    follows: ClassVar[frozenset[str]] = frozenset(NearColumns._fields)
+
+    def prepare(self, c: Any, share: Any, t: Any) -> None:
+        near, groups = self.near, self.near.begin.size
+        changed = bring_up(self, c, share, t)
+        if self.ids is not None or changed or near.report[DUE] != 0:
+            while True:
+                first = atomic_add(near.report, TURN, AT_ONCE)
+                if first >= groups:
+                    break
+                for g in range(first, min(first + AT_ONCE, groups)):
+                    pull_on(self, g, t)
+            meet(share.gate, share.threads)
+            if share.number == 0:
+                near.report[DUE] = 0
 
     def renewed(self) -> Self:
         forget(self.near)
@@ -121,38 +162,10 @@ class NearPairs(Interaction, NearColumns):
         return f"neighbour lists of {len(self.near.members)} particles"
 
     def virial(self, c: Any, t: float) -> Floats:
-        """Σ l ⊗ f over all pairs [J], shape [3, 3]; its trace is −3 V times the pressure that the forces make."""
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""
         out = np.zeros(9)
-        near_virial(self, c, lone(c.x.size), t, out)
+        near_virial(self, c._replace(clock=None), lone(c.x.size), t, out)
         return out.reshape(3, 3)
-
-    def linearise(self, c: Any, t: float) -> PairTensors:
-        return PairTensors(self, c, t)
-
-    def list_pairs(self, c: Any) -> tuple[Ints, Ints]:
-        """Both ends of the pairs in the lists, each pair once."""
-        near_forces(self, c, lone(c.x.size), 0.0)
-        near, found = self.near, [np.empty((2, 0), np.int64)]
-        for g in range(near.begin.size):
-            begin = int(near.begin[g])
-            others = near.candidates[begin : begin + int(near.count[g])].astype(np.int64) & MOST - 1
-            rows = near.order[GROUP * g : GROUP * g + GROUP].astype(np.int64)
-            rows = rows[rows >= 0]
-            i, j = np.repeat(rows, len(others)), np.tile(near.order[others].astype(np.int64), len(rows))
-            found.append(np.stack([i, j])[:, i < j])
-        i, j = np.concatenate(found, axis=1)
-        return i, j
-
-    def bounds(self, c: Any, w: Floats, t: float) -> tuple[Ints, Floats, Floats]:
-        """Rows of particles, and largest stiffness [1/s²] and damping [1/s] of each; w is 1/m."""
-        out = np.zeros((14, len(w)))
-        near_bounds(self, c, lone(c.x.size), w, out, t)
-        return np.arange(len(w)), *tensor_bounds(out)
-
-    def force_on(self, c: Any, row: int, t: float) -> Floats:
-        near_forces(self, c, lone(c.x.size), t)
-        k = int(self.near.place[row])
-        return np.zeros(3) if k < 0 else np.asarray(self.pull[k].astype(float))
 
 
 # What laws see of particles in the lists
@@ -359,8 +372,20 @@ class IntoBounds(NamedTuple):
             row = near.order[place]
             for k in range(count):
                 other = near.order[self.entries[k] & MOST - 1]
-                if (row >= 0) & (row != other):
+                one = is_nearest(near, place, self.entries[k] & MOST - 1, image)
+                if (row >= 0) & (row != other) & one:
                     add_bounds(self.each, self.c, self.w, row, other, self.t, self.out[:, row])
+
+
+def is_nearest(near: Any, place: Any, other: Any, image: Any) -> Any:
+    """Whether an image of a member is the one nearest to another; of images that are as near, all are."""
+    found = True
+    if near.box is not None:
+        for axis, period in enumerate(near.box):
+            if period is not None:
+                d = near.x[axis, place] - near.x[axis, other] - near.images[axis, image]
+                found = found & (abs(d) <= 0.5 * period)
+    return found
 
 
 @kernel
@@ -388,7 +413,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
     if law.between is None:
         names.sort(key=site.offset.__getitem__)
     rows = [np.arange(site.offset[name], site.offset[name] + site.state[name].count) for name in names]
-    reach = 0.0 if touching else law.reach()
+    reach, periods = 0.0 if touching else law.reach(), periods_of(site, pairs)
     assert reach is not None
     near = new_neighbours(
         np.concatenate(rows),
@@ -396,6 +421,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
         reach,
         radii=touching,
         split=None if law.between is None else len(rows[0]),
+        box=periods,
         clocked=site.whole.clocked,
         dtype=site.dtype,
     )
@@ -403,4 +429,5 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
     wanted = (moving, moving, moving, True, "radius" in read, "charge" in read, a is not None, b is not None)
     numbers = [np.zeros(room, site.dtype) if each else None for each in wanted]
     seen = Block(*(None, None, None, *numbers, None if ids is None else np.zeros(room, np.int64)))
-    return NearPairs(record, least, most, a, b, ids, near, seen, np.zeros((room, 3), site.dtype))
+    pull = np.zeros((room, 3), site.dtype)
+    return NearPairs(record, least, most, a, b, ids, near, seen, pull, periods)

@@ -71,12 +71,20 @@ def gathered(each: Any, c: Any, start: Any, lo: Any, hi: Any) -> Any:
     return Block(*(*numbers, ids))
 
 
-def pair_of(one: Any, other: Any, t: Any, by_products: Any = False) -> Any:
-    """Two particles as laws see them."""
+def nearest(d: Any, period: Any) -> Any:
+    """A difference of coordinates to the nearest image; `period` is None where there is none."""
+    if period is None:
+        return d
+    return d - type_of(d, period) * np.rint(d * type_of(d, 1.0 / period))
+
+
+def pair_of(one: Any, other: Any, t: Any, by_products: Any = False, box: Any = None) -> Any:
+    """Two particles as laws see them; the nearest image of the other in a box, whose periods are given."""
+    px, py, pz = (None, None, None) if box is None else box
     return Pair(
-        one.x - other.x,
-        one.y - other.y,
-        one.z - other.z,
+        nearest(one.x - other.x, px),
+        nearest(one.y - other.y, py),
+        nearest(one.z - other.z, pz),
         one.vx - other.vx,
         one.vy - other.vy,
         one.vz - other.vz,
@@ -97,9 +105,9 @@ def pair_of(one: Any, other: Any, t: Any, by_products: Any = False) -> Any:
     )
 
 
-def pair_in(block: Any, i: Any, other: Any, t: Any, by_products: Any = False) -> Any:
+def pair_in(block: Any, i: Any, other: Any, t: Any, by_products: Any = False, box: Any = None) -> Any:
     """Particle i of a block and another one, as laws see them."""
-    return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t, by_products)
+    return pair_of(Block(*[None if row is None else row[i] for row in block]), other, t, by_products, box)
 
 
 def reaches(each: Any, s: Any) -> Any:

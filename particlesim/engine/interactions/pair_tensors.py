@@ -69,7 +69,7 @@ class Ends(NamedTuple):
 
 def pair_between(each: Any, c: Any, i: Any, j: Any, t: Any) -> Any:
     """Two particles as laws see them."""
-    return pair_of(particle_of(each, c, i), particle_of(each, c, j), t)
+    return pair_of(particle_of(each, c, i), particle_of(each, c, j), t, False, each.box)
 
 
 @kernel

@@ -46,7 +46,8 @@ PAIRS_PER_SPRING = 4
 class PairColumns(NamedTuple):
     """An interaction of pairs: the record of its law; `spans` [k, 4], first and last row of targets and of their sources;
     squares of the distances above which and below which it acts [m²], None where there is no such limit; what it keeps of
-    every particle, [n], and ids, None where the law does not read them; how many pairs there are."""
+    every particle, [n], and ids, None where the law does not read them; how many pairs there are;
+    periods of the box [m], None along axes that have none, None without a box."""
 
     law: tuple[Any, ...]
     spans: Any
@@ -56,6 +57,7 @@ class PairColumns(NamedTuple):
     b: Any
     ids: Any
     pairs: int
+    box: Any = None
 
 
 class DirectPairs(Interaction, PairColumns):
@@ -87,6 +89,12 @@ class DirectPairs(Interaction, PairColumns):
 
     def power(self, c: Any, t: float) -> float:
         return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+
+    def virial(self, c: Any, t: float) -> Floats:
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""
+        out = np.zeros(9)
+        virial_of_pairs(self, c._replace(clock=None), t, out)
+        return out.reshape(3, 3)
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self, c, t)
@@ -132,7 +140,7 @@ def add_block(
             other = particle_of(each, c, j)
             for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
                 for i in some:
-                    fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products))
+                    fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products, each.box))
                     gx[i] += weighed(c.clock, part, fx)
                     gy[i] += weighed(c.clock, part, fy)
                     gz[i] += weighed(c.clock, part, fz)
@@ -175,7 +183,7 @@ def block_energy(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any) -> A
     for j in range(begin, end):
         other = particle_of(each, c, j)
         for i in range(TARGETS):
-            u[i] += float(energy_in(each, pair_in(block, i, other, 0.0), lo + i != j))
+            u[i] += float(energy_in(each, pair_in(block, i, other, 0.0, False, each.box), lo + i != j))
     total = 0.0
     for i in range(hi - lo):
         total += u[i]
@@ -193,6 +201,34 @@ def sum_pairs(each: Any, c: Any) -> float:
     return 0.5 * total
 
 
+@outlined
+def add_virial(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any, t: Any, out: Any) -> None:
+    """Add half of Σ l ⊗ f of particles [lo, hi), at most a block of them, with sources [begin, end) to out [9]."""
+    block, sums = gathered(each, c, lo, lo, hi), on_stack(9, TARGETS, np.float64)
+    for k in range(9):
+        for i in range(TARGETS):
+            sums[k, i] = 0
+    for j in range(begin, end):
+        other = particle_of(each, c, j)
+        for i in range(TARGETS):
+            p = pair_in(block, i, other, t, False, each.box)
+            for row, length in enumerate((p.x, p.y, p.z)):
+                for column, force in enumerate(force_in(each, p)):
+                    sums[3 * row + column, i] += float(length * force)
+    for k in range(9):
+        for i in range(hi - lo):
+            out[k] += 0.5 * sums[k, i]
+
+
+@kernel
+def virial_of_pairs(each: Any, c: Any, t: Any, out: Any) -> None:
+    """Σ l ⊗ f over all pairs [J], into out [9]."""
+    for k in range(len(each.spans)):
+        first, last, begin, end = each.spans[k, 0], each.spans[k, 1], each.spans[k, 2], each.spans[k, 3]
+        for lo in range(first, last, TARGETS):
+            add_virial(each, c, lo, min(lo + TARGETS, last), begin, end, t, out)
+
+
 def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     """An interaction among the particles of an island.
 
@@ -206,7 +242,7 @@ def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
-    return DirectPairs(*(*what_acts(site, pairs, spans), number))
+    return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs)))
 
 
 def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
@@ -222,6 +258,28 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
         own[:, first : first + count] = np.array(law.numbers_of(name))[:, None]
     a, b = own if own.any() else (None, None)
     return record, spans, least, most, a, b, site.whole.id[: site.whole.count] if law.random() else None
+
+
+def periods_of(site: Site, pairs: PairSet) -> tuple[float | None, ...] | None:
+    """Periods of the box [m], None along axes that have none; None without a box.
+
+    Raises UsageError where particles that touch are too large for the nearest image to be enough.
+    """
+    box = site.scenario.simulation.box
+    if box is None:
+        return None
+    periods = box.as_box().periods
+    shortest = min(each for each in periods if each is not None)
+    if pairs.law.touching():
+        radii = [site.state[name].attribute("radius") for name in pairs.groups]
+        largest = max((float(each.max()) for each in radii if len(each)), default=0.0)
+        if 2 * largest > shortest / 2:
+            with site.scenario.at_interaction(pairs.name):
+                raise UsageError(
+                    f"{pairs.name}: particles with a radius of {largest:g} m touch over more than half of the box",
+                    f"radii up to {shortest / 4:g} m, or a larger box",
+                )
+    return periods
 
 
 def spans_of(site: Site, pairs: PairSet) -> Any:
@@ -247,6 +305,9 @@ def refuse_coincident(site: Site, pairs: PairSet) -> None:
     x = np.concatenate([site.state[name].position.astype(float) for name in pairs.groups])
     group = np.repeat(np.arange(len(pairs.groups)), [site.state[name].count for name in pairs.groups])
     index = np.concatenate([np.arange(site.state[name].count) for name in pairs.groups])
+    box = site.scenario.simulation.box
+    if box is not None:
+        x = box.as_box().wrapped(x)
     order = np.lexsort(x.T)
     same = (x[order][1:] == x[order][:-1]).all(axis=1)
     if pairs.law.between is not None:

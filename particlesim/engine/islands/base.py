@@ -18,6 +18,7 @@ from particlesim.emitters import Emitter
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.births import Births, Source
+from particlesim.engine.ledger.sums import measure
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -123,6 +124,15 @@ class BaseIsland:
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
         raise NotImplementedError
+
+    def turning(self) -> NDArray[np.float64]:
+        """Angular velocities [rad/s], shape [3, n]; particles do not turn."""
+        return np.zeros((3, sum(state.count for state in self.states)))
+
+    def sums(self, member: int, records: tuple[Any, ...], time: float, team: Team) -> NDArray[np.float64]:
+        """Of a group: kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], and the potential energy of each of
+        some laws [J]."""
+        return measure(records, self.columns()[member], time, team)
 
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.bodies import Bodies
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK
+from particlesim.engine.state.table import CLOCK, ROTATION
 from particlesim.engine.step.records import needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -19,6 +21,7 @@ from particlesim.groups.motion import Motion
 from particlesim.groups.selection import selected
 from particlesim.layouts import CHUNK
 from particlesim.model.attributes import ATTRIBUTES
+from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
 from particlesim.scenario.scenario import Scenario
 
@@ -41,7 +44,11 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         count,
         dtype=dtype,
         memory=island.method.memory,
-        parts=[*(name for name in ATTRIBUTES if group.has(name)), *([CLOCK] if clocked else [])],
+        parts=[
+            *(name for name in ATTRIBUTES if group.has(name)),
+            *([CLOCK] if clocked else []),
+            *([ROTATION] if isinstance(group, Bodies) else []),
+        ],
         cooling=group.cooling,
     )
     if layout is None:
@@ -72,9 +79,20 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
     state.count = count
     if state.clocked:
         state.stop[:] = np.inf
-    if isinstance(group, Particles):
+    if isinstance(group, Bodies):
+        _turn(state, group, streams)
+    elif isinstance(group, Particles):
         _pin(state, group, motions)
     return state
+
+
+def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:
+    """Give bodies their orientations and angular momenta, L = R I Rᵀ ω."""
+    turns, inertia = group.turns(streams, state.count), group.inertia()
+    state.turn[:, : state.count] = turns
+    for k in range(state.count):
+        rotation = np.reshape(matrix(turns[:, k]), (3, 3))
+        state.spin[:, k] = rotation @ (inertia * (rotation.T @ np.asarray(group.angular_velocity)))
 
 
 def _capacity(scenario: Scenario, group: Group) -> int:

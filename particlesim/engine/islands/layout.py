@@ -48,7 +48,11 @@ class Layout:
         self.effort += 0 if constraint is None else constraint.effort
         self._cooling = _cooling(structure.groups, self.bounds)
         self._method = structure.method
-        looks_back = constraint is not None or any(part.contacts != Simple(()) for part in self.parts)
+        looks_back = (
+            constraint is not None
+            or any(part.contacts != Simple(()) for part in self.parts)
+            or any(each.looks_back for each in self.interactions)
+        )
         self.work = scratch(self._method, self.count, self.dtype, looks_back=looks_back)
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
+from particlesim.graph.graph import Island
 from particlesim.integrators import METHODS, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
@@ -198,11 +199,15 @@ def island_stability(world: World, number: int) -> IslandStability:
 
 
 def _judged(world: World, number: int) -> IslandStability:
-    model = _model(world, number)
-    structure, grid = model.structure, world.scenario.grid
+    structure, grid = world.graph.islands[number], world.scenario.grid
     method = structure.method
+    if structure.rigid:  # contacts are solved, and turns are exact
+        return IslandStability(
+            _names(structure), method, {}, math.inf, -math.inf, "rigid bodies", np.empty(0, complex), {}
+        )
+    model = _model(world, number)
     found = model.linearise()
-    names = tuple(group.name for group in structure.groups)
+    names = _names(structure)
     values = eigenvalues(found.together).ravel()
     spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
     if method.adaptive:
@@ -228,6 +233,8 @@ def _judged(world: World, number: int) -> IslandStability:
 
 def _surely_stable(world: World, number: int) -> bool:
     """Whether no mode can grow by more than is tolerated, by what is cheap to know."""
+    if world.graph.islands[number].rigid:
+        return True
     model = _model(world, number)
     method, grid = model.structure.method, world.scenario.grid
     if method.adaptive:
@@ -243,6 +250,10 @@ def _surely_stable(world: World, number: int) -> bool:
     factor = growth(method, system, grid.dt)
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
+
+
+def _names(structure: Island) -> tuple[str, ...]:
+    return tuple(group.name for group in structure.groups)
 
 
 def _model(world: World, number: int) -> IslandModel:

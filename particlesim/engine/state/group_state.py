@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, TABLE, column_of
+from particlesim.engine.state.table import CLOCK, ROTATION, TABLE, column_of
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
@@ -54,6 +54,8 @@ class GroupState:
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
     heat: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    spin: NDArray[np.float64]
 
     def __init__(
         self,
@@ -114,6 +116,12 @@ class GroupState:
     def velocity(self) -> NDArray[np.floating[Any]]:
         """Velocities [m/s], shape [n, 3]; a view."""
         return self.v[:, : self.count].T
+
+    def orientations(self) -> NDArray[np.float64]:
+        """Unit quaternions w, x, y, z of bodies, shape [4, n]; particles, which do not turn, have that of no turn."""
+        if ROTATION in self.parts:
+            return self.turn[:, : self.count]
+        return np.repeat([[1.0], [0.0], [0.0], [0.0]], self.count, axis=1)
 
     def temperature(self, time: float) -> NDArray[np.float64]:
         """Temperatures at a time [K], shape [n]; NaN for a group that has none."""

@@ -40,6 +40,9 @@ class Column(NamedTuple):
 METHOD = -1
 """As many rows as the method remembers numbers."""
 
+ROTATION = "rotation"
+"""Part of groups of rigid bodies."""
+
 CLOCK = "clock"
 """Part of groups whose particles may be born, die, stick or be pinned."""
 
@@ -55,6 +58,8 @@ TABLE: tuple[Column, ...] = (
     Column("stop", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
     Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
     Column("cause", "", dtype=np.uint8, part=CLOCK),
+    Column("turn", "", rows=4, dtype=np.float64, changes=True, part=ROTATION),
+    Column("spin", "kg m²/s", rows=3, dtype=np.float64, changes=True, part=ROTATION),
     Column("heat", "K", ("thermal",), dtype=np.float64, part="temperature"),
     *(Column(each.name, each.unit, ("further",), part=each.name) for each in FURTHER),
 )

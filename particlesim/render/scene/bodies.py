@@ -96,7 +96,9 @@ class Bodies:
             return _NO_FANS
         first = source[0]
         corner = np.maximum(self.rows(first, self.triangles), 0)
-        return smooth_fans(self.triangles, np.asarray(first.position, float)[corner])
+        return smooth_fans(
+            self.triangles, np.asarray(getattr(first, "unwrapped", first.position), float)[corner]
+        )
 
     def rows(self, frame: Frame, ids: Array) -> Array:
         """Rows of particles in a frame, int32, the shape of `ids`; −1 for those that are not there."""

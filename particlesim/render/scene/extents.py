@@ -8,7 +8,7 @@ finite, or hardly so, are left out, and a few particles that escape far from the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,16 @@ class Survey:
     def center(self) -> Array:
         return 0.5 * (self.low + self.high)
 
+    def with_points(self, points: Array) -> Survey:
+        """The same with some more places [m], shape [k, 3], that pictures have to show."""
+        low, high = (edge(points, axis=0) for edge in (np.min, np.max))
+        return replace(
+            self,
+            points=np.concatenate([self.points, points]),
+            low=np.minimum(self.low, low),
+            high=np.maximum(self.high, high),
+        )
+
     @property
     def half_extent(self) -> float:
         """Half the longest side of the bounds [m]; positive also when nothing moves or nothing is there."""
@@ -47,13 +57,17 @@ class Survey:
         return max(half, floor) or 1.0
 
 
-def survey(source: FrameSource, values_of: Callable[[Frame], Array | None]) -> Survey:
-    """Sample all frames. `values_of` gives the coloured values of a frame, one for each particle
+def survey(
+    source: FrameSource,
+    values_of: Callable[[Frame], Array | None],
+    as_drawn: Callable[[Frame], Frame] = lambda frame: frame,
+) -> Survey:
+    """Sample all frames, as they are drawn. `values_of` gives the coloured values of a frame, one for each particle
     or for each of other things, or None."""
     points, values, radii = [np.empty((0, 3))], [np.empty(0)], [np.empty(0)]
     count = 0
     for index in sample_indices(len(source), FRAMES):
-        frame = source[index]
+        frame = as_drawn(source[index])
         count = max(count, len(frame.position))
         some = slice(None, None, max(1, -(-len(frame.position) // PARTICLES)))
         position = np.asarray(frame.position[some], float)

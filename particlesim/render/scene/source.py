@@ -37,13 +37,14 @@ class MeshShape:
     """Any other shape: corners [m], shape [n, 3], and triangles [m, 3] with their fronts outwards.
 
     Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
-    is at a time [s].
+    is at a time [s]. `group` is the number of a group of rigid bodies, each of which has this shape in its own frame.
     """
 
     corners: npt.NDArray[Any]
     triangles: npt.NDArray[Any]
     hollow: bool = False
     pose: Callable[[float], Pose] | None = None
+    group: int | None = None
 
 
 class Frame(Protocol):
@@ -62,9 +63,10 @@ class Frame(Protocol):
 class FrameSource(Protocol):
     """A trajectory: `times` [s] in rising order, shape [frames], and the names of the recorded `fields`.
 
-    Three optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
+    Four optional attributes are used where they exist: `units`, a mapping from field name to the unit shown
     in the legend; `groups`, the names that the integers of the field "group" stand for; `topology`, the springs
-    and surfaces by name (see `particlesim.trajectory.topology.Topology`).
+    and surfaces by name (see `particlesim.trajectory.topology.Topology`); `box`, the periodic box that positions are in,
+    which is drawn (see `particlesim.trajectory.box.Box`).
     """
 
     @property

@@ -10,7 +10,7 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
-from particlesim.scenario.rules import interactions, joints
+from particlesim.scenario.rules import bodies, interactions, joints, periodic
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
@@ -24,7 +24,7 @@ MOST_BIRTHS = 10**12
 def names(scenario: Tables) -> Iterator[Invalid]:
     """Groups, named forces and named interactions have names of their own; there is something to simulate."""
     if not scenario.groups:
-        yield Invalid("there is nothing to simulate", allowed="[[particles]] or [[emitters]]")
+        yield Invalid("there is nothing to simulate", allowed="[[particles]], [[bodies]] or [[emitters]]")
     seen: dict[str, Path] = {}
     for path, group in group_tables(scenario):
         if group.name in seen:
@@ -142,6 +142,12 @@ def needs(scenario: Tables) -> Iterator[Invalid]:
         for j, name in enumerate(scenario.output.fields):
             if name in OPTIONAL and not any(group.may_have(name) for group in scenario.groups):
                 yield Invalid(f"no particle has a {name}", ("output", "fields", j))
+            if name == "image" and scenario.simulation.box is None:
+                yield Invalid(
+                    "there are no images without a periodic box",
+                    ("output", "fields", j),
+                    hint="box = { size = [1, 1, 1] } under [simulation] makes one",
+                )
 
 
 def times(scenario: Tables) -> Iterator[Invalid]:
@@ -201,9 +207,14 @@ def booked(scenario: Tables) -> Iterator[Invalid]:
 CHECKS = (
     names,
     references,
+    bodies.joined,
+    bodies.kept,
+    bodies.held,
     needs,
     interactions.felt,
     interactions.kicked,
+    periodic.repeated,
+    interactions.fixed_steps,
     undifferentiable,
     times,
     kicks,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.groups.group import Group
 from particlesim.integrators import method_for
 from particlesim.interactions import PairInteraction
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import group_tables, interacting, unmoved
 from particlesim.scenario.tables import Tables
@@ -46,6 +48,12 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
                     ((path, "this group interacts"),),
                     hint="give it, or name the groups that interact with on = [...]",
                 )
+            if each.type == "contact" and group.radius is not None and not _largest_radius(group):
+                yield Invalid(
+                    f"{each.label} needs a radius greater than 0: points never touch each other",
+                    (*path, "radius"),
+                    ((("interactions", k), "this interaction"),),
+                )
             for attribute in sorted(each.needs()):
                 if not group.may_have(attribute):
                     yield Invalid(
@@ -78,6 +86,47 @@ def kicked(scenario: Tables) -> Iterator[Invalid]:
                 ("output", "work"),
                 ((here, "a thermostat"),),
             )
+
+
+def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
+    """Contacts that look at the ends of steps need steps of one length: they cannot be undone."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for k, each in enumerate(scenario.interactions):
+        if not isinstance(each, Contact) or not each.remembers():
+            continue
+        why = "impulses are given" if each.model == "impulse" else "friction remembers where contacts began"
+        for group in interacting(each, scenario.groups):
+            method = method_for(group.integrator or scenario.simulation.integrator)
+            if method.adaptive:
+                yield Invalid(
+                    f"{why} at the ends of steps, which {method.name} chooses by trying",
+                    ("interactions", k),
+                    ((tables[group.name][0], f"stepped by {method.name}"),),
+                    allowed="velocity_verlet, symplectic_euler, rk4 and others with steps of one length",
+                )
+            rods = [rods.name for rods in scenario.rod_sets if group.name in rods.groups]
+            if each.model == "impulse" and rods:
+                yield Invalid(
+                    f"impulses between particles on rods, such as those of {rods[0]!r}, are not known to the rods",
+                    ("interactions", k),
+                    ((tables[group.name][0], "on rods"),),
+                    hint='model = "linear" has forces, which rods hold against',
+                )
+        if each.model == "impulse" and scenario.output.work:
+            yield Invalid(
+                f"the work of the impulses of {each.label} cannot be booked",
+                ("output", "work"),
+                ((("interactions", k), "impulses"),),
+                hint='model = "linear" has forces, whose work can',
+            )
+
+
+def _largest_radius(group: Group) -> float:
+    """The largest radius that a scenario gives, 1 where it is drawn."""
+    radius = group.radius
+    if isinstance(radius, int | float):
+        return float(radius)
+    return max(map(float, radius), default=0.0) if isinstance(radius, tuple | list) else 1.0
 
 
 def strangers(each: PairInteraction, groups: list[str]) -> Iterator[tuple[str, str]]:

@@ -1,0 +1,180 @@
+"""`[[bodies]]`: rigid bodies of one shape, one by one or in a layout.
+
+A group of bodies is a group of particles at their centres of mass, which have an orientation and an angular momentum as
+well.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
+
+from particlesim.bodies.shape import AnyBodyShape
+from particlesim.colliders.friction import Friction
+from particlesim.colliders.pose import UNTURNED, Orientation
+from particlesim.groups.group import Particles, SecondOrder
+from particlesim.layouts import AnyLayout
+from particlesim.layouts.points import Points
+from particlesim.model.arrays import Floats
+from particlesim.model.base import Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import (
+    Kilograms,
+    KilogramsPerCubicMetre,
+    Metres,
+    MetresPerSecond,
+    Number,
+    RadiansPerSecond,
+    Vector,
+)
+from particlesim.sampling.random_streams import Streams
+
+REST = (0.0, 0.0, 0.0)
+
+
+class Bodies(Particles):
+    """Rigid bodies of one shape: they move, turn, and touch colliders and each other."""
+
+    rigid: ClassVar[bool] = True
+
+    name: Name = "bodies"
+    """Name of the group, by which forces, colliders and messages speak of it."""
+    shape: AnyBodyShape
+    """Their shape; its centre of mass is their place, its axes are those of its principal moments of inertia."""
+    mass: Annotated[Kilograms, Gt(0)] | None = None
+    """Mass of a body; it follows from the density if that is given."""
+    density: Annotated[KilogramsPerCubicMetre, Gt(0)] | None = None
+    """Density; 1000 kg/m³ unless it or the mass is given."""
+    position: Vector[Metres] | None = None
+    """Where the body is, unless `layout` places several; the origin unless given."""
+    velocity: Vector[MetresPerSecond] | None = None
+    """Velocity of the body at `position`."""
+    layout: AnyLayout | None = None  # type: ignore[assignment]
+    """Where several bodies are and how fast, instead of `position`."""
+    orientation: Orientation | Literal["random"] | None = None
+    """How they are turned about their centres: a turn for all, or "random", evenly over all orientations."""
+    angular_velocity: Vector[RadiansPerSecond] = REST
+    """How fast they turn at the start, along the axes of the world."""
+    restitution: Annotated[Number, Ge(0), Le(1)] = 0.0
+    """Speed after over speed before an impact of two bodies, along the normal; of two different ones the smaller counts.
+    Impacts on colliders have that of the collider."""
+    friction: Annotated[Number, Ge(0)] | Friction = 0.5
+    """Coefficient of Coulomb friction between bodies, or a table with one at rest and one in motion; of two different ones
+    the geometric mean counts. On colliders that of the collider counts."""
+
+    @model_validator(mode="after")
+    def _size(self) -> Bodies:
+        for name, why in (
+            ("radius", "the size of a body is that of its shape"),
+            ("springs", "springs join particles"),
+            ("integrator", "bodies have a method of their own, which keeps their angular momentum"),
+            ("cooling", "the temperature of bodies does not change"),
+        ):
+            if getattr(self, name) is not None:
+                raise invalid(f"bodies have no {name}: {why}", at=(name,))
+        if self.pinned is not False:
+            raise invalid(
+                "bodies cannot be pinned", at=("pinned",), hint="a collider of this shape stays where it is"
+            )
+        if not isinstance(self.dynamics, SecondOrder):
+            raise invalid("bodies have inertia", at=("dynamics",))
+        if self.mass is not None and self.density is not None:
+            raise invalid(
+                "mass and density contradict each other",
+                at=("density",),
+                also=[(("mass",), "mass is given here")],
+            )
+        if self.layout is not None:
+            mine = Points(position=(self.position or REST,), velocity=(self.velocity or REST,))
+            for name in ("position", "velocity"):
+                if getattr(self, name) is not None and self.layout != mine:
+                    raise invalid(
+                        f"{name} and layout contradict each other",
+                        at=(name,),
+                        also=[(("layout",), "given here")],
+                    )
+            if self.layout.is_body:
+                raise invalid(
+                    f"a {self.layout.type} is a body of its own, of springs",
+                    at=("layout", "type"),
+                    allowed="points, random, lattice or file",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Bodies:
+        return self
+
+    @model_validator(mode="after")
+    def _body(self) -> Bodies:
+        if self.layout is None:
+            # One body is a layout of one point, for all that asks where particles are.
+            single = Points(position=(self.position or REST,), velocity=(self.velocity or REST,))
+            self.__dict__["layout"] = single
+        return self
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """Coefficients of static and of kinetic friction."""
+        if isinstance(self.friction, Friction):
+            return self.friction.static, self.friction.kinetic
+        return self.friction, self.friction
+
+    @property
+    def weight(self) -> float:
+        """Mass of a body [kg]."""
+        if self.mass is not None:
+            return self.mass
+        return (1000.0 if self.density is None else self.density) * self.shape.volume()
+
+    @property
+    def ball(self) -> float:
+        """Radius of the ball of the same volume [m], which laws take for the size of a body."""
+        return (3 * self.shape.volume() / (4 * math.pi)) ** (1 / 3)
+
+    def size(self, streams: Streams, first: int, count: int) -> tuple[Any, Any]:
+        return self.weight, self.ball
+
+    def has(self, attribute: str) -> bool:
+        return attribute in ("mass", "radius") or super().has(attribute)
+
+    def inertia(self) -> Floats:
+        """Principal moments of inertia [kg m²], shape [3]."""
+        x, y, z = self.shape.spread()
+        return np.array([y + z, z + x, x + y]) * (self.weight / self.shape.volume())
+
+    def turns(self, streams: Streams, count: int) -> Floats:
+        """Orientations as unit quaternions w, x, y, z, shape [4, count].
+
+        Random ones are even over all rotations: K. Shoemake, Graphics Gems III (1992), p. 124.
+        """
+        if self.orientation == "random":
+            u, v, w = (streams[f"orientation.{k}"].uniform(0, count) for k in range(3))
+            a, b = np.sqrt(1 - u), np.sqrt(u)
+            p, q = 2 * np.pi * v, 2 * np.pi * w
+            return np.stack([b * np.cos(q), a * np.sin(p), a * np.cos(p), b * np.sin(q)])
+        rows = UNTURNED if self.orientation is None else self.orientation.rotation()
+        return np.repeat(quaternion(np.array(rows))[:, None], count, axis=1)
+
+
+def quaternion(rotation: Floats) -> Floats:
+    """The unit quaternion w, x, y, z of a rotation matrix, with w ≥ 0. Source: S. Shepperd, J. Guidance Control 1, 223
+    (1978)."""
+    r = rotation
+    squares = np.array([np.trace(r), r[0, 0], r[1, 1], r[2, 2]])
+    k = int(np.argmax(squares))
+    if k == 0:
+        q = np.array([1 + np.trace(r), r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    else:
+        i, j, m = k - 1, k % 3, (k + 1) % 3
+        q = np.empty(4)
+        q[0] = r[m, j] - r[j, m]
+        q[1 + i] = 1 + r[i, i] - r[j, j] - r[m, m]
+        q[1 + j] = r[i, j] + r[j, i]
+        q[1 + m] = r[i, m] + r[m, i]
+    q = q / np.linalg.norm(q)
+    return q if q[0] >= 0 else -q

@@ -1,0 +1,273 @@
+"""Islands of rigid bodies: all bodies of a scenario, which touch each other and colliders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bodies import Bodies as BodyGroup
+from particlesim.colliders import Collider
+from particlesim.engine.faults import Fault
+from particlesim.engine.islands.base import BaseIsland
+from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.joined import Joined
+from particlesim.engine.ledger.sums import measure
+from particlesim.engine.rigid.bodies import (
+    FEATURES,
+    NOBODY,
+    WORLD,
+    Bodies,
+    Memory,
+    Surfaces,
+    new_contacts,
+    new_memory,
+    new_motion,
+)
+from particlesim.engine.rigid.kernel import (
+    FULL,
+    Scene,
+    Stretch,
+    look_for_contacts,
+    step_bodies,
+    sum_energies,
+    sum_forces_on,
+    velocities_of,
+)
+from particlesim.engine.rigid.solver import address
+from particlesim.engine.rigid.walls import Wall
+from particlesim.engine.state.columns import Columns, copied
+from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.graph.graph import Island
+from particlesim.model.attributes import FURTHER
+from particlesim.process.threads import Team
+from particlesim.scenario.scenario import Scenario
+from particlesim.trajectory.topology import Topology
+
+SLOP = 1e-4
+"""Overlap that contacts leave alone, in units of the smallest size: impulses take up what rounding and steps leave of it."""
+DEEP = 10.0
+"""Overlap at the start that is told, in units of that which contacts leave alone."""
+ROOM = 16
+"""Contacts for each body that there is room for at first."""
+
+
+class Intrusion(NamedTuple):
+    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
+
+    body: tuple[str, int]
+    other: Collider | tuple[str, int]
+    depth: float
+
+
+class RigidIsland(BaseIsland):
+    """All rigid bodies; their states are stretches of the island's arrays."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        structure: Island,
+        states: Sequence[GroupState],
+        ids: Mapping[str, tuple[int, int]],
+    ) -> None:
+        super().__init__(scenario, structure, states, ids)
+        self._joined, self._structure = Joined(self.states), structure
+        groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
+        count = self._joined.whole.count
+        owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
+        self._scene = _scene(structure, groups, self._joined.bounds, owner, self._joined.whole)
+        self._still = _still(groups, owner)
+        self._motion = new_motion(count)
+        self.memory = new_memory(ROOM * count + 64, count)
+        self._contacts = new_contacts(ROOM * count + 64)
+        self._kept: list[NDArray[Any]] = []
+        self._kept_memory = self.memory
+        self.kept_from = 0
+
+    def bodies(self) -> Bodies:
+        """The bodies as kernels take them."""
+        whole = self._joined.whole
+        n = whole.count
+        return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
+
+    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        done, report = first, np.zeros(2)
+        while done < last:
+            now = (self.bodies(), self._contacts, self._motion, self.memory)
+            done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
+            if done < last and report[0] != FULL:
+                fault = self._fault(done)
+                self.go_back()
+                return None, None, fault
+            if done < last:
+                self._make_room(2 * int(report[1]))
+        return None, None, None
+
+    def _make_room(self, contacts: int) -> None:
+        """Room for more contacts; what is known of the last ones stays."""
+        self._contacts = new_contacts(contacts)
+        self.memory = larger(self.memory, contacts)
+
+    def _fault(self, step: int) -> Fault:
+        """The first body with a number that is not finite."""
+        b = self.bodies()
+        good = np.isfinite(b.x).all(axis=0) & np.isfinite(b.v).all(axis=0)
+        good &= np.isfinite(b.turn).all(axis=0) & np.isfinite(b.spin).all(axis=0)
+        member, row = self._joined.member_of(int(np.argmin(good)))
+        return Fault(member, row, step)
+
+    def intrusions(self) -> list[Intrusion]:
+        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
+        k, bounds = self._contacts, self._joined.bounds
+        time = 0.0 if self.kept_from is None else self.kept_from * self.dt
+        look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
+        while k.number[1]:
+            self._make_room(2 * int(k.number.sum()))
+            k = self._contacts
+            look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
+        colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
+        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        names = np.repeat([state.name for state in self.states], np.diff(bounds))
+        found: dict[tuple[int, int], Intrusion] = {}
+        for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
+            i, j, depth = int(k.first[c]), int(k.second[c]), -float(k.gap[c])
+            if depth <= DEEP * self._scene.slop:
+                break
+            mine = (str(names[i]), int(ids[i]))
+            if j == WORLD:
+                number = int(k.feature[c]) // FEATURES - 1
+                found.setdefault((i, -1 - number), Intrusion(mine, colliders[number], depth))
+            else:
+                found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(ids[j])), depth))
+        return list(found.values())
+
+    def keep(self, first: int) -> None:
+        self.kept_from = first
+        self._kept = [array.copy() for array in self._changing()]
+        self._kept_memory = copy_of(self.memory)
+
+    def go_back(self) -> None:
+        """Return to the beginning of the last interval."""
+        for mine, kept in zip(self._changing(), self._kept, strict=True):
+            np.copyto(mine, kept)
+        self.memory = copy_of(self._kept_memory)
+
+    def _changing(self) -> list[NDArray[Any]]:
+        """All that steps change, but for what is remembered of contacts."""
+        b = self.bodies()
+        return [b.x, b.v, b.turn, b.spin]
+
+    def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
+        now, memory = [array.copy() for array in self._changing()], self.memory
+        self.go_back()
+        done, report = 0, np.zeros(2)
+        while done < steps and report[0] in (0, FULL):
+            given = (self.bodies(), self._contacts, self._motion, self.memory)
+            done += step_bodies(self._scene, *given, first + done, steps - done, self.dt, report)
+            if done < steps and report[0] == FULL:
+                self._make_room(2 * int(report[1]))
+        there = copied(self.island_columns())
+        self.memory = memory
+        for mine, was in zip(self._changing(), now, strict=True):
+            np.copyto(mine, was)
+        return there, (), slice(0, self._joined.whole.count)
+
+    def columns(self) -> list[Columns]:
+        return self._joined.cut(self.island_columns())
+
+    def island_columns(self) -> Columns:
+        return self._joined.whole.columns(self._read)
+
+    def forces(self, time: float) -> NDArray[np.floating[Any]]:
+        out = np.zeros((3, self._joined.whole.count))
+        sum_forces_on(self._scene, self.bodies(), self._motion, time, out)
+        return out
+
+    def turning(self) -> NDArray[np.float64]:
+        velocities_of(self.bodies(), self._motion)
+        return np.ascontiguousarray(self._motion.now[:, 3:].T)
+
+    def sums(self, member: int, records: tuple[Any, ...], time: float, team: Team) -> NDArray[np.float64]:
+        motion = measure((), self.columns()[member], time, team)
+        bounds, out = self._joined.bounds, np.zeros(4 + len(records))
+        here = (bounds[member], bounds[member + 1])
+        sum_energies(self._scene, records, self.bodies(), self._motion, *here, time, out)
+        motion[0] += out[0]
+        motion[4:7] += out[1:4]
+        return np.concatenate([motion, out[4:]])
+
+    def topology(self) -> list[Topology]:
+        return []
+
+
+def copy_of(memory: Memory) -> Memory:
+    """A memory of its own."""
+    return Memory(*(array.copy() for array in memory))
+
+
+def larger(memory: Memory, contacts: int) -> Memory:
+    """A memory with room for more contacts, and the same impulses in it."""
+    found = new_memory(max(contacts, memory.keys.shape[1] // 2), len(memory.order))
+    found.order[:] = memory.order
+    for old in np.flatnonzero(memory.keys[0] != NOBODY).tolist():
+        at = address(found, *(int(key) for key in memory.keys[:, old]))
+        found.keys[:, at] = memory.keys[:, old]
+        found.impulse[:, at] = memory.impulse[:, old]
+    return found
+
+
+def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+    """What never changes of bodies, as `Bodies` has it from `w` on."""
+    mass = np.array([group.weight for group in groups])[owner]
+    inertia = np.array([group.inertia() for group in groups]).T[:, owner]
+    kind = np.array([group.shape.kind for group in groups])[owner]
+    size = np.array([group.shape.sizes() for group in groups]).T[:, owner]
+    reach = np.array([group.shape.reach() for group in groups])[owner]
+    return 1 / mass, np.ascontiguousarray(inertia), kind, np.ascontiguousarray(size), reach, owner
+
+
+def _scene(
+    structure: Island,
+    groups: Sequence[BodyGroup],
+    bounds: Sequence[int],
+    owner: NDArray[np.int64],
+    whole: GroupState,
+) -> Scene:
+    """What acts on the bodies."""
+    stretches = tuple(
+        Stretch(a, b, tuple(force.record() for force in forces))
+        for (a, b), forces in zip(pairwise(bounds), structure.forces, strict=True)
+    )
+    walls: list[Wall] = []
+    for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
+        on = np.array([collider in colliders for colliders in structure.colliders], np.int64)
+        belt = collider.surface_velocity or (0.0, 0.0, 0.0)
+        shape = collider.body()
+        walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
+    spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
+    n = whole.count
+    return Scene(
+        stretches,
+        tuple(walls),
+        surfaces_of(groups),
+        np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
+        whole.mass[:n].astype(float),
+        whole.radius[:n].astype(float),
+        tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
+        SLOP * min(min(size for size in group.shape.sizes() if size > 0) for group in groups),
+    )
+
+
+def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
+    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions."""
+    lively = np.array([group.restitution for group in groups])
+    static, kinetic = np.array([group.coefficients for group in groups]).T
+    return Surfaces(
+        np.ones((len(groups), len(groups))),
+        np.minimum.outer(lively, lively),
+        np.sqrt(np.multiply.outer(static, static)),
+        np.sqrt(np.multiply.outer(kinetic, kinetic)),
+    )

@@ -1,0 +1,1 @@
+"""Rigid bodies: rotation, contact between bodies and with colliders, the kernel that steps them."""

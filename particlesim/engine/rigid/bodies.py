@@ -1,0 +1,153 @@
+"""What the kernels of rigid bodies work on: bodies as columns, contacts, impulses."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+WORLD = -1
+"""The other side of a contact with a collider."""
+FEATURES = 16384
+"""Numbers for the features of a body at each collider."""
+NOBODY = -2
+"""A free place in the memory."""
+
+
+class Bodies(NamedTuple):
+    """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m
+    [n]; the principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and
+    half the axis z), radius of a ball about it [n]; its group [n]."""
+
+    x: Any
+    v: Any
+    turn: Any
+    spin: Any
+    w: Any
+    inertia: Any
+    kind: Any
+    size: Any
+    reach: Any
+    group: Any
+
+
+class Surfaces(NamedTuple):
+    """What contact does between two groups [groups, groups]: whether they touch, restitution, static and kinetic
+    friction."""
+
+    touch: Any
+    restitution: Any
+    static: Any
+    kinetic: Any
+
+
+class Contacts(NamedTuple):
+    """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
+    from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
+    collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
+    one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW].
+    `number`: how many there are, and how many found no room."""
+
+    first: Any
+    second: Any
+    feature: Any
+    point: Any
+    normal: Any
+    gap: Any
+    surface: Any
+    belt: Any
+    target: Any
+    impulse: Any
+    rows: Any
+    number: Any
+
+
+ROW = 16
+"""Along a direction: itself; the arms of both bodies times it; the inverse inertias times those; the mass that it meets."""
+
+
+class Motion(NamedTuple):
+    """What a solve works on, body by body [n, 6]: velocity and angular velocity; the inverse of the inertia in the
+    world (xx, yy, zz, xy, xz, yz); velocities that only push apart what overlaps; angular momentum from contact [n, 3];
+    how far a body may come in a step [n]; velocities and momenta before impulses, and with rebounds [n, 9]; the body
+    that stands for those that touch it, and their energies [n]."""
+
+    now: Any
+    inverse: Any
+    apart: Any
+    gained: Any
+    margin: Any
+    start: Any
+    other: Any
+    parent: Any
+    gain: Any
+    low: Any
+    bend: Any
+
+
+class Memory(NamedTuple):
+    """Impulses of the last step by contact: a table with open addresses, first body, second body, feature [3, size];
+    impulses [3, size]; and the order of the bodies along x [n]."""
+
+    keys: Any
+    impulse: Any
+    order: Any
+
+
+def new_contacts(room: int) -> Contacts:
+    """Room for contacts."""
+    first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
+    point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
+    gap, target = np.zeros(room), np.zeros(room)
+    impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
+    return Contacts(first, second, feature, point, normal, gap, surface, belt, target, impulse, rows, number)
+
+
+def new_memory(room: int, bodies: int) -> Memory:
+    """An empty memory for some contacts."""
+    size = 1 << max(6, (2 * room - 1).bit_length())
+    return Memory(np.full((3, size), NOBODY, np.int64), np.zeros((3, size)), np.arange(bodies))
+
+
+def new_motion(bodies: int) -> Motion:
+    """Room for a solve."""
+    now, inverse, apart = (np.zeros((bodies, 6)) for _ in range(3))
+    start, other, parent = np.zeros((bodies, 9)), np.zeros((bodies, 9)), np.zeros(bodies, np.int64)
+    margin, gain, low, bend = (np.zeros(bodies) for _ in range(4))
+    return Motion(now, inverse, apart, np.zeros((bodies, 3)), margin, start, other, parent, gain, low, bend)
+
+
+def place(b: Any, i: Any) -> Any:
+    """Centre of mass of body i."""
+    return b.x[0, i], b.x[1, i], b.x[2, i]
+
+
+def orientation(b: Any, i: Any) -> Any:
+    """Orientation of body i."""
+    return b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i]
+
+
+def row(a: Any, i: Any) -> Any:
+    """Column i of an array of three rows."""
+    return a[0, i], a[1, i], a[2, i]
+
+
+def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, gap: Any) -> int:
+    """Note a contact; returns its number, −1 where there is no room."""
+    number = k.number[0]
+    if number >= k.first.size:
+        k.number[1] += 1
+        return -1
+    k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
+    for axis in range(3):
+        k.belt[axis, number] = 0.0
+    k.point[0, number], k.point[1, number], k.point[2, number] = point
+    k.normal[0, number], k.normal[1, number], k.normal[2, number] = normal
+    k.number[0] = number + 1
+    return int(number)
+
+
+def set_surface(k: Any, number: Any, restitution: Any, static: Any, kinetic: Any) -> None:
+    """What contact does there."""
+    if number >= 0:
+        k.surface[0, number], k.surface[1, number], k.surface[2, number] = restitution, static, kinetic

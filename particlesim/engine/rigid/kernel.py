@@ -1,0 +1,282 @@
+"""The kernel that steps rigid bodies: half a drift, forces and impulses in the middle, half a drift.
+
+    x += h v/2, orientation turns freely;  v += h f/m, L += h τ;  impulses at contacts;  x += h v/2, orientation turns freely
+
+Without contact that is the leapfrog of position, of second order, symplectic and reversible. Forces and contacts are looked
+for at the same moment, so a body that rests is exactly at rest: what forces give, contact takes within the same step.
+
+Laws of forces act on six points on the principal axes of a body, a sixth each, at distances d with 2 d_k²/6 = ∫ x_k² dm/m:
+they have its mass, its centre and its moments of inertia, so that forces which grow linearly over the body are exact.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.compiler import kernel, outlined
+from particlesim.engine.rigid.bodies import orientation, place, row
+from particlesim.engine.rigid.narrow import plus, touch
+from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, times, turned_freely
+from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
+from particlesim.engine.rigid.walls import touch_wall
+from particlesim.laws.registry import Particle, force, potential
+
+POINTS = 6
+GOOD, WILD, FULL = 0, 1, 2
+"""How a step ended: well, with a number that is not finite, with more contacts than there was room for."""
+
+
+class Stretch(NamedTuple):
+    """Bodies [first, last) of a group, and the forces on them."""
+
+    first: int
+    last: int
+    forces: tuple[Any, ...]
+
+
+class Scene(NamedTuple):
+    """What acts on bodies: forces, colliders, contact between groups; `arms` of the six points [3, n], mass, radius of
+    the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]."""
+
+    stretches: tuple[Stretch, ...]
+    walls: tuple[Any, ...]
+    surfaces: Any
+    arms: Any
+    mass: Any
+    radius: Any
+    further: tuple[Any, ...]
+    slop: float
+
+
+def point_of(scene: Any, b: Any, i: Any, r: Any, turning: Any, point: Any, t: Any) -> Any:
+    """One of the six points of a body as laws see it, with the whole body's mass and size; and its arm."""
+    axis = point // 2
+    size = scene.arms[axis, i] if point % 2 == 0 else -scene.arms[axis, i]
+    arm = (
+        size * (r[0] if axis == 0 else (r[1] if axis == 1 else r[2])),
+        size * (r[3] if axis == 0 else (r[4] if axis == 1 else r[5])),
+        size * (r[6] if axis == 0 else (r[7] if axis == 1 else r[8])),
+    )
+    x, u = plus(place(b, i), 1.0, arm), cross(turning, arm)
+    m = scene.mass[i]
+    p = Particle(
+        x[0],
+        x[1],
+        x[2],
+        b.v[0, i] + u[0],
+        b.v[1, i] + u[1],
+        b.v[2, i] + u[2],
+        m,
+        scene.radius[i],
+        0.0,
+        t,
+        1 / m,
+        *[0.0 if column is None else column[i] for column in scene.further],
+    )
+    return p, arm
+
+
+@outlined
+def kick(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> None:
+    """Forces and torques of a step on body i."""
+    r = matrix(orientation(b, i))
+    turning = motion.now[i, 3], motion.now[i, 4], motion.now[i, 5]
+    fx, fy, fz, gx, gy, gz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for point in range(POINTS):
+        p, arm = point_of(scene, b, i, r, turning, point, t)
+        f = force(forces, p)
+        g = cross(arm, f)
+        fx, fy, fz, gx, gy, gz = fx + f[0], fy + f[1], fz + f[2], gx + g[0], gy + g[1], gz + g[2]
+    k = h / POINTS
+    give(b, motion, i, (k * fx, k * fy, k * fz), (k * gx, k * gy, k * gz))
+
+
+def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
+    """Add an impulse in the centre, and an angular momentum, to body i."""
+    inverse = motion.inverse[i]
+    for axis in range(3):
+        spent = impulse[0] if axis == 0 else (impulse[1] if axis == 1 else impulse[2])
+        turned = twist[0] if axis == 0 else (twist[1] if axis == 1 else twist[2])
+        b.v[axis, i] += b.w[i] * spent
+        b.spin[axis, i] += turned
+        motion.now[i, axis] = b.v[axis, i]
+    motion.now[i, 3] += inverse[0] * twist[0] + inverse[3] * twist[1] + inverse[4] * twist[2]
+    motion.now[i, 4] += inverse[3] * twist[0] + inverse[1] * twist[1] + inverse[5] * twist[2]
+    motion.now[i, 5] += inverse[4] * twist[0] + inverse[5] * twist[1] + inverse[2] * twist[2]
+
+
+@outlined
+def drift(b: Any, h: Any) -> None:
+    """Move and turn all bodies freely."""
+    for i in range(b.w.size):
+        for axis in range(3):
+            b.x[axis, i] += h * b.v[axis, i]
+        q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h)
+        b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
+@outlined
+def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, h: Any) -> None:
+    """All contacts of bodies and colliders that a step may meet.
+
+    Bodies are sorted along x by where they begin, which changes little from step to step; those whose balls overlap are
+    looked at.
+    """
+    n, order, margin = b.w.size, memory.order, motion.margin
+    k.number[0] = k.number[1] = 0
+    for i in range(n):
+        m = motion.now[i]
+        speed = np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
+        turning = np.sqrt(m[3] * m[3] + m[4] * m[4] + m[5] * m[5])
+        margin[i] = h * (speed + turning * b.reach[i]) + 2 * scene.slop
+    for wall in scene.walls:
+        for i in range(n):
+            if wall.on[b.group[i]] > 0:
+                touch_wall(wall, b, k, i, margin[i], t, h)
+    for s in range(1, n):
+        i, at = order[s], s
+        begin = b.x[0, i] - b.reach[i] - margin[i]
+        while at > 0 and starts_after(b, margin, order[at - 1], begin, i):
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = i
+    for s in range(n):
+        i = order[s]
+        end = b.x[0, i] + b.reach[i] + margin[i]
+        other = s + 1
+        while other < n and b.x[0, order[other]] - b.reach[order[other]] - margin[order[other]] <= end:
+            j = order[other]
+            other += 1
+            if scene.surfaces.touch[b.group[i], b.group[j]] > 0:
+                dx, dy, dz = b.x[0, i] - b.x[0, j], b.x[1, i] - b.x[1, j], b.x[2, i] - b.x[2, j]
+                near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
+                if dx * dx + dy * dy + dz * dz < near * near:
+                    touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+
+
+def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
+    """Whether body j begins, along x, after a place; of equal ones the one with the higher number."""
+    mine = b.x[0, j] - b.reach[j] - margin[j]
+    return mine > begin or (mine == begin and j > i)
+
+
+@outlined
+def part_overlaps(scene: Any, b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Move bodies that overlap apart."""
+    if push_apart(b, k, motion, scene.slop, h):
+        for i in range(b.w.size):
+            m = motion.apart[i]
+            for axis in range(3):
+                b.x[axis, i] += h * m[axis]
+            q = orientation(b, i)
+            turn = times((0.0, 0.5 * h * m[3], 0.5 * h * m[4], 0.5 * h * m[5]), q)
+            q = normalised((q[0] + turn[0], q[1] + turn[1], q[2] + turn[2], q[3] + turn[3]))
+            b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
+@outlined
+def finite(b: Any) -> bool:
+    """Whether all numbers are finite."""
+    drop = 0.0
+    for i in range(b.w.size):
+        for axis in range(3):
+            drop += (
+                (b.x[axis, i] - b.x[axis, i])
+                + (b.v[axis, i] - b.v[axis, i])
+                + (b.spin[axis, i] - b.spin[axis, i])
+            )
+        for axis in range(4):
+            drop += b.turn[axis, i] - b.turn[axis, i]
+    return drop == 0
+
+
+@kernel
+def step_bodies(
+    scene: Any, b: Any, k: Any, motion: Any, memory: Any, first: Any, steps: Any, dt: Any, report: Any
+) -> int:
+    """Advance bodies by `steps` steps of dt, the first of which begins at first · dt.
+
+    Returns the number of steps done; fewer when one could not be made, and then report[0] says why (WILD or FULL) and
+    report[1] how many contacts there were. A step that found no room for its contacts has come half of its way; it is gone
+    on with where report[0] still says so.
+    """
+    for step in range(steps):
+        middle = (first + step + 0.5) * dt
+        if report[0] != FULL:
+            drift(b, 0.5 * dt)
+        report[0] = GOOD
+        velocities(b, motion)
+        find_contacts(scene, b, k, motion, memory, middle, dt)
+        if k.number[1] > 0:
+            report[0], report[1] = FULL, k.number[0] + k.number[1]
+            return step
+        lay_out(b, k, motion)
+        for stretch in scene.stretches:
+            if len(stretch.forces) > 0:
+                for i in range(stretch.first, stretch.last):
+                    kick(scene, stretch.forces, b, motion, i, middle, dt)
+        if k.number[0] > 0:
+            solve(b, k, motion, memory, dt)
+            part_overlaps(scene, b, k, motion, dt)
+        drift(b, 0.5 * dt)
+        if not finite(b):
+            report[0] = WILD
+            return step
+    return steps
+
+
+@kernel
+def look_for_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any) -> None:
+    """All contacts there are at a time."""
+    velocities(b, motion)
+    find_contacts(scene, b, k, motion, memory, t, 0.0)
+
+
+@kernel
+def velocities_of(b: Any, motion: Any) -> None:
+    """Velocities and angular velocities of all bodies, into motion.now."""
+    velocities(b, motion)
+
+
+@kernel
+def sum_forces_on(scene: Any, b: Any, motion: Any, t: Any, out: Any) -> None:
+    """Total force on every body, into out [3, n] [N]."""
+    velocities(b, motion)
+    for stretch in scene.stretches:
+        if len(stretch.forces) > 0:
+            for i in range(stretch.first, stretch.last):
+                add_force(scene, stretch.forces, b, motion, i, t, out)
+
+
+@outlined
+def add_force(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, out: Any) -> None:
+    """Set the force on body i."""
+    r, turning = matrix(orientation(b, i)), (motion.now[i, 3], motion.now[i, 4], motion.now[i, 5])
+    for axis in range(3):
+        out[axis, i] = 0.0
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, turning, point, t)
+        f = force(forces, p)
+        for axis, part in enumerate(f):
+            out[axis, i] += part / POINTS
+
+
+@kernel
+def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: Any, t: Any, out: Any) -> None:
+    """For bodies [first, last): kinetic energy of rotation [J], angular momentum of rotation [kg m²/s], and the
+    potential energy of each law [J], into out [4 + laws]."""
+    velocities(b, motion)
+    for i in range(first, last):
+        m = motion.now[i]
+        out[0] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
+        for axis in range(3):
+            out[1 + axis] += b.spin[axis, i]
+        r = matrix(orientation(b, i))
+        for number, each in enumerate(laws):
+            total = 0.0
+            for point in range(POINTS):
+                p, _ = point_of(scene, b, i, r, (m[3], m[4], m[5]), point, t)
+                total += potential(each, p)
+            out[4 + number] += total / POINTS

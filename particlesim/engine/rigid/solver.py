@@ -1,0 +1,400 @@
+"""Impulses at contacts: no body moves into another, friction holds within its cone, rebounds have their speed.
+
+For every contact with the normal n and relative velocity u of its points the impulse P is such that
+
+    u·n ≥ s,  P·n ≥ 0,  (u·n − s) P·n = 0,   |P_t| ≤ μ P·n,
+
+with s the speed of rebound, or the approach that the gap leaves room for; a friction at its bound is against the sliding.
+They are found contact by contact until none changes (projected Gauss and Seidel), forwards and backwards in turn, beginning
+with the impulses of the last step. What overlaps by more than the slop is pushed apart by velocities of its own, which move
+bodies in this step and are then forgotten, so that they give no energy.
+
+Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
+coherence, GDC 2005; split impulses: E. Coumans, GDC 2006.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, place, row
+from particlesim.engine.rigid.narrow import clamped, minus
+from particlesim.engine.rigid.rotation import cross, dot, matrix
+
+MOST_SWEEPS = 120
+PUSHES = 12
+"""Sweeps over all contacts in a step at most: for impulses, and for pushing apart."""
+SETTLED = 1e-9
+"""Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
+any more."""
+PART = 0.2
+"""Part of an overlap that is taken away in a step."""
+RESTING = 2.0
+"""A contact rebounds only if it approaches faster than this many times the speed that forces give in a step."""
+
+
+@outlined
+def world_inverse(q: Any, inertia: Any, inverse: Any) -> None:
+    """The inverse of the inertia in the world: R I⁻¹ Rᵀ as xx, yy, zz, xy, xz, yz."""
+    r = matrix(q)
+    a, c, d = 1 / inertia[0], 1 / inertia[1], 1 / inertia[2]
+    inverse[0] = r[0] * r[0] * a + r[1] * r[1] * c + r[2] * r[2] * d
+    inverse[1] = r[3] * r[3] * a + r[4] * r[4] * c + r[5] * r[5] * d
+    inverse[2] = r[6] * r[6] * a + r[7] * r[7] * c + r[8] * r[8] * d
+    inverse[3] = r[0] * r[3] * a + r[1] * r[4] * c + r[2] * r[5] * d
+    inverse[4] = r[0] * r[6] * a + r[1] * r[7] * c + r[2] * r[8] * d
+    inverse[5] = r[3] * r[6] * a + r[4] * r[7] * c + r[5] * r[8] * d
+
+
+def turned_by(m: Any, a: Any) -> Any:
+    """A symmetric matrix times a vector."""
+    return (
+        m[0] * a[0] + m[3] * a[1] + m[4] * a[2],
+        m[3] * a[0] + m[1] * a[1] + m[5] * a[2],
+        m[4] * a[0] + m[5] * a[1] + m[2] * a[2],
+    )
+
+
+def velocities(b: Any, motion: Any) -> None:
+    """Velocity and angular velocity of all bodies as they are."""
+    for i in range(b.w.size):
+        q = orientation(b, i)
+        inertia = row(b.inertia, i)
+        world_inverse(q, inertia, motion.inverse[i])
+        turning = turned_by(motion.inverse[i], row(b.spin, i))
+        for axis in range(3):
+            motion.now[i, axis] = b.v[axis, i]
+            motion.gained[i, axis] = 0.0
+        motion.now[i, 3], motion.now[i, 4], motion.now[i, 5] = turning
+
+
+def speed_along(k: Any, motion: Any, c: Any, d: Any) -> Any:
+    """Relative velocity of a contact along one of its directions."""
+    e, i, j = k.rows[c, d], k.first[c], k.second[c]
+    m = motion.now[i]
+    u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
+    if j != WORLD:
+        m = motion.now[j]
+        u -= e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
+    else:
+        u -= e[0] * k.belt[0, c] + e[1] * k.belt[1, c] + e[2] * k.belt[2, c]
+    return u
+
+
+def strike(b: Any, k: Any, motion: Any, c: Any, d: Any, size: Any) -> None:
+    """Give a contact an impulse along one of its directions."""
+    e, i, j = k.rows[c, d], k.first[c], k.second[c]
+    m, g, s = motion.now[i], motion.gained[i], size * b.w[i]
+    for axis in range(3):
+        m[axis] += s * e[axis]
+        m[3 + axis] += size * e[9 + axis]
+        g[axis] += size * e[3 + axis]
+    if j != WORLD:
+        m, g, s = motion.now[j], motion.gained[j], size * b.w[j]
+        for axis in range(3):
+            m[axis] -= s * e[axis]
+            m[3 + axis] -= size * e[12 + axis]
+            g[axis] -= size * e[6 + axis]
+
+
+@outlined
+def lay_out(b: Any, k: Any, motion: Any) -> None:
+    """What impulses do at every contact along its normal and two tangents; the speed of approach, into `target`."""
+    for c in range(k.number[0]):
+        i, j = k.first[c], k.second[c]
+        n, at = row(k.normal, c), row(k.point, c)
+        # The tangents are made with that axis of the world which is farthest from the normal.
+        x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
+        other = (1.0, 0.0, 0.0) if x <= y and x <= z else ((0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
+        one = cross(n, other)
+        length = 1 / np.sqrt(dot(one, one))
+        one = (one[0] * length, one[1] * length, one[2] * length)
+        direct(b, k, motion, c, 0, i, j, at, n)
+        direct(b, k, motion, c, 1, i, j, at, one)
+        direct(b, k, motion, c, 2, i, j, at, cross(n, one))
+        k.target[c] = speed_along(k, motion, c, 0)
+        for d in range(4):
+            k.impulse[c, d] = 0.0
+
+
+def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any, n: Any) -> None:
+    """The row of a contact along a direction."""
+    e = k.rows[c, d]
+    e[0], e[1], e[2] = n
+    arm = cross(minus(at, place(b, i)), n)
+    e[3], e[4], e[5] = arm
+    e[9], e[10], e[11] = turned_by(motion.inverse[i], arm)
+    give = b.w[i] + e[3] * e[9] + e[4] * e[10] + e[5] * e[11]
+    if j != WORLD:
+        arm = cross(minus(at, place(b, j)), n)
+        e[6], e[7], e[8] = arm
+        e[12], e[13], e[14] = turned_by(motion.inverse[j], arm)
+        give += b.w[j] + e[6] * e[12] + e[7] * e[13] + e[8] * e[14]
+    e[15] = 1 / give
+
+
+@outlined
+def aim(k: Any, motion: Any, h: Any) -> float:
+    """Set the speed that each contact is to have along its normal; forces have been added since `lay_out`. Returns the
+    largest speed that contact has to deal with."""
+    largest = 0.0
+    for c in range(k.number[0]):
+        before, now = k.target[c], speed_along(k, motion, c, 0)
+        gap = max(k.gap[c], 0.0)
+        meets = now * h < -gap
+        quick = before < -RESTING * abs(now - before)
+        k.target[c] = -k.surface[0, c] * before if meets and quick and k.surface[0, c] > 0 else -gap / h
+        largest = max(largest, max(abs(now), abs(now - before)))
+        if meets:
+            largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
+    return float(largest)
+
+
+@outlined
+def sweep(b: Any, k: Any, motion: Any, backwards: Any) -> float:
+    """One look at every contact; returns the largest change of a speed."""
+    number, worst = k.number[0], 0.0
+    for turn in range(number):
+        c = number - 1 - turn if backwards else turn
+        e = k.rows[c]
+        had = k.impulse[c, 0]
+        wish = had - e[0, 15] * (speed_along(k, motion, c, 0) - k.target[c])
+        press = max(wish, 0.0)
+        if press != had:
+            strike(b, k, motion, c, 0, press - had)
+            k.impulse[c, 0] = press
+            worst = max(worst, abs(press - had) / e[0, 15])
+        if k.surface[1, c] > 0 and (press > 0 or k.impulse[c, 1] != 0 or k.impulse[c, 2] != 0):
+            p, q = k.impulse[c, 1], k.impulse[c, 2]
+            one = p - e[1, 15] * speed_along(k, motion, c, 1)
+            two = q - e[2, 15] * speed_along(k, motion, c, 2)
+            size = np.sqrt(one * one + two * two)
+            if size > k.surface[1, c] * press:
+                part = k.surface[2, c] * press / size
+                one, two = one * part, two * part
+            strike(b, k, motion, c, 1, one - p)
+            strike(b, k, motion, c, 2, two - q)
+            k.impulse[c, 1], k.impulse[c, 2] = one, two
+            worst = max(worst, max(abs(one - p) / e[1, 15], abs(two - q) / e[2, 15]))
+    return float(worst)
+
+
+@outlined
+def solve(b: Any, k: Any, motion: Any, memory: Any, h: Any) -> None:
+    """Find and give the impulses of a step; bodies have their velocities and angular momenta afterwards."""
+    largest = aim(k, motion, h)
+    keep(motion.now, motion.gained, motion.start)
+    recall(b, k, motion, memory)
+    relax(b, k, motion, largest)
+    rebounds = False
+    for c in range(k.number[0]):
+        rebounds = rebounds or k.target[c] > 0
+    if rebounds and gains(b, k, motion):
+        yield_energy(b, k, motion, largest)
+    remember(k, memory)
+    for i in range(b.w.size):
+        for axis in range(3):
+            b.v[axis, i] = motion.now[i, axis]
+            b.spin[axis, i] += motion.gained[i, axis]
+
+
+def relax(b: Any, k: Any, motion: Any, largest: Any) -> None:
+    """Sweep until nothing changes any more."""
+    for turn in range(MOST_SWEEPS):
+        if not sweep(b, k, motion, turn % 2 == 1) > SETTLED * largest:
+            break
+
+
+# ---- rebounds that would give energy
+#
+# Several rebounds with friction at once can raise the energy, as Newton's law of restitution sets speeds, not work (T. Kane,
+# D. Levinson, Dynamics, 1985). Bodies without rebound never gain any: what a set of bodies that touch each other would gain
+# is taken back by going part of the way from that solution towards the one with rebounds, P = P₀ + θ (P₁ − P₀), with the
+# largest θ that keeps the energy: of a quadratic function of θ.
+
+
+def keep(now: Any, gained: Any, copy: Any) -> None:
+    """Copy velocities and angular momenta from contact [n, 9]."""
+    for i in range(len(now)):
+        for axis in range(6):
+            copy[i, axis] = now[i, axis]
+        for axis in range(3):
+            copy[i, 6 + axis] = gained[i, axis]
+
+
+def root(parent: Any, i: Any) -> int:
+    """The body that stands for all that body i touches."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return int(i)
+
+
+@outlined
+def gains(b: Any, k: Any, motion: Any) -> bool:
+    """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that
+    stands for it. Surfaces that run may give energy: what touches them counts as not gaining."""
+    parent, gain = motion.parent, motion.gain
+    for i in range(b.w.size):
+        parent[i] = i
+        gain[i] = 0.0
+    for c in range(k.number[0]):
+        if k.impulse[c, 0] > 0 and k.second[c] != WORLD:
+            one, two = root(parent, k.first[c]), root(parent, k.second[c])
+            parent[max(one, two)] = min(one, two)
+    for i in range(b.w.size):
+        was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
+        work = 0.0
+        for axis in range(3):
+            work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
+            work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
+        gain[root(parent, i)] += work
+    for c in range(k.number[0]):
+        if k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0:
+            gain[root(parent, k.first[c])] = -np.inf
+    gained = False
+    for i in range(b.w.size):
+        gained = gained or (parent[i] == i and gain[i] > 0)
+    return gained
+
+
+@outlined
+def yield_energy(b: Any, k: Any, motion: Any, largest: Any) -> None:
+    """Take back what sets of bodies have gained; their velocities are those with rebounds, and `gain` is known."""
+    other, gain, parent = motion.other, motion.gain, motion.parent
+    keep(motion.now, motion.gained, other)
+    for i in range(b.w.size):
+        for axis in range(6):
+            motion.now[i, axis] = motion.start[i, axis]
+        for axis in range(3):
+            motion.gained[i, axis] = 0.0
+    for c in range(k.number[0]):
+        # What was found is kept where the solution without rebounds leaves room: nobody reads these places any more.
+        k.normal[0, c], k.normal[1, c], k.normal[2, c] = k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]
+        k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
+        k.target[c] = min(k.target[c], 0.0)
+    relax(b, k, motion, largest)
+    low, bend = motion.low, motion.bend
+    for i in range(b.w.size):
+        low[i] = bend[i] = 0.0
+    for i in range(b.w.size):
+        was, now, m, r = motion.start[i], motion.now[i], 1 / b.w[i], root(parent, i)
+        for axis in range(3):
+            low[r] += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
+            low[r] += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
+            d, e = other[i, axis] - now[axis], other[i, 3 + axis] - now[3 + axis]
+            bend[r] += 0.5 * m * d * d + 0.5 * e * (other[i, 6 + axis] - motion.gained[i, axis])
+    for i in range(b.w.size):
+        if parent[i] == i:
+            # K(θ) − K(start) = low + slope θ + bend θ², which is `gain` at θ = 1
+            slope = gain[i] - low[i] - bend[i]
+            part = 1.0
+            if gain[i] > 0:
+                inside = max(slope * slope - 4 * bend[i] * low[i], 0.0)
+                part = clamped((np.sqrt(inside) - slope) / (2 * bend[i]), 0.0, 1.0) if bend[i] > 0 else 0.0
+            low[i] = part
+    for i in range(b.w.size):
+        part, now = low[root(parent, i)], motion.now[i]
+        for axis in range(6):
+            now[axis] += part * (other[i, axis] - now[axis])
+        for axis in range(3):
+            motion.gained[i, axis] += part * (other[i, 6 + axis] - motion.gained[i, axis])
+    for c in range(k.number[0]):
+        part = low[root(parent, k.first[c])]
+        for d in range(3):
+            k.impulse[c, d] += part * (k.normal[d, c] - k.impulse[c, d])
+
+
+# ---- the impulses of the last step
+
+
+def address(memory: Any, i: Any, j: Any, feature: Any) -> int:
+    """Where a contact is in the memory, or the free place for it."""
+    mask = memory.keys.shape[1] - 1
+    at = (i * 73856093 + j * 19349663 + feature * 83492791) & mask
+    while memory.keys[0, at] != NOBODY and not (
+        memory.keys[0, at] == i and memory.keys[1, at] == j and memory.keys[2, at] == feature
+    ):
+        at = (at + 1) & mask
+    return int(at)
+
+
+@outlined
+def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
+    """Begin with the impulses of the last step."""
+    for c in range(k.number[0]):
+        at = address(memory, k.first[c], k.second[c], k.feature[c])
+        if memory.keys[0, at] != NOBODY:
+            p = row(memory.impulse, at)
+            e = k.rows[c]
+            press = max(p[0] * e[0, 0] + p[1] * e[0, 1] + p[2] * e[0, 2], 0.0)
+            one = p[0] * e[1, 0] + p[1] * e[1, 1] + p[2] * e[1, 2]
+            two = p[0] * e[2, 0] + p[1] * e[2, 1] + p[2] * e[2, 2]
+            size = np.sqrt(one * one + two * two)
+            part = k.surface[2, c] * press / size if size > k.surface[1, c] * press else 1.0
+            k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2] = press, part * one, part * two
+            for d in range(3):
+                strike(b, k, motion, c, d, k.impulse[c, d])
+
+
+@outlined
+def remember(k: Any, memory: Any) -> None:
+    """Keep the impulses for the next step."""
+    for at in range(memory.keys.shape[1]):
+        memory.keys[0, at] = NOBODY
+    for c in range(k.number[0]):
+        if k.impulse[c, 0] > 0:
+            at = address(memory, k.first[c], k.second[c], k.feature[c])
+            memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = k.first[c], k.second[c], k.feature[c]
+            for axis in range(3):
+                total = 0.0
+                for d in range(3):
+                    total += k.rows[c, d, axis] * k.impulse[c, d]
+                memory.impulse[axis, at] = total
+
+
+# ---- pushing apart
+
+
+@outlined
+def push_apart(b: Any, k: Any, motion: Any, slop: Any, h: Any) -> bool:
+    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any."""
+    deep = False
+    for c in range(k.number[0]):
+        deep = deep or k.gap[c] < -slop
+    if not deep:
+        return False
+    for i in range(b.w.size):
+        for axis in range(6):
+            motion.apart[i, axis] = 0.0
+    for turn in range(PUSHES):
+        for place_in in range(k.number[0]):
+            c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
+            if k.gap[c] < -slop:
+                nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h)
+    return True
+
+
+def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any) -> None:
+    """Bring the bodies of a contact to separate at a speed."""
+    e, i, j = k.rows[c, 0], k.first[c], k.second[c]
+    m = motion.apart[i]
+    u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
+    if j != WORLD:
+        o = motion.apart[j]
+        u -= e[0] * o[0] + e[1] * o[1] + e[2] * o[2] + e[6] * o[3] + e[7] * o[4] + e[8] * o[5]
+    had = k.impulse[c, 3]
+    press = max(had - e[15] * (u - speed), 0.0)
+    k.impulse[c, 3] = press
+    size = press - had
+    for axis in range(3):
+        m[axis] += size * b.w[i] * e[axis]
+        m[3 + axis] += size * e[9 + axis]
+    if j != WORLD:
+        o = motion.apart[j]
+        for axis in range(3):
+            o[axis] -= size * b.w[j] * e[axis]
+            o[3 + axis] -= size * e[12 + axis]

@@ -1,0 +1,250 @@
+"""Particles that touch each other: hard contacts by impulses, or soft ones by springs and dampers.
+
+`linear`: N = k δ and γ_n = 2 β √(m k), with m = m₁ m₂/(m₁ + m₂) and β = −ln e/√(π² + ln² e): a damped oscillator, that is
+apart again after π/(√(k/m) √(1 − β²)) with e times its speed. Along the surfaces k_t = 2 k/7 unless given.
+
+`hertz`: N = 4/3 E √(R δ) δ with 1/E = 2 (1 − ν²)/Y, 1/R = 1/r₁ + 1/r₂, and γ_n = √5 β √(m k₁) δ^¼, k₁ = 4/3 E √R, with
+which e does not depend on speed. Along the surfaces, after Mindlin, k_t = 8 G √(R δ), 1/G = 4 (2 − ν) (1 + ν)/Y. In both models
+γ_t = 2 β √(m k_t), times √(5/6) in the second.
+
+Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979); Y. Tsuji, T. Tanaka, T. Ishida, Powder Technol. 71, 239
+(1992); S. J. Antypov, J. A. Elliott, EPL 94, 50004 (2011); R. D. Mindlin, J. Appl. Mech. 16, 259 (1949).
+
+`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
+
+from particlesim.colliders.friction import Friction
+from particlesim.colliders.response import FrictionRecord
+from particlesim.interactions.base import PairInteraction
+from particlesim.laws.contact import Touch, contact_law, reduced_mass
+from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
+from particlesim.laws.registry import ZERO_MATRIX, Matrix, Vector, law
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import NewtonsPerMetre, Number, Pascals
+
+KEYS = {
+    "impulse": (),
+    "linear": ("stiffness", "tangential_stiffness"),
+    "hertz": ("young_modulus", "poisson_ratio"),
+}
+"""Keys that belong to one model."""
+NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
+
+
+class Contact(PairInteraction):
+    """Spheres that touch each other, with restitution and friction."""
+
+    type: Literal["contact"] = "contact"
+    model: Literal["impulse", "linear", "hertz"] = "impulse"
+    """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
+    `hertz`: the same with the elasticity of spheres."""
+    restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
+    """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
+    friction: Annotated[Number, Ge(0)] | Friction = 0.0
+    """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion."""
+    stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
+    """Stiffness k of the spring of `linear`."""
+    tangential_stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
+    """Stiffness k_t of the spring along the surfaces of `linear`; 2/7 of the other unless given."""
+    young_modulus: Annotated[Pascals, Gt(0)] | None = None
+    """Young's modulus Y of the grains of `hertz`."""
+    poisson_ratio: Annotated[Number, Gt(-1), Le(0.5)] = 0.3
+    """Poisson's ratio ν of the grains of `hertz`."""
+
+    formula: ClassVar[str] = (
+        "δ = r₁ + r₂ − |l| > 0: linear f_n = k δ − γ v_n; hertz f_n = 4/3 E √(R δ) δ − γ δ^¼ v_n; impulse v_n' = −e v_n; "
+        "friction |f_t| ≤ μ f_n"
+    )
+    energy: ClassVar[str] = (
+        "U = k δ²/2 (linear), 8/15 E √R δ^(5/2) (hertz), none (impulse); friction and dampers take energy"
+    )
+
+    @model_validator(mode="after")
+    def _fits_model(self) -> Contact:
+        for model, keys in KEYS.items():
+            for key in keys:
+                if model != self.model and getattr(self, key) != type(self).model_fields[key].default:
+                    raise invalid(
+                        f'{key} belongs to model = "{model}"',
+                        at=(key,),
+                        also=[(("model",), f"{self.model} here")],
+                    )
+        if self.model in NEEDED:
+            key, example = NEEDED[self.model]
+            if getattr(self, key) is None:
+                raise invalid(
+                    f'model = "{self.model}" needs a {key}', at=("model",), allowed=f"{key} = {example}, say"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _ends_by_itself(self) -> Contact:
+        for key, default in (("cutoff", None), ("shift", "none")):
+            if getattr(self, key) != default:
+                raise invalid("contact ends where two particles no longer touch", at=(key,))
+        if self.method not in ("auto", "neighbours"):
+            raise invalid(
+                "contacts are found by neighbour lists", at=("method",), allowed='"auto", "neighbours"'
+            )
+        return self
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """Coefficients of static and of kinetic friction."""
+        if isinstance(self.friction, Friction):
+            return self.friction.static, self.friction.kinetic
+        return self.friction, self.friction
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self.coefficients != (0, 0)
+
+    @property
+    def beta(self) -> float:
+        """The damping ratio β of a linear contact, 1 for no rebound."""
+        if self.restitution == 0:
+            return 1.0
+        fall = -math.log(self.restitution)
+        return fall / math.hypot(math.pi, fall)
+
+    @property
+    def moduli(self) -> tuple[float, float]:
+        """E and G of a pair of grains of `hertz` [Pa]."""
+        assert self.young_modulus is not None
+        y, nu = self.young_modulus, self.poisson_ratio
+        return y / (2 * (1 - nu * nu)), y / (4 * (2 - nu) * (1 + nu))
+
+    def record(self) -> tuple[Any, ...]:
+        friction = FrictionRecord(*map(float, self.coefficients)) if self.rubs else None
+        if self.model == "impulse":
+            return ImpulseRecord(float(self.restitution), friction)
+        if self.model == "hertz":
+            return HertzRecord(*self.moduli, self.beta, friction)
+        assert self.stiffness is not None
+        along = 2 / 7 * self.stiffness if self.tangential_stiffness is None else self.tangential_stiffness
+        return LinearRecord(self.stiffness, along, self.beta, friction)
+
+    def needs(self) -> frozenset[str]:
+        return frozenset({"radius"})
+
+    def touching(self) -> bool:
+        return True
+
+    def singular(self) -> bool:
+        return False
+
+    def needs_velocity(self) -> bool:
+        return self.model == "impulse" or self.restitution < 1 or self.rubs
+
+    def remembers(self) -> bool:
+        """Whether it looks at the ends of steps alone, or keeps what it has to know from one step to the next."""
+        return self.model == "impulse" or self.rubs
+
+    def conserves(self) -> bool:
+        return self.model != "impulse" and self.restitution == 1 and not self.rubs
+
+    def stores(self) -> bool:
+        return self.model != "impulse"
+
+    def feeds(self) -> bool:
+        return False
+
+    def describe(self) -> str:
+        static, kinetic = self.coefficients
+        rub = (
+            ""
+            if not self.rubs
+            else f", μ = {static:g}"
+            if static == kinetic
+            else f", μ = {static:g}/{kinetic:g}"
+        )
+        return f"{self.model}, e = {self.restitution:g}{rub}, where particles touch"
+
+
+class LinearRecord(NamedTuple):
+    """k, k_t [N/m], β, and friction, None where there is none."""
+
+    stiffness: float
+    tangential: float
+    beta: float
+    friction: FrictionRecord | None
+
+
+class HertzRecord(NamedTuple):
+    """E, G [Pa], β, and friction, None where there is none."""
+
+    normal: float
+    tangential: float
+    beta: float
+    friction: FrictionRecord | None
+
+
+class ImpulseRecord(NamedTuple):
+    """e, and friction, None where there is none."""
+
+    restitution: float
+    friction: FrictionRecord | None
+
+
+@contact_law(LinearRecord)
+def linear_touch(f: LinearRecord, p: Pair, overlap: float) -> Touch:
+    k, m, none = f.stiffness, reduced_mass(p), overlap - overlap
+    double = f.beta + f.beta
+    push = k * overlap
+    return Touch(
+        push,
+        k + none,
+        0.5 * push * overlap,
+        double * np.sqrt(m * k),
+        none,
+        f.tangential + none,
+        double * np.sqrt(m * f.tangential),
+    )
+
+
+ROOT_5 = math.sqrt(5.0)
+TWO_ROOT_5_6 = 2 * math.sqrt(5 / 6)
+
+
+@contact_law(HertzRecord)
+def hertz_touch(f: HertzRecord, p: Pair, overlap: float) -> Touch:
+    m, kind = reduced_mass(p), type(overlap)
+    wide = np.sqrt(p.r1 * p.r2 / (p.r1 + p.r2) * overlap)
+    k = kind(4 / 3) * f.normal * wide
+    along = kind(8) * f.tangential * wide
+    damping = kind(ROOT_5) * f.beta * np.sqrt(m * k)
+    return Touch(
+        k * overlap,
+        kind(1.5) * k,
+        kind(0.4) * k * overlap * overlap,
+        damping,
+        kind(0.25) * damping / overlap,
+        along,
+        kind(TWO_ROOT_5_6) * f.beta * np.sqrt(m * along),
+    )
+
+
+@law(pair_force, ImpulseRecord)
+def no_force(f: ImpulseRecord, p: Pair) -> Vector:
+    return p.x - p.x, p.x - p.x, p.x - p.x
+
+
+@law(pair_potential, ImpulseRecord)
+def no_potential(f: ImpulseRecord, p: Pair) -> float:
+    return p.x - p.x
+
+
+@law(pair_force_dx, ImpulseRecord)
+@law(pair_force_dv, ImpulseRecord)
+def no_slope(f: ImpulseRecord, p: Pair) -> Matrix:
+    return ZERO_MATRIX

@@ -1,0 +1,38 @@
+"""`box` under `[simulation]`: a periodic box."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Gt
+from pydantic import model_validator
+
+from particlesim.model.base import Model
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, Vector
+from particlesim.trajectory.box import Box
+
+
+class PeriodicBox(Model):
+    """A box that repeats: what leaves it on one side is back on the other, and particles see the nearest image of others."""
+
+    size: Vector[Annotated[Metres, Gt(0)]]
+    """Lengths of its sides; of an axis that is not periodic, only pictures show it."""
+    periodic: Vector[bool] = (True, True, True)
+    """Along which axes it repeats; there is no wall along the others."""
+    origin: Vector[Metres] = (0.0, 0.0, 0.0)
+    """Its lowest corner."""
+
+    @model_validator(mode="after")
+    def _repeats(self) -> PeriodicBox:
+        if not any(self.periodic):
+            raise invalid(
+                "a box that is periodic along no axis does nothing",
+                at=("periodic",),
+                hint="leave the box out",
+            )
+        return self
+
+    def as_box(self) -> Box:
+        """What frames are wrapped by."""
+        return Box(self.origin, self.size, self.periodic)

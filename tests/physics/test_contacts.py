@@ -1,0 +1,247 @@
+"""Particles that touch each other by springs and dampers: restitution, time of contact, friction, and the same bits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import EPS, points, simulate, table
+
+import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
+
+R, M = 0.05, 0.1
+LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e4}
+HERTZ = {"type": "contact", "model": "hertz", "young_modulus": "10 MPa", "poisson_ratio": 0.25}
+
+
+def meeting(
+    law: dict[str, Any], dt: float, *, speed: float = 1.0, beside: float = 0.0, **more: Any
+) -> ps.Result:
+    """Two spheres that meet at a relative speed, the second somewhat beside the path of the first."""
+    duration = more.pop("duration", 0.05)
+    gap = 0.013 * R
+    first = -math.sqrt(4 * R * R - beside * beside) - gap
+    group = points((first, 0, 0), (0, beside, 0), velocity=[(speed, 0, 0), (0, 0, 0)], mass=M, radius=R)
+    return simulate(duration, dt, particles=[group], interactions=[law], **more)
+
+
+def rebound(result: ps.Result) -> float:
+    return float(np.diff(result.final.velocity[:, 0])[0])
+
+
+@pytest.mark.parametrize("e", [0.9, 0.5, 0.1])
+@pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
+def test_restitution_is_what_was_asked_for_and_the_better_the_shorter_the_step(
+    law: dict[str, Any], e: float
+) -> None:
+    # the contact ends between two steps: an error of first order
+    found = [rebound(meeting({**law, "restitution": e}, 1e-3 / n)) for n in (20, 80, 320)]
+    miss = np.abs(np.array(found) - e)
+    assert miss[2] < 2e-3
+    assert miss[2] < miss[0] / 4
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0])
+def test_restitution_of_hertz_does_not_depend_on_speed(speed: float) -> None:
+    found = rebound(meeting({**HERTZ, "restitution": 0.6}, 1e-5, speed=speed, duration=0.03 / speed + 0.02))
+    assert found / speed == pytest.approx(0.6, abs=2e-3)
+
+
+def test_the_time_of_a_contact() -> None:
+    # their centre goes on at half of the speed: at the end of the contact the second has gone half as far as it would have
+    m = M / 2
+    omega = math.sqrt(LINEAR["stiffness"] / m)
+    e_star, r_star = 10e6 / (2 * (1 - 0.25**2)), R / 2
+    hertz = 2.868 * (m * m / (r_star * e_star**2 * 1.0)) ** 0.2
+    for law, lasts in ((LINEAR, math.pi / omega), (HERTZ, hertz)):
+        result = meeting(law, 1e-6, duration=0.02)
+        free = 0.02 - 0.013 * R  # after the gap at 1 m/s
+        assert free - (result.final.position[1, 0]) == pytest.approx(lasts / 2, rel=2e-3)
+
+
+@pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
+def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum(law: dict[str, Any]) -> None:
+    result = meeting(law, 1e-5, beside=0.6 * R, output={"ledger": True})
+    v, x = result.final.velocity, result.final.position
+    assert np.abs(v.sum(axis=0) - (1, 0, 0)).max() < 8 * EPS
+    before = np.cross((-math.sqrt(4 * R * R - 0.36 * R * R) - 0.013 * R, 0, 0), (1, 0, 0))
+    assert np.abs(np.cross(x, v).sum(axis=0) - before).max() < 1000 * EPS
+    assert (v**2).sum() == pytest.approx(1, abs=1e-5)
+    assert v[0] @ v[1] == pytest.approx(
+        0, abs=1e-2 * 1
+    )  # equal masses part at a right angle, as contacts take time
+
+
+def test_friction_takes_what_coulomb_allows() -> None:
+    # a quick glancing impact slides all the time: Δv_t = μ Δv_n
+    mu, beside = 0.1, 1.4 * R
+    result = meeting({**LINEAR, "friction": mu, "stiffness": 1e7}, 1e-7, beside=beside, duration=0.002)
+    change = result.final.velocity[1]
+    n = np.array([math.sqrt(1 - (beside / (2 * R)) ** 2), beside / (2 * R), 0])
+    along = change @ n
+    across = np.linalg.norm(change - along * n)
+    assert across / along == pytest.approx(mu, rel=0.02)
+    assert np.abs(result.final.velocity.sum(axis=0) - (1, 0, 0)).max() < 1e-14
+
+
+def pressed(mu: Any, pull: float, duration: float = 0.5) -> np.ndarray:
+    """How far and how fast a grain has gone along another one that is held, pressed on it with 1 N and pulled along it."""
+    law = {**LINEAR, "friction": mu, "restitution": 0.2, "stiffness": 1e5}
+    # a large one, so that the normal hardly turns
+    groups = [
+        points((0, -100.0, 0), name="floor", mass=M, radius=100.0, pinned=True),
+        points((0, R - 1e-5, 0), name="grain", mass=M, radius=R),
+    ]
+    forces = [{"type": "gravity", "acceleration": [pull / M, -1 / M, 0], "on": ["grain"]}]
+    final = simulate(duration, 1e-4, particles=groups, interactions=[law], forces=forces).final
+    return np.array([final.position[1, 0], final.velocity[1, 0]])
+
+
+def test_what_lies_holds_below_the_static_limit_and_slides_above_it() -> None:
+    x, v = pressed(0.5, 0.45)
+    assert x < 1e-4
+    assert abs(v) < 1e-6
+    x, v = pressed(0.5, 0.7)
+    assert v == pytest.approx((0.7 - 0.5) / M * 0.5, rel=0.02)
+    # a load that comes at once stretches the spring up to twice as far as it will stay
+    x, v = pressed({"static": 0.8, "kinetic": 0.3}, 0.38)
+    assert abs(v) < 1e-6
+    x, v = pressed({"static": 0.65, "kinetic": 0.3}, 0.7)
+    assert v == pytest.approx((0.7 - 0.3) / M * 0.5, rel=0.02)
+
+
+def heap(model: str = "linear", n: int = 60, **more: Any) -> dict[str, Any]:
+    """Grains of sizes 1 to 3 that fall into a box."""
+    rng = np.random.default_rng(4)
+    laws = {
+        "linear": {"stiffness": 2000.0},
+        "hertz": {"young_modulus": 1e5},
+        "impulse": {},
+    }
+    place = rng.uniform(-0.15, 0.15, (n, 3)) + np.array([0, 0.4, 0])
+    return table(
+        0.4,
+        2e-4,
+        particles=[
+            {
+                **points(*map(tuple, place.tolist())),
+                "name": "grains",
+                "density": 1000,
+                "radius": {"type": "uniform", "low": 0.008, "high": 0.02},
+            }
+        ],
+        forces=[{"type": "gravity", "acceleration": [0, -9.81, 0]}],
+        planes=[
+            {"point": point, "normal": normal, "restitution": 0.3, "friction": 0.5}
+            for point, normal in (
+                ([0, 0, 0], [0, 1, 0]),
+                ([-0.17, 0, 0], [1, 0, 0]),
+                ([0.17, 0, 0], [-1, 0, 0]),
+                ([0, 0, -0.17], [0, 0, 1]),
+                ([0, 0, 0.17], [0, 0, -1]),
+            )
+        ],
+        interactions=[
+            {
+                "type": "contact",
+                "model": model,
+                "restitution": 0.5,
+                "friction": {"static": 0.5, "kinetic": 0.4},
+                **laws[model],
+            }
+        ],
+        output={"every": 250},
+        **more,
+    )
+
+
+def bits(simulation: Simulation) -> bytes:
+    return b"".join(state.x.tobytes() + state.v.tobytes() for state in simulation.states)
+
+
+@pytest.mark.parametrize("model", ["linear", "hertz"])
+def test_the_same_bits_with_any_threads_and_after_a_resume(model: str, monkeypatch: Any) -> None:
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
+    scenario = ps.from_table(heap(model, n=500))
+    one, two = Simulation(scenario, threads=1), Simulation(scenario, threads=2)
+    other = None
+    for step in (250, 500):
+        one.advance_to(step)
+        two.advance_to(step)
+        assert bits(one) == bits(two)
+        if step == 250:
+            other = Simulation(scenario, threads=2)
+            restore(other, snapshot(one))
+    assert other is not None
+    other.advance_to(500)
+    assert bits(other) == bits(one)
+    (memory,) = [each.memory for island in one.islands for each in island.interactions]
+    assert memory.used.sum() > 20
+
+
+def test_a_third_law_to_the_last_bit() -> None:
+    table = heap("hertz", n=300)
+    del table["planes"], table["forces"]
+    table["particles"][0]["layout"]["velocity"] = [[0.1, 0, 0]]
+    simulation = Simulation(ps.from_table(table))
+    simulation.advance_to(3)
+    (island,) = simulation.islands
+    total = island.forces(simulation.time)
+    assert np.abs(total).max() > 0.01
+    assert np.abs(total.sum(axis=1)).max() < 1e-13 * np.abs(total).max()
+
+
+def test_coincident_centres_come_apart() -> None:
+    for law in (LINEAR, HERTZ, {**HERTZ, "friction": 0.3, "restitution": 0.1}):
+        final = simulate(
+            0.05,
+            1e-5,
+            particles=[points((0, 0, 0), (0, 0, 0), mass=M, radius=R)],
+            interactions=[law],
+        ).final
+        assert np.isfinite(final.position).all()
+        assert np.abs(np.diff(final.position[:, 0])[0]) > R
+        assert np.abs(final.velocity.sum(axis=0)).max() < 1e-12
+
+
+def refused(**changes: Any) -> str:
+    law = {**LINEAR, **changes}
+    law = {key: value for key, value in law.items() if value is not None}
+    scenario = table(
+        0.1,
+        1e-3,
+        method=changes.pop("method", "velocity_verlet"),
+        particles=[points((0, 0, 0), radius=law.pop("radius", 0.1))],
+        interactions=[law],
+    )
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.from_table(scenario)
+    return str(error.value)
+
+
+def test_bad_input_is_refused_with_what_is_allowed() -> None:
+    assert "restitution" in refused(restitution=1.2)
+    assert "friction" in refused(friction=-0.1)
+    assert "needs a radius greater than 0" in refused(radius=0.0)
+    assert "needs a stiffness" in refused(stiffness=None)
+    assert 'young_modulus belongs to model = "hertz"' in refused(young_modulus=1e6)
+    assert "needs a young_modulus" in refused(model="hertz", stiffness=None)
+    assert "ends where two particles no longer touch" in refused(cutoff=1.0)
+
+
+def warned(dt: float = 1e-4, at: float = 0.5, **law: Any) -> str:
+    group = points((0, 0, 0), (at, 0, 0), mass=0.1, radius=0.1)
+    return " ".join(simulate(10 * dt, dt, particles=[group], interactions=[{**LINEAR, **law}]).warnings)
+
+
+def test_what_is_doubtful_is_told_before_the_run() -> None:
+    assert warned() == ""
+    assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
+    assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
+    assert "1 pair of particles overlap at the start" in warned(at=0.19)
+    assert "by 0.01 m" in warned(at=0.19)

@@ -1,0 +1,403 @@
+"""Rigid bodies against closed forms and conservation laws: how they turn, roll, slide, bounce, and stand on each other."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import ellipk
+from simulate import EPS, G, record, simulate, table
+
+import particlesim as ps
+from particlesim.bodies import Bodies
+from particlesim.bodies.shape import BODY_SHAPES, BallBody, BodyShape, BoxBody, CapsuleBody
+from particlesim.engine.rigid.rotation import matrix
+from particlesim.scenario.dump import dump
+
+Array = NDArray[np.float64]
+GRAVITY = [{"type": "gravity"}]
+FLOOR = {"normal": [0, 1, 0]}
+BRICK = {"type": "box", "size": [0.1, 0.2, 0.4]}
+
+
+def body(shape: Any = BRICK, **other: Any) -> dict[str, Any]:
+    return {"name": "body", "shape": shape, **other}
+
+
+def ball(radius: float = 0.1, **other: Any) -> dict[str, Any]:
+    return body({"type": "sphere", "radius": radius}, **other)
+
+
+def ledger(result: ps.Result) -> dict[str, Array]:
+    return {name: np.asarray(values) for name, values in result.ledger.items()}
+
+
+# ---- shapes
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [BallBody(radius=0.3), BoxBody(size=(0.1, 0.5, 0.3)), CapsuleBody(radius=0.2, length=0.7)],
+    ids=lambda shape: shape.type,
+)
+def test_volume_and_inertia_are_those_of_the_surface(shape: BodyShape) -> None:
+    # Integrals over a solid from its triangles: ∫ x_k² dV = Σ det/60 (Σ c_k² + Σ_{a<b} c_k^a c_k^b) over tetrahedra from 0.
+    surface = shape.triangles()
+    corners = surface.corners[surface.faces]
+    sizes = np.linalg.det(corners)
+    volume = sizes.sum() / 6
+    a, b, c = corners.transpose(1, 0, 2)
+    spread = (sizes[:, None] * (a * a + b * b + c * c + a * b + b * c + c * a)).sum(axis=0) / 60
+    # The polygons of a round surface, 48 about and 24 along, are inside of it: by about (2π/48)²/6 = 0.3 % in area.
+    rough = 1e-12 if shape.type == "box" else 0.015
+    assert volume == pytest.approx(shape.volume(), rel=rough)
+    assert spread == pytest.approx(shape.spread(), rel=2 * rough)
+    assert np.linalg.norm(surface.corners, axis=1).max() == pytest.approx(shape.reach(), rel=1e-12)
+    assert {each.model_fields["type"].default for each in BODY_SHAPES} == {"sphere", "box", "capsule"}
+
+
+def test_a_body_has_the_mass_of_its_density() -> None:
+    made = Bodies.model_validate({"shape": BRICK, "density": 500})
+    assert made.weight == pytest.approx(500 * 0.1 * 0.2 * 0.4)
+    assert made.inertia() == pytest.approx(made.weight / 12 * np.array([0.2, 0.17, 0.05]))
+
+
+# ---- free rotation
+
+
+def spun(tmp_path: Path, h: float, duration: float = 4.0) -> ps.Trajectory:
+    """A brick that turns about its intermediate axis, nearly."""
+    brick = body(angular_velocity=[0.05, 5.0, 0.0], mass=12.0)
+    every = {"every": round(0.005 / h), "ledger": True}
+    return record(tmp_path / f"{h}.vtkhdf", duration, h, bodies=[brick], output=every)
+
+
+def test_free_rotation_keeps_angular_momentum_and_swings_in_energy(tmp_path: Path) -> None:
+    swings = []
+    for h in (5e-3, 2.5e-3):
+        rows = spun(tmp_path, h).ledger
+        kinetic = np.asarray(rows["kinetic"])
+        for axis in "xyz":
+            spin = np.asarray(rows[f"angular_momentum.{axis}"])
+            assert (spin == spin[0]).all()  # nothing touches it
+        assert kinetic[0] == pytest.approx(0.5 * (0.2 * 0.05**2 + 0.17 * 5**2))
+        swings.append(np.abs(kinetic / kinetic[0] - 1).max())
+        assert swings[-1] < (5 * h) ** 2  # (ω h)² times less than one
+    assert 3.8 < swings[0] / swings[1] < 4.2
+
+
+def test_the_flip_about_the_intermediate_axis_has_its_period(tmp_path: Path) -> None:
+    # Landau and Lifshitz, Mechanics, § 37, with I₁ < I₂ < I₃ and L² > 2 E I₂: T = 4 K(k) √(I₁I₂I₃/((I₃−I₂)(L²−2EI₁))),
+    # k² = (I₂−I₁)(2EI₃−L²)/((I₃−I₂)(L²−2EI₁)); L along the intermediate axis changes its sign twice in a period.
+    i3, i2, i1 = 0.2, 0.17, 0.05
+    energy, square = 0.05**2 * i3 + 25 * i2, (0.05 * i3) ** 2 + (5 * i2) ** 2
+    assert square > energy * i2
+    under = (i3 - i2) * (square - energy * i1)
+    m = (i2 - i1) * (energy * i3 - square) / under
+    period = 4 * ellipk(m) * math.sqrt(i1 * i2 * i3 / under)
+    errors = []
+    for h in (5e-3, 2.5e-3):
+        frames = spun(tmp_path, h, 8.0)
+        spin = np.array([0.05 * i3, 5 * i2, 0.0])
+        turns = [frame["orientation"][0] for frame in frames]
+        times = np.array([frame.time for frame in frames])
+        along = np.array([np.reshape(matrix(q), (3, 3))[:, 1] @ spin for q in turns])
+        at = np.flatnonzero(along[:-1] * along[1:] < 0)
+        crossings = times[at] + along[at] / (along[at] - along[at + 1]) * (times[at + 1] - times[at])
+        assert len(crossings) >= 2
+        errors.append(abs(2 * (crossings[-1] - crossings[0]) / (len(crossings) - 1) / period - 1))
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] > 3  # second order
+
+
+def test_rotation_is_of_second_order(tmp_path: Path) -> None:
+    ends = [spun(tmp_path, h, 1.0)[-1]["orientation"][0] for h in (5e-3, 2.5e-3, 1.25e-3)]
+    first, second = np.linalg.norm(ends[0] - ends[1]), np.linalg.norm(ends[1] - ends[2])
+    assert 3.7 < first / second < 4.3
+
+
+# ---- slopes
+
+
+def slope(
+    angle: float, thing: dict[str, Any], mu: float, duration: float = 0.5
+) -> tuple[Array, Array, Array]:
+    """Direction down a slope, and velocity and angular velocity of a body that starts on it at rest."""
+    c, s = math.cos(angle), math.sin(angle)
+    plane = {"normal": [-s, c, 0], "restitution": 0.0, "friction": mu}
+    result = simulate(duration, 1e-3, bodies=[thing], forces=GRAVITY, planes=[plane])
+    return np.array([-c, -s, 0.0]), result.final["velocity"][0], result.final["angular_velocity"][0]
+
+
+@pytest.mark.parametrize("part", [0.5, 0.95, 1.05, 2.0])
+def test_a_ball_rolls_as_long_as_friction_holds_it(part: float) -> None:
+    # Solid balls roll with 5/7 g sin θ up to tan θ = 7/2 μ; above they slide with g (sin θ − μ cos θ) and spin up with
+    # 5 μ g cos θ/(2 r).
+    angle, r, time = 0.4, 0.1, 0.5
+    mu = math.tan(angle) / (3.5 * part)
+    place = [-r * math.sin(angle), r * math.cos(angle), 0]
+    down, v, w = slope(angle, ball(r, position=place), mu, time)
+    if part < 1:
+        speed, turning = 5 / 7 * G * math.sin(angle) * time, 5 / 7 * G * math.sin(angle) * time / r
+    else:
+        speed = G * (math.sin(angle) - mu * math.cos(angle)) * time
+        turning = 2.5 * mu * G * math.cos(angle) * time / r
+    assert v @ down == pytest.approx(speed, rel=1e-6)
+    assert w[2] == pytest.approx(turning, rel=1e-6)
+
+
+@pytest.mark.parametrize("part", [0.9, 0.99, 1.01, 1.5])
+def test_a_block_holds_up_to_its_friction_angle(part: float) -> None:
+    mu = 0.5
+    angle = math.atan(mu * part)
+    block = body(
+        {"type": "box", "size": [0.4, 0.1, 0.4]},
+        position=[-0.05 * math.sin(angle), 0.05 * math.cos(angle), 0],
+        orientation={"axis": [0, 0, 1], "angle": math.degrees(angle)},
+    )
+    down, v, _ = slope(angle, block, mu)
+    expected = max(G * (math.sin(angle) - mu * math.cos(angle)) * 0.5, 0.0)
+    # Sweeps over the contacts of the four corners end before the last digit.
+    assert v @ down == pytest.approx(expected, abs=1e-5 * G * 0.5 if expected else 1e-9)
+
+
+# ---- bounces
+
+
+def test_heights_of_bounces_fall_with_the_square_of_restitution(tmp_path: Path) -> None:
+    e, height, r = 0.8, 1.0, 0.1
+    frames = record(
+        tmp_path / "bounces.vtkhdf",
+        2.2,
+        1e-4,
+        bodies=[ball(r, position=[0, height + r, 0])],
+        forces=GRAVITY,
+        planes=[FLOOR | {"restitution": e}],
+        output={"every": 10},
+    )
+    y = np.array([frame.position[0, 1] for frame in frames]) - r
+    tops = y[1:-1][(y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])]
+    assert len(tops) >= 2
+    # An impact is taken at a step, up to h early: a height is off by up to about 2 v h = 9e-4 m.
+    assert tops[:2] == pytest.approx([e**2, e**4], abs=2e-3)
+
+
+@pytest.mark.parametrize("beside", [0.0, 0.07])
+def test_two_balls_keep_momentum_angular_momentum_and_energy(beside: float) -> None:
+    one = ball(name="one", position=[-0.5, 0, 0], velocity=[2, 0, 0], restitution=1.0, friction=0.0)
+    two = ball(name="two", position=[0.5, beside, 0], density=3000.0, restitution=1.0, friction=0.0)
+    result = simulate(
+        1.0, 1e-3, bodies=[one | {"name": "one"}, two | {"name": "two"}], output={"ledger": True}
+    )
+    rows = ledger(result)
+    size = {"kinetic": rows["kinetic"][0]} | {
+        f"{name}.{axis}": 2 * 4.2 for name in ("momentum", "angular_momentum") for axis in "xyz"
+    }
+    for name, scale in size.items():
+        assert rows[name][-1] == pytest.approx(rows[name][0], abs=200 * EPS * scale), name
+    v = result.final["velocity"]
+    if beside == 0:  # masses 1 : 3
+        assert v[:, 0] == pytest.approx([-1.0, 1.0], abs=1e-12)
+    else:
+        assert v[1, 1] > 0.1
+
+
+# ---- stacks
+
+
+def test_a_stack_of_ten_boxes_rests() -> None:
+    n, side = 10, 0.1
+    stack = body(
+        {"type": "box", "size": [side] * 3},
+        layout={"type": "lattice", "spacing": side, "counts": [1, n, 1], "origin": [0, side / 2, 0]},
+    )
+    floor = FLOOR | {"restitution": 0.0, "friction": 0.5}
+    parts: dict[str, Any] = {"bodies": [stack], "forces": GRAVITY, "planes": [floor]}
+    early = simulate(5.0, 2e-3, **parts).final["position"]
+    late = simulate(25.0, 2e-3, **parts).final["position"]
+    assert np.abs(late - early).max() < 1e-8  # m, in 10⁴ steps
+    assert late[:, 1] == pytest.approx(side * (np.arange(n) + 0.5), abs=1e-4)
+
+
+# ---- energy
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_energy_is_never_gained(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes: list[dict[str, Any]] = [
+        {"type": "sphere", "radius": 0.15},
+        {"type": "box", "size": rng.uniform(0.1, 0.4, 3).tolist()},
+        {"type": "capsule", "radius": 0.1, "length": 0.3},
+    ]
+    groups = [
+        {
+            "name": shape["type"],
+            "shape": shape,
+            "density": float(rng.uniform(200, 4000)),
+            "restitution": float(rng.uniform(0, 1)),
+            "friction": float(rng.uniform(0, 1)),
+            "orientation": "random",
+            "angular_velocity": rng.uniform(-10, 10, 3).tolist(),
+            "layout": {
+                "type": "points",
+                "position": [[0.6 * k, 0.4 + 0.6 * row, 0.6 * j] for k in range(2) for j in range(2)],
+                "velocity": rng.uniform(-3, 3, (4, 3)).tolist(),
+            },
+        }
+        for row, shape in enumerate(shapes)
+    ]
+    walls = [
+        {
+            "normal": normal,
+            "point": at,
+            "restitution": float(rng.uniform(0, 1)),
+            "friction": float(rng.uniform(0, 1)),
+        }
+        for normal, at in (
+            ([0, 1, 0], [0, 0, 0]),
+            ([1, 0, 0], [-0.5, 0, 0]),
+            ([-1, 0, 0], [1.1, 0, 0]),
+            ([0, 0, 1], [0, 0, -0.5]),
+            ([0, 0, -1], [0, 0, 1.1]),
+        )
+    ]
+    result = simulate(
+        1.5, 1e-3, seed=seed, bodies=groups, forces=GRAVITY, planes=walls, output={"every": 1, "ledger": True}
+    )
+    rows = ledger(result)
+    energy = rows["kinetic"] + rows["potential.gravity"]
+    # Free rotation swings by (ω h)² of its energy, and what is pushed apart is lifted by less than the slop.
+    assert np.diff(energy).max() < 1e-4 * energy[0]
+    assert energy[-1] < energy[0]
+
+
+# ---- what moves them
+
+
+def test_a_collider_that_moves_takes_bodies_along() -> None:
+    plate = {
+        "name": "plate",
+        "type": "box",
+        "center": [0, -0.1, 0],
+        "size": [4, 0.2, 4],
+        "friction": 2.0,
+        "restitution": 0,
+    }
+    lift = {"collider": "plate", "path": ["0.5*t**2", "-0.1 + 0.3*t", "0"]}
+    block = body({"type": "box", "size": [0.4, 0.1, 0.4]}, position=[0, 0.05, 0])
+    result = simulate(
+        1.0, 1e-3, bodies=[block], forces=GRAVITY, colliders=[plate | {"on": ["body"]}], motions=[lift]
+    )
+    assert result.final["velocity"][0] == pytest.approx([1.0, 0.3, 0.0], abs=2e-3)
+    assert result.final["position"][0] == pytest.approx([0.5, 0.35, 0.0], abs=2e-3)
+
+
+def test_a_box_falls_on_the_corner_of_a_collider() -> None:
+    # The tip of a cone meets the middle of a face, which no corner and no edge of the box sees.
+    post = {
+        "name": "post",
+        "type": "capsule",
+        "start": [0, -1, 0],
+        "end": [0, 0, 0],
+        "radius": 0.02,
+        "restitution": 0.0,
+    }
+    plate = body({"type": "box", "size": [0.4, 0.04, 0.4]}, position=[0, 0.3, 0])
+    result = simulate(1.0, 1e-3, bodies=[plate], forces=GRAVITY, colliders=[post])
+    assert result.final["position"][0] == pytest.approx([0, 0.04, 0], abs=1e-4)
+
+
+def test_a_gyroscope_keeps_its_axis_and_precesses_under_a_torque() -> None:
+    # The field m k z along y has no force on a wheel with its axis along z, but the torque −k ∫ z² dm about x. Of a fast one
+    # that turns the axis by k ∫ z² dm/(I ω) a second towards −x; nutation, at ω I₃/I₁ = 320/s, adds 2e-4.
+    wheel = body({"type": "box", "size": [0.2, 0.2, 0.1]}, mass=3.0, angular_velocity=[0, 0, 200.0])
+    free = simulate(1.0, 1e-4, bodies=[wheel]).final
+    assert free["angular_velocity"][0] == pytest.approx([0, 0, 200], rel=1e-12, abs=1e-10)
+    k, mass = 50.0, 3.0
+    inertia, spread = mass / 12 * 0.08, mass / 12 * 0.01
+    field = {"type": "field", "force": ["0", f"m*{k}*z", "0"]}
+    end = simulate(0.5, 1e-4, bodies=[wheel], forces=[field]).final
+    axis = np.reshape(matrix(end["orientation"][0]), (3, 3))[:, 2]
+    turned = k * spread / (inertia * 200.0) * 0.5
+    assert turned == pytest.approx(0.0156, abs=1e-4)
+    assert axis[:2] == pytest.approx([-turned, 0.0], abs=2e-4)
+    assert np.abs(end["velocity"]).max() < 1e-12
+
+
+# ---- the same bits
+
+
+def heap() -> dict[str, Any]:
+    boxes = body(
+        BRICK,
+        orientation="random",
+        layout={"type": "lattice", "spacing": 0.45, "counts": [2, 3, 2], "origin": [0, 0.4, 0]},
+    )
+    return table(
+        1.0,
+        1e-3,
+        bodies=[boxes],
+        forces=GRAVITY,
+        planes=[FLOOR | {"restitution": 0.3, "friction": 0.5}],
+        output={"every": 50, "ledger": True},
+    )
+
+
+def test_the_same_bits_for_any_number_of_threads() -> None:
+    scenario = ps.from_table(heap())
+    one, two = (ps.run(scenario, threads=n) for n in (1, 2))
+    for field in ("position", "orientation", "angular_velocity"):
+        assert one.final[field].tobytes() == two.final[field].tobytes()
+    assert ps.loads(dump(scenario)) == scenario
+
+
+# ---- mistakes
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        (
+            {"springs": [{"name": "s", "on": "body", "pairs": [[0, 1]], "stiffness": 1.0}]},
+            "springs join particles",
+        ),
+        ({"rods": [{"name": "r", "on": "body", "pairs": [[0, 1]]}]}, "rods join particles"),
+        ({"motions": [{"on": "body", "path": ["t", "0", "0"]}]}, "motions lead"),
+        ({"interactions": [{"type": "gravity", "on": ["body"]}]}, "acts between particles"),
+        ({"planes": [FLOOR | {"contact": "kill"}]}, "do not die"),
+        ({"planes": [FLOOR | {"contact": "stick"}]}, "do not stick"),
+        ({"planes": [FLOOR | {"detection": "discrete"}]}, "foreseen"),
+        ({"planes": [FLOOR | {"tangential_loss": 0.1}]}, "friction"),
+        ({"output": {"work": True, "ledger": True}}, "booked"),
+    ],
+)
+def test_what_bodies_cannot_do_is_refused(parts: dict[str, Any], message: str) -> None:
+    with pytest.raises(ps.ScenarioError, match=message):
+        ps.from_table(table(1.0, 1e-2, bodies=[body()], **parts))
+
+
+@pytest.mark.parametrize("key", ["radius", "integrator", "springs", "cooling"])
+def test_bodies_have_no_properties_of_particles(key: str) -> None:
+    values: dict[str, Any] = {
+        "radius": 0.1, "integrator": "rk4", "springs": {"structural": 1.0}, "cooling": {"rate": 1.0, "ambient": 0.0}
+    }  # fmt: skip
+    with pytest.raises(ps.ScenarioError, match=f"bodies have no {key}"):
+        ps.from_table(table(1.0, 1e-2, bodies=[body(**{key: values[key]})]))
+
+
+def test_bodies_that_start_inside_of_others_are_told_with_their_depth() -> None:
+    pair = [body(name="a", position=[0, 0, 0]), body(name="b", position=[0.07, 0, 0])]
+    pair = [each | {"name": name} for each, name in zip(pair, "ab", strict=True)]
+    result = simulate(0.01, 1e-3, bodies=pair)
+    assert any("0.03 m" in warning and "'a'" in warning for warning in result.warnings)
+
+
+def test_a_force_that_is_not_a_number_ends_the_run() -> None:
+    bad = {"type": "field", "force": ["sqrt(0.5 - t)", "0", "0"]}
+    with pytest.raises(ps.DivergenceError, match="body"):
+        simulate(1.0, 1e-2, bodies=[body()], forces=[bad])
