@@ -103,7 +103,8 @@ def pressed(mu: Any, pull: float, duration: float = 0.5) -> np.ndarray:
 
 def test_what_lies_holds_below_the_static_limit_and_slides_above_it() -> None:
     x, v = pressed(0.5, 0.45)
-    assert x < 1e-4 and abs(v) < 1e-6
+    assert x < 1e-4
+    assert abs(v) < 1e-6
     x, v = pressed(0.5, 0.7)
     assert v == pytest.approx((0.7 - 0.5) / M * 0.5, rel=0.02)
     # a load that comes at once stretches the spring up to twice as far as it will stay
@@ -121,7 +122,7 @@ def heap(model: str = "linear", n: int = 60, **more: Any) -> dict[str, Any]:
         "hertz": {"young_modulus": 1e5},
         "impulse": {},
     }
-    place = rng.uniform(-0.15, 0.15, (n, 3)) + [0, 0.4, 0]
+    place = rng.uniform(-0.15, 0.15, (n, 3)) + np.array([0, 0.4, 0])
     return table(
         0.4,
         2e-4,

@@ -79,7 +79,6 @@ def test_a_heap_comes_to_rest_and_gains_nothing() -> None:
     table["simulation"] |= {"duration": 3.0, "dt": 1e-3}
     table["output"]["every"] = 200
     simulation = Simulation(ps.from_table(table))
-    (island,) = simulation.islands
     highest = []
     for step in range(200, 3001, 200):
         simulation.advance_to(step)

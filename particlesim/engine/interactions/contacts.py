@@ -69,7 +69,7 @@ class Memory(NamedTuple):
 
 
 class ContactColumns(NamedTuple):
-    """Contacts of one law: the first nine as in `NearColumns`; `memory` is None without friction."""
+    """Contacts of one law: the first ten as in `NearColumns`; `memory` is None without friction."""
 
     law: Any
     least: Any
@@ -80,6 +80,7 @@ class ContactColumns(NamedTuple):
     near: Neighbours
     seen: Block
     pull: Any
+    box: Any
     memory: Any
 
 

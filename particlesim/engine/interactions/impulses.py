@@ -6,12 +6,12 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
 and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. So momentum is kept, and energy never grows,
-pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on
-take part in the turns, so that what lies on a floor holds what lies on it.
+pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie
+on take part in the turns, so that what lies on a floor holds what lies on it.
 
 Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as
-they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not fly
-apart.
+they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not
+fly apart.
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
@@ -56,18 +56,19 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; rows of particles
-    at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
+    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; what
+    to add to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
 
     rows: Any
     normal: Any
+    shift: Any
     wall: Any
     wall_normal: Any
     ends: Any
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first nine as in `NearColumns`; then room to work in, and a report."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, and a report."""
 
     law: Any
     least: Any
@@ -78,6 +79,7 @@ class ImpulseColumns(NamedTuple):
     near: Neighbours
     seen: Block
     pull: Any
+    box: Any
     bench: Bench
     report: Any
 
@@ -128,6 +130,7 @@ class Listed(NamedTuple):
             if k < self.bench.rows.shape[1]:
                 self.bench.rows[0, k] = row
                 self.bench.rows[1, k] = other
+                self.bench.shift[0, k], self.bench.shift[1, k], self.bench.shift[2, k] = p.x, p.y, p.z
                 self.report[COUNT] = k + 1
             else:
                 self.report[LOST] = 1
@@ -158,9 +161,11 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
             put_on_walls(each, parts, c, t)
 
 
-def line_between(c: Any, i: Any, j: Any) -> Any:
-    """From particle j to particle i: the unit vector, along x for coincident centres, and the distance."""
-    x, y, z = c.x[i] - c.x[j], c.y[i] - c.y[j], c.z[i] - c.z[j]
+def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
+    """From particle j to particle i of pair k: the unit vector, along x for coincident centres, and the distance."""
+    x = c.x[i] - c.x[j] + shift[0, k]
+    y = c.y[i] - c.y[j] + shift[1, k]
+    z = c.z[i] - c.z[j] + shift[2, k]
     r = np.sqrt(x * x + y * y + z * z)
     one, apart = type_of(r, 1), r > 0
     by = one / (r if apart else one)
@@ -173,7 +178,10 @@ def look_at(each: Any, c: Any, before: Any) -> Any:
     bench, most = each.bench, type_of(c.x[0], 0)
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        x, y, z, _ = line_between(c, i, j)
+        bench.shift[0, k] -= c.x[i] - c.x[j]
+        bench.shift[1, k] -= c.y[i] - c.y[j]
+        bench.shift[2, k] -= c.z[i] - c.z[j]
+        x, y, z, _ = line_between(c, i, j, bench.shift, k)
         bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
         now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
         then = (
@@ -233,7 +241,7 @@ def move_apart(each: Any, c: Any) -> None:
         i, j = bench.rows[0, k], bench.rows[1, k]
         wi, wj = each.a[i], each.a[j]
         both = wi + wj
-        x, y, z, apart = line_between(c, i, j)
+        x, y, z, apart = line_between(c, i, j, bench.shift, k)
         overlap = r[i] + r[j] - apart
         if (overlap > 0) & (both > 0):
             by = (
@@ -276,7 +284,7 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
     """List those of particles [first, last) that are near a collider; returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
-        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):
+        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):  # noqa: SIM102
             if (not held(c.clock, i)) & (collider.response.outcome == PASS):
                 p = fetch(c, i, t)
                 g, n = gap_and_normal(collider.shape, p)
@@ -351,6 +359,7 @@ def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
     return Bench(
         np.zeros((2, room), np.int64),
         np.zeros((4, room), dtype),
+        np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((4, walls), dtype),
         np.zeros(colliders, np.int64),
