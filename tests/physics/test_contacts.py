@@ -165,8 +165,8 @@ def bits(simulation: Simulation) -> bytes:
 
 @pytest.mark.parametrize("model", ["linear", "hertz"])
 def test_the_same_bits_with_any_threads_and_after_a_resume(model: str, monkeypatch: Any) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 0)
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
     scenario = ps.from_table(heap(model, n=500))
     one, two = Simulation(scenario, threads=1), Simulation(scenario, threads=2)
     other = None

@@ -101,8 +101,8 @@ def test_a_start_that_overlaps_comes_apart_gently() -> None:
 
 
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_SPRINGS", 0)
-    monkeypatch.setattr("particlesim.engine.islands.coupled.WORTH_THREADS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
     scenario = ps.from_table(heap("impulse", n=500))
     one, two, other = (Simulation(scenario, threads=k) for k in (1, 2, 2))
     one.advance_to(250)
