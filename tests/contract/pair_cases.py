@@ -49,7 +49,7 @@ PAIR_CASES: dict[str, PairInteraction] = {
     "thermostat": PairFriction(coefficient=1.7, range=2.1, temperature=0.8, boltzmann=1.0),
     "flocking": Flocking(sight=2.3, distance=1.4, separation=3.0, alignment=0.8, cohesion=0.6),
     "contact_linear": Contact(model="linear", stiffness=30.0, restitution=0.6, friction=0.3),
-    "contact_hertz": Contact(model="hertz", young_modulus=200.0, restitution=0.6),
+    "contact_hertz": Contact(model="hertz", young_modulus=200.0, restitution=0.9),
     "contact_elastic": Contact(model="hertz", young_modulus=200.0),
     "contact_impulse": Contact(model="impulse", restitution=0.6),
     "flocking_apart": Flocking(sight=2.3, cohesion=0.6),

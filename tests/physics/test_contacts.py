@@ -245,3 +245,13 @@ def test_what_is_doubtful_is_told_before_the_run() -> None:
     assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
     assert "1 pair of particles overlap at the start" in warned(at=0.19)
     assert "by 0.01 m" in warned(at=0.19)
+
+
+def test_a_memory_without_room_grows_at_the_next_interval(monkeypatch: Any) -> None:
+    monkeypatch.setattr("particlesim.engine.interactions.contacts.KISSING", 1)
+    simulation = Simulation(ps.from_table(heap(n=300)))
+    simulation.advance_to(250)
+    (island,) = simulation.islands
+    before = island.interactions[0].memory.begin[-1]
+    simulation.advance_to(500)
+    assert island.interactions[0].memory.begin[-1] > before

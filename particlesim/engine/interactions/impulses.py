@@ -56,11 +56,18 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
+<<<<<<< HEAD
     """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; rows of
     particles at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
+=======
+    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; what to add to
+    the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there and
+    such speeds [4, n], and where those at each collider of each group end."""
+>>>>>>> contact
 
     rows: Any
     normal: Any
+    shift: Any
     wall: Any
     wall_normal: Any
     ends: Any
@@ -129,6 +136,7 @@ class Listed(NamedTuple):
             if k < self.bench.rows.shape[1]:
                 self.bench.rows[0, k] = row
                 self.bench.rows[1, k] = other
+                self.bench.shift[0, k], self.bench.shift[1, k], self.bench.shift[2, k] = p.x, p.y, p.z
                 self.report[COUNT] = k + 1
             else:
                 self.report[LOST] = 1
@@ -159,9 +167,11 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
             put_on_walls(each, parts, c, t)
 
 
-def line_between(c: Any, i: Any, j: Any) -> Any:
-    """From particle j to particle i: the unit vector, along x for coincident centres, and the distance."""
-    x, y, z = c.x[i] - c.x[j], c.y[i] - c.y[j], c.z[i] - c.z[j]
+def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
+    """From particle j to particle i of pair k: the unit vector, along x for coincident centres, and the distance."""
+    x = c.x[i] - c.x[j] + shift[0, k]
+    y = c.y[i] - c.y[j] + shift[1, k]
+    z = c.z[i] - c.z[j] + shift[2, k]
     r = np.sqrt(x * x + y * y + z * z)
     one, apart = type_of(r, 1), r > 0
     by = one / (r if apart else one)
@@ -174,7 +184,10 @@ def look_at(each: Any, c: Any, before: Any) -> Any:
     bench, most = each.bench, type_of(c.x[0], 0)
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        x, y, z, _ = line_between(c, i, j)
+        bench.shift[0, k] -= c.x[i] - c.x[j]
+        bench.shift[1, k] -= c.y[i] - c.y[j]
+        bench.shift[2, k] -= c.z[i] - c.z[j]
+        x, y, z, _ = line_between(c, i, j, bench.shift, k)
         bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
         now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
         then = (
@@ -234,7 +247,7 @@ def move_apart(each: Any, c: Any) -> None:
         i, j = bench.rows[0, k], bench.rows[1, k]
         wi, wj = each.a[i], each.a[j]
         both = wi + wj
-        x, y, z, apart = line_between(c, i, j)
+        x, y, z, apart = line_between(c, i, j, bench.shift, k)
         overlap = r[i] + r[j] - apart
         if (overlap > 0) & (both > 0):
             by = (
@@ -277,6 +290,7 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
     """List those of particles [first, last) that are near a collider; returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
+<<<<<<< HEAD
         watched = (each.near.place[i] >= 0) & (each.a[i] > 0) & (not held(c.clock, i))
         if watched & (end < bench.wall.size) & (collider.response.outcome == PASS):
             p = fetch(c, i, t)
@@ -292,6 +306,23 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
                 least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
                 bench.wall_normal[3, end] = least if lies else type_of(g, -1)
                 end += 1
+=======
+        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):  # noqa: SIM102
+            if (not held(c.clock, i)) & (collider.response.outcome == PASS):
+                p = fetch(c, i, t)
+                g, n = gap_and_normal(collider.shape, p)
+                if g < type_of(g, NEAR_WALL) * p.r:
+                    x, y, z = whole(n, g)
+                    dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
+                    bench.wall[end] = i
+                    bench.wall_normal[0, end] = x
+                    bench.wall_normal[1, end] = y
+                    bench.wall_normal[2, end] = z
+                    lies = g < type_of(g, ON_WALL) * p.r
+                    least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
+                    bench.wall_normal[3, end] = least if lies else type_of(g, -1)
+                    end += 1
+>>>>>>> contact
     return end
 
 
@@ -352,6 +383,7 @@ def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
     return Bench(
         np.zeros((2, room), np.int64),
         np.zeros((4, room), dtype),
+        np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((4, walls), dtype),
         np.zeros(colliders, np.int64),

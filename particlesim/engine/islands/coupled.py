@@ -228,7 +228,9 @@ class CoupledIsland(BaseIsland):
         self.layout.renew()
         self.kept_from = first
         now = self._now().arrays()
-        if not self._kept:
+        if [column.shape for column in self._kept] != [
+            column.shape for column in now
+        ]:  # what remembers may grow
             self._kept = [np.empty_like(column) for column in now]
         for mine, column in zip(self._kept, now, strict=True):
             np.copyto(mine, column)
