@@ -3,15 +3,9 @@
 `linear`: N = k δ and γ_n = 2 β √(m k), with m = m₁ m₂/(m₁ + m₂) and β = −ln e/√(π² + ln² e): a damped oscillator, that is
 apart again after π/(√(k/m) √(1 − β²)) with e times its speed. Along the surfaces k_t = 2 k/7 unless given.
 
-<<<<<<< HEAD
-`hertz`: N = 4/3 E √(R δ) δ with 1/E = 2 (1 − ν²)/Y, 1/R = 1/r₁ + 1/r₂, and γ_n = √5 β √(m k₁) δ^¼, k₁ = 4/3 E √R, with
-which e does not depend on speed. Along the surfaces, after Mindlin, k_t = 8 G √(R δ), 1/G = 4 (2 − ν) (1 + ν)/Y. In both
-models γ_t = 2 β √(m k_t), times √(5/6) in the second.
-=======
 `hertz`: N = 4/3 E √(R δ) δ with 1/E = 2 (1 − ν²)/Y, 1/R = 1/r₁ + 1/r₂, and γ_n = √5 β √(m k₁) δ^¼, k₁ = 4/3 E √R, with which
 e does not depend on speed. Along the surfaces, after Mindlin, k_t = 8 G √(R δ), 1/G = 4 (2 − ν) (1 + ν)/Y. In both models
 γ_t = 2 β √(m k_t), times √(5/6) in the second.
->>>>>>> contact
 
 Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979); Y. Tsuji, T. Tanaka, T. Ishida, Powder Technol. 71, 239
 (1992); S. J. Antypov, J. A. Elliott, EPL 94, 50004 (2011); R. D. Mindlin, J. Appl. Mech. 16, 259 (1949).

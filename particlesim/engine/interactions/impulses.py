@@ -56,14 +56,9 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
-<<<<<<< HEAD
-    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; rows of
-    particles at colliders [n], normals there and such speeds [4, n], and where those at each collider of each group end."""
-=======
     """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; what to add to
     the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there and
     such speeds [4, n], and where those at each collider of each group end."""
->>>>>>> contact
 
     rows: Any
     normal: Any
@@ -290,23 +285,6 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
     """List those of particles [first, last) that are near a collider; returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
-<<<<<<< HEAD
-        watched = (each.near.place[i] >= 0) & (each.a[i] > 0) & (not held(c.clock, i))
-        if watched & (end < bench.wall.size) & (collider.response.outcome == PASS):
-            p = fetch(c, i, t)
-            g, n = gap_and_normal(collider.shape, p)
-            if g < type_of(g, NEAR_WALL) * p.r:
-                x, y, z = whole(n, g)
-                dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
-                bench.wall[end] = i
-                bench.wall_normal[0, end] = x
-                bench.wall_normal[1, end] = y
-                bench.wall_normal[2, end] = z
-                lies = g < type_of(g, ON_WALL) * p.r
-                least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
-                bench.wall_normal[3, end] = least if lies else type_of(g, -1)
-                end += 1
-=======
         if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):  # noqa: SIM102
             if (not held(c.clock, i)) & (collider.response.outcome == PASS):
                 p = fetch(c, i, t)
@@ -322,7 +300,6 @@ def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any
                     least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
                     bench.wall_normal[3, end] = least if lies else type_of(g, -1)
                     end += 1
->>>>>>> contact
     return end
 
 
