@@ -228,14 +228,8 @@ class CoupledIsland(BaseIsland):
         self.layout.renew()
         self.kept_from = first
         now = self._now().arrays()
-<<<<<<< HEAD
-        if [column.shape for column in self._kept] != [
-            column.shape for column in now
-        ]:  # what remembers may grow
-=======
         sizes = [[column.shape for column in columns] for columns in (self._kept, now)]
         if sizes[0] != sizes[1]:  # what remembers may grow
->>>>>>> contact
             self._kept = [np.empty_like(column) for column in now]
         for mine, column in zip(self._kept, now, strict=True):
             np.copyto(mine, column)
