@@ -21,11 +21,11 @@ from particlesim.engine.state.columns import (
     replaced,
 )
 from particlesim.engine.state.group_state import GroupState
-from particlesim.engine.state.table import CHANGING, CLOCK, TABLE
+from particlesim.engine.state.table import CHANGING, CLOCK, ROTATION, TABLE
 from particlesim.laws.registry import Particle
 from particlesim.model.attributes import ATTRIBUTES, FURTHER, OPTIONAL
 
-EVERYTHING = frozenset({CLOCK, *OPTIONAL})
+EVERYTHING = frozenset({CLOCK, ROTATION, *OPTIONAL})
 
 
 def filled(count: int, memory: int, parts: frozenset[str] = EVERYTHING, capacity: int = 0) -> GroupState:
@@ -41,7 +41,7 @@ def filled(count: int, memory: int, parts: frozenset[str] = EVERYTHING, capacity
 def test_the_table_agrees_with_the_records_of_kernels() -> None:
     assert {field for column in TABLE for field in column.kernel} == set(Columns._fields)
     assert {each.symbol for each in ATTRIBUTES.values()} < set(Particle._fields)
-    assert all(column.unit or column.name in ("id", "memory", "outcome", "cause") for column in TABLE)
+    assert all(column.unit or column.name in ("id", "memory", "outcome", "cause", "turn") for column in TABLE)
 
 
 def test_a_group_has_no_arrays_but_those_of_the_table() -> None:

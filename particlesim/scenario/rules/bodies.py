@@ -60,8 +60,6 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
             here,
             allowed='"double"',
         )
-    if scenario.simulation.box is not None:
-        yield Invalid("rigid bodies do not see the images of a periodic box", ("simulation", "box"), here)
     if output.work:
         yield Invalid("the work on rigid bodies cannot be booked", ("output", "work"), here)
 
