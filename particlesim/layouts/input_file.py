@@ -13,7 +13,7 @@ from particlesim.trajectory.places import kind_of
 LONGEST_LINE = 1 << 16
 """Characters. A line of a table or a mesh has tens; without a bound, a file of zeros would be one line as long as itself."""
 
-RELATIVE = "the path of a layout is relative to the scenario's folder"
+RELATIVE = "paths are relative to the scenario's folder"
 
 
 def check_regular(path: Path, what: str, names: str, missing: str | None = RELATIVE) -> int:

@@ -82,6 +82,8 @@ class RigidIsland(BaseIsland):
         self._still = _still(groups, owner)
         self._motion = new_motion(count)
         self.memory = new_memory(ROOM * count + 64, count)
+        # Kernels keep the order by insertion, which is quick where little has changed only.
+        self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
         self._contacts = new_contacts(ROOM * count + 64)
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
