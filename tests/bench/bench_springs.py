@@ -64,7 +64,7 @@ def psim_rate(width: int, steps: int, threads: int, repeats: int = 3) -> float:
     """Springs per second in whole steps, the best of some runs."""
     simulation = Simulation(cloth(width, DT.get(width, 1e-6)), threads=threads)
     simulation.advance_to(2)
-    springs = simulation.islands[0].springs  # type: ignore[union-attr]
+    springs = simulation.islands[0].layout.effort  # type: ignore[union-attr]
     best = 0.0
     for _ in range(repeats):
         begin = time.perf_counter()
@@ -86,7 +86,7 @@ def force_rate(width: int, evaluations: int, repeats: int = 3) -> float:
         begin = time.perf_counter()
         for _ in range(evaluations):
             island_forces(island.layout.parts, bonds, columns, work, share, 0.0)  # type: ignore[union-attr]
-        best = max(best, island.springs * evaluations / (time.perf_counter() - begin))  # type: ignore[union-attr]
+        best = max(best, island.layout.effort * evaluations / (time.perf_counter() - begin))  # type: ignore[union-attr]
     simulation.close()
     return best
 
