@@ -45,8 +45,8 @@ SPRING_BYTES = 32
 ROSTER_BYTES = 40
 """What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
 BODY_BYTES = 16_000
-"""Memory of a rigid body beside that of a particle: room for its contacts, what is remembered of them, and the solver's
-scratch; measured."""
+"""Memory of a rigid body beside that of a particle: room for 16 contacts of 552 bytes, up to 64 places of 48 bytes for what
+is remembered of them, twice, and the solver's scratch; counted from the sizes of these arrays."""
 BODY_SAVED = 64 * 48 + 64
 """What a checkpoint keeps of a rigid body: impulses of contacts, orientation, angular momentum."""
 ROD_BYTES = 500

@@ -297,8 +297,8 @@ def test_a_collider_that_moves_takes_bodies_along() -> None:
     assert result.final["position"][0] == pytest.approx([0.5, 0.35, 0.0], abs=2e-3)
 
 
-def test_a_box_falls_on_the_corner_of_a_collider() -> None:
-    # The tip of a cone meets the middle of a face, which no corner and no edge of the box sees.
+def test_a_box_falls_flat_on_the_tip_of_a_collider() -> None:
+    # The round tip of a post meets the middle of a face, which no corner and no edge of the box sees.
     post = {
         "name": "post",
         "type": "capsule",
