@@ -150,6 +150,7 @@ def lists(simulation: Simulation, length: float, threads: int, rounds: int) -> N
         cKDTree(x, boxsize=length).query_pairs(CUTOFF + SKIN, output_type="ndarray")
 
     build()
+    together(sort_only, threads, near, where)  # compiled by now
     for _ in range(rounds):
         for name, work in (
             ("sort", lambda: together(sort_only, threads, near, where)),
