@@ -86,8 +86,10 @@ def test_jacobians(model: PairInteraction, generic: object, names: str) -> None:
     for p in PAIRS:
         expected = differences(lambda q: pair_force(record, q), p, names)  # type: ignore[arg-type,return-value]
         found = np.reshape(generic(record, p), (3, 3))  # type: ignore[operator]
+        # Differences of the dashpot of Hertz, which goes with the fourth root of the overlap, err by a little more.
+        part = 2e-6 if getattr(model, "model", None) == "hertz" else 1e-6
         np.testing.assert_allclose(
-            found, expected, rtol=0, atol=2e-6 * scale(expected) + TOLERANCE * scale(pair_force(record, p))
+            found, expected, rtol=0, atol=part * scale(expected) + TOLERANCE * scale(pair_force(record, p))
         )
 
 
