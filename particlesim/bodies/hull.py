@@ -36,7 +36,7 @@ def hull_of(points: Floats, name: str) -> Hull:
         found = ConvexHull(points)
     except QhullError:
         raise UsageError(f"{name}: its corners lie in a plane", "a rigid body has a volume") from None
-    face_of = _merged(found.equations, found.neighbors)
+    face_of = _merged(found.equations, found.neighbors.astype(np.int64))
     rows = np.full(len(points), -1)
     rows[np.sort(found.vertices)] = np.arange(len(found.vertices))
     corners = points[np.sort(found.vertices)]

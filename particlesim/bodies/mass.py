@@ -48,8 +48,9 @@ def enclosed_by(corners: Floats, faces: Ints) -> Solidity:
 def together(parts: list[Solidity]) -> Solidity:
     """Several solids that do not overlap as one."""
     volume = sum(part.volume for part in parts)
-    center = sum(part.volume * part.center for part in parts) / volume
-    second = np.zeros((3, 3))
+    center, second = np.zeros(3), np.zeros((3, 3))
+    for part in parts:
+        center += part.volume / volume * part.center
     for part in parts:
         arm = part.center - center
         second += part.second + part.volume * np.outer(arm, arm)

@@ -55,7 +55,9 @@ class MeshBody(FromFile, BodyShape):
         solid, self._dropped = without_flat(corners, faces)
         if len(solid) == 0:
             raise UsageError(f"{self.path}: none of its triangles has an area", "a rigid body has a volume")
-        require_solid(corners, faces, self.path)
+        require_solid(
+            corners, faces, self.path, "a rigid body is closed: every edge of its surface has two triangles"
+        )
         hull = hull_of(corners[np.unique(solid)], self.path)
         if len(hull.corners) > MOST_CORNERS:
             raise UsageError(

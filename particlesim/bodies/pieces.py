@@ -18,7 +18,7 @@ from particlesim.model.vectors import Vector3
 SPHERE, BOX, CAPSULE, CYLINDER, CONE, HULL = range(6)
 """Kinds of pieces, for kernels."""
 
-LINES = 384
+LINES = 256
 """Lines along each side of the box about pieces that overlap."""
 
 
@@ -188,25 +188,34 @@ def union_of(pieces: list[Piece]) -> Solidity:
     bounds = np.array([[piece.extent(np.eye(3)[axis]) for axis in range(3)] for piece in pieces])
     low, high = bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)
     step = (high - low)[1:] / LINES
-    y, z = (low[1 + k] + step[k] * (np.arange(LINES) + 0.5) for k in range(2))
-    points = np.stack([np.zeros((LINES, LINES)), *np.meshgrid(y, z, indexing="ij")], axis=-1).reshape(-1, 3)
+    across = low[2] + step[1] * (np.arange(LINES) + 0.5)
     total = np.zeros(10)
-    begin, end = np.empty((len(pieces), len(points))), np.empty((len(pieces), len(points)))
-    for k, piece in enumerate(pieces):
-        begin[k], end[k] = piece.stretch(points)
-    order = np.argsort(begin, axis=0)
-    begin, end = np.take_along_axis(begin, order, axis=0), np.take_along_axis(end, order, axis=0)
-    reached = np.full(len(points), -np.inf)
-    for a, b in zip(begin, end, strict=True):
-        there = b > np.maximum(a, reached)
-        a, b = np.maximum(a, reached)[there], b[there]
-        y, z = points[there, 1], points[there, 2]
-        one, two, three = b - a, (b * b - a * a) / 2, (b**3 - a**3) / 3
-        moments = (one, two, y * one, z * one, three, y * y * one, z * z * one, y * two, z * two, y * z * one)
-        total += [float(each.sum()) for each in moments]
-        reached[there] = b
+    for row in range(LINES):
+        y = low[1] + step[0] * (row + 0.5)
+        here = [piece for piece, (a, b) in zip(pieces, bounds[:, 1], strict=True) if a < y < b]
+        if here:
+            points = np.stack([np.zeros(LINES), np.full(LINES, y), across], axis=1)
+            total += _row(here, points)
     total *= step.prod()
     volume, center = total[0], total[1:4] / total[0]
     xx, yy, zz, xy, xz, yz = total[4:]
     second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return Solidity(float(volume), center, second - volume * np.outer(center, center))
+
+
+def _row(pieces: list[Piece], points: Floats) -> Floats:
+    """Moments of what pieces hold together of lines along x through places [n, 3]: 1, x, y, z, xx, yy, zz, xy, xz, yz."""
+    begin, end = np.moveaxis(np.array([piece.stretch(points) for piece in pieces]), 1, 0)
+    order = np.argsort(begin, axis=0)
+    begin, end = np.take_along_axis(begin, order, axis=0), np.take_along_axis(end, order, axis=0)
+    total, reached = np.zeros(10), np.full(len(points), -np.inf)
+    for a, b in zip(begin, end, strict=True):
+        first = np.maximum(a, reached)
+        there = b > first
+        a, b = first[there], b[there]
+        y, z = points[there, 1], points[there, 2]
+        one, two, three = b - a, (b * b - a * a) / 2, (b**3 - a**3) / 3
+        moments = (one, two, y * one, z * one, three, y * y * one, z * z * one, y * two, z * two, y * z * one)
+        total += [float(each.sum()) for each in moments]
+        reached[there] = b
+    return total

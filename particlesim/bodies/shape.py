@@ -22,7 +22,7 @@ from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
-from particlesim.model.vectors import Vector3, norm
+from particlesim.model.vectors import Vector3
 
 Length = Annotated[Metres, Gt(0)]
 
@@ -124,6 +124,8 @@ def _farthest(piece: Piece) -> float:
     if piece.hull is not None:
         corners = piece.at + piece.hull.corners @ piece.rotation.T
         return float(np.linalg.norm(corners, axis=1).max())
+    if piece.kind == BOX:
+        return float(np.linalg.norm(np.abs(piece.rotation.T @ piece.at) + piece.size))
     return float(np.linalg.norm(piece.at)) + piece.ball()
 
 
@@ -178,9 +180,6 @@ class BoxBody(BodyShape):
     def pieces(self) -> tuple[Piece, ...]:
         a, b, c = self.size
         return (Piece(BOX, (a / 2, b / 2, c / 2), NOWHERE, UNTURNED),)
-
-    def reach(self) -> float:
-        return norm(self.size) / 2
 
     def surface(self, sides: int = 48) -> Triangles:
         return cuboid(self.size)

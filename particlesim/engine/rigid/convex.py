@@ -120,7 +120,7 @@ def around(w: Any) -> bool:
         i, j, m = (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
         a = point(w, i)
         n = cross(less(point(w, j), a), less(point(w, m), a))
-        inside = inside and dot(n, a) * dot(n, less(a, point(w, k))) < 0
+        inside = inside and dot(n, a) * dot(n, less(point(w, k), a)) < 0
     return inside
 
 
