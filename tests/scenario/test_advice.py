@@ -150,3 +150,6 @@ def test_the_mass_of_a_sphere_of_stars_is_given_once() -> None:
             ps.from_table(
                 {"simulation": {"duration": 1, "dt": 0.1}, "particles": [{"layout": sphere, **given}]}
             )
+    ball = {"shape": {"type": "sphere", "radius": 1}}
+    with pytest.raises(ps.UsageError, match="which bodies have from their shape"):
+        ps.from_table({"simulation": {"duration": 1, "dt": 0.1}, "bodies": [{**ball, "layout": sphere}]})
