@@ -96,6 +96,15 @@ class RigidIsland(BaseIsland):
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
 
+    def rows_of(self, group: str) -> tuple[int, int]:
+        """The first body of a group, and the first after it."""
+        k = next(k for k, state in enumerate(self.states) if state.name == group)
+        return self._joined.bounds[k], self._joined.bounds[k + 1]
+
+    def ids(self) -> NDArray[np.int64]:
+        """Ids of all bodies."""
+        return np.concatenate([state.id[: state.count] for state in self.states])
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         done, report = first, np.zeros(2)
         while done < last:
@@ -132,7 +141,7 @@ class RigidIsland(BaseIsland):
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
-        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
         for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
