@@ -110,6 +110,16 @@ class Bodies(Particles):
         return self
 
     @model_validator(mode="after")
+    def _given_once(self) -> Bodies:
+        if self.layout is not None and (given := self.layout.attributes()):
+            raise invalid(
+                f"a {self.layout.type} layout gives {' and '.join(sorted(given))}, which bodies have from their shape",
+                at=("layout", "type"),
+                allowed="points, random, lattice or file",
+            )
+        return self
+
+    @model_validator(mode="after")
     def _body(self) -> Bodies:
         if self.layout is None:
             # One body is a layout of one point, for all that asks where particles are.
