@@ -544,6 +544,7 @@ def run_cases(numbers: range, seed: int, ground: Ground, outcomes: Counter[str])
 def _work(numbers: list[int], seed: int, ground: Ground, sender: int) -> NoReturn:
     """Check case after case in a process of its own, and tell the other of each."""
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    faulthandler.register(signal.SIGPROF, chain=True)  # says where, and then the process ends
     try:
         with os.fdopen(sender, "w") as told:
             for number in numbers:
