@@ -10,6 +10,7 @@ from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -60,6 +61,16 @@ def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     return tuple(
         PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
         for label, each in zip(labels, scenario.interactions, strict=False)
+    )
+
+
+def spins(scenario: Tables, group: Group) -> bool:
+    """Whether the particles of a group turn: spheres do whose contacts with each other have friction."""
+    return any(
+        isinstance(each, Contact)
+        and each.rubs
+        and any(group.name == other.name for other in interacting(each, scenario.groups))
+        for each in scenario.interactions
     )
 
 
