@@ -21,6 +21,7 @@ from particlesim.groups.motion import Motion
 from particlesim.groups.selection import selected
 from particlesim.layouts import CHUNK
 from particlesim.model.attributes import ATTRIBUTES
+from particlesim.model.quaternions import UNTURNED, times
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
 from particlesim.scenario.reach import spins
@@ -91,6 +92,9 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
 def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:
     """Give bodies their orientations and angular momenta, L = R I Rᵀ ω."""
     turns, inertia = group.turns(streams, state.count), group.inertia()
+    state.axes = tuple(group.axes().tolist())
+    if state.axes != UNTURNED:  # kernels turn bodies about their principal axes
+        turns = np.array(times(turns, state.axes))
     state.turn[:, : state.count] = turns
     for k in range(state.count):
         rotation = np.reshape(matrix(turns[:, k]), (3, 3))

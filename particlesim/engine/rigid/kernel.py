@@ -18,10 +18,11 @@ import numpy as np
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.narrow import plus, touch
-from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, times, turned_freely
+from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, turned_freely
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
 from particlesim.engine.rigid.walls import touch_wall
 from particlesim.laws.registry import Particle, force, potential
+from particlesim.model.quaternions import times
 
 POINTS = 6
 GOOD, WILD, FULL = 0, 1, 2
