@@ -11,6 +11,7 @@ from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
+from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -53,6 +54,20 @@ def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     if group.dynamics.type == "first_order" and interaction.needs_velocity():
         return "this interaction depends on the velocity, which particles without inertia do not have"
     return None
+
+
+def has_extent(group: Group) -> bool:
+    """Whether a group is more than its particles: its layout has triangles, or edges that join neighbours."""
+    if not isinstance(group, Particles) or isinstance(group, Bodies):
+        return False
+    return group.layout.has_surface() or STRUCTURAL in group.layout.kinds
+
+
+def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -> bool:
+    """Whether an interaction is a contact of triangles and edges, not of particles alone."""
+    if not isinstance(interaction, Contact) or not interaction.by_surfaces:
+        return False
+    return any(has_extent(group) for group in groups)
 
 
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
