@@ -74,7 +74,8 @@ class Motion(NamedTuple):
     world (xx, yy, zz, xy, xz, yz); velocities that only push apart what overlaps; angular momentum from contact [n, 3];
     how far a body may come in a step [n]; velocities and momenta before impulses, with rebounds, before a sweep, and how
     sweeps go on [n, 9]; the body that stands for those that touch it, and their energies [n]; the cluster of each body, the
-    bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with in each [n], and how many there are."""
+    bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with
+    in each [n], and how many there are."""
 
     now: Any
     inverse: Any

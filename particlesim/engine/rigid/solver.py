@@ -6,8 +6,8 @@ For every contact with the normal n and relative velocity u of its points the im
 
 with s the speed of rebound, or the approach that the gap leaves room for; a friction at its bound is against the sliding.
 They are found contact by contact until none changes (projected Gauss and Seidel), forwards and backwards in turn, beginning
-with the impulses of the last step; sweeps are the steps of a method of conjugate gradients. Large heaps get fewer sweeps, and
-go on with them in the next step. What overlaps by more than the slop is pushed apart by velocities of its own, which move
+with the impulses of the last step; sweeps are the steps of a method of conjugate gradients. Large heaps get fewer sweeps,
+and go on with them in the next step. What overlaps by more than the slop is pushed apart by velocities of its own, which move
 bodies in this step and are then forgotten, so that they give no energy.
 
 Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
