@@ -261,7 +261,7 @@ def _writer(
         fields=fields,
         groups=[group.name for group in scenario.groups],
         ledger=ledger,
-        provenance=provenance(scenario),
+        provenance=provenance(scenario, most),
         precision=precision,
         compression=scenario.output.compression,
         overwrite=overwrite,

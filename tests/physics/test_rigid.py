@@ -15,7 +15,9 @@ from simulate import EPS, G, record, simulate, table
 import particlesim as ps
 from particlesim.bodies import Bodies
 from particlesim.bodies.shape import BallBody, BodyShape, BoxBody, CapsuleBody
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.simulation import Simulation
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]
@@ -219,7 +221,30 @@ def test_a_stack_of_ten_boxes_rests() -> None:
     early = simulate(5.0, 2e-3, **parts).final["position"]
     late = simulate(25.0, 2e-3, **parts).final["position"]
     assert np.abs(late - early).max() < 1e-8  # m, in 10⁴ steps
-    assert late[:, 1] == pytest.approx(side * (np.arange(n) + 0.5), abs=1e-4)
+    # Impulses are found from nothing in the first step: what is wrong with them then sets the stack in motion.
+    assert np.abs(late - [[0, side * (k + 0.5), 0] for k in range(n)]).max() < 2e-6
+
+
+def test_boxes_that_fall_on_each_other_do_not_sink_in() -> None:
+    # Planks that fall nearly flat: one point, where two edges cross, would let them rock through each other.
+    planks = body(
+        {"type": "box", "size": [0.4, 0.05, 0.2]},
+        layout={"type": "points", "position": [[0.02 * k, 0.05 + 0.15 * k, 0.03 * k] for k in range(6)]},
+        orientation={"axis": [0.3, 0.1, 1], "angle": 4},
+    )
+    planks["layout"]["velocity"] = [[0, -4, 0]] * 6
+    scenario = ps.from_table(
+        table(1.0, 2e-3, bodies=[planks], forces=GRAVITY, planes=[FLOOR | {"restitution": 0.0}])
+    )
+    world = Simulation(scenario, threads=1)
+    island = world.islands[0]
+    assert isinstance(island, RigidIsland)
+    deepest = 0.0
+    for step in range(10, 500, 10):
+        world.advance_to(step)
+        deepest = max(deepest, max((each.depth for each in island.intrusions()), default=0.0))
+    # They fall 8 mm in a step. 0.05 mm are seen; it is 2 mm with edges in place of faces.
+    assert deepest < 5e-4
 
 
 # ---- energy

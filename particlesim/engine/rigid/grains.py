@@ -1,16 +1,16 @@
 """Particles that touch rigid bodies: impulses between steps.
 
-At the beginning of a step the way of every particle, as a body sees it, is followed up to the end of the step: by as much as
-the particle is away from the body it can go on without touching, so a way is searched by hops of that length (sphere tracing;
-J. C. Hart, The Visual Computer 12, 527, 1996), and thin bodies hold back fast particles. Where it would touch, the impulse P
-at the place of contact is as between bodies,
+At the beginning of a step the way of every particle, as a body sees it, is followed up to the end of the step: by as much
+as the particle is away from the body it can go on without touching, so a way is searched by hops of that length (sphere
+tracing; J. C. Hart, The Visual Computer 12, 527, 1996), and thin bodies hold back fast particles. Where it would touch, the
+impulse P at the place of contact is as between bodies,
 
     u·n ≥ s,  P·n ≥ 0,  (u·n − s) P·n = 0,   |P_t| ≤ μ P·n,
 
-with u the velocity of the particle relative to the surface, and s = −e u·n for an impact, or the approach that the gap leaves
-room for where the two have touched in the step before: what lies does not rebound. Both get opposite impulses, which are
-found together (projected Gauss and Seidel). As between particles friction acts on the centre of a particle, which does not
-turn.
+with u the velocity of the particle relative to the surface, and s = −e u·n for an impact, or the approach that the gap
+leaves room for where the two have touched in the step before: what lies does not rebound. Both get opposite impulses, which
+are found together (projected Gauss and Seidel). As between particles friction acts on the centre of a particle, which does
+not turn.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Grains(NamedTuple):
 
 class Touches(NamedTuple):
     """Contacts of particles and bodies [k]: which; the normal from the body to the particle, the way from the centre of the
-    body to the place of contact [3, k]; the gap now; speed to be reached; impulses [k, 3]; number, and how many found no room
-    [2]."""
+    body to the place of contact [3, k]; the gap now; speed to be reached; impulses [k, 3]; number, and how many found no
+    room [2]."""
 
     grain: Any
     body: Any

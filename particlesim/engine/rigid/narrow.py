@@ -28,6 +28,8 @@ PARALLEL = 1e-6
 FACE_FIRST = 1e-3
 """Crossing edges must be this much better than faces, in units of the smaller box, to be taken for the contact: faces have
 several points, which rest more firmly."""
+NEARLY = 0.97
+"""Cosine of the angle between two directions, 14 degrees, from which on they count as nearly the same."""
 SECTIONS = 40
 """Golden sections of a segment, each of which leaves 0.618 of it."""
 GOLDEN = 0.6180339887498949
@@ -247,12 +249,22 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
                     crossing, first, second = apart, p, q
     if crossing > margin:
         return
-    if crossing > best + FACE_FIRST * smallest:
+    if crossing > best + FACE_FIRST * smallest and not nearly_face(ri, rj, which, first, second):
         edges(k, i, j, s.x, ri, rj, hi, hj, d, first, second, crossing, code)
     elif which < 3:
         faces(k, i, j, s.x, ri, rj, hi, hj, d, which, margin, 1.0, code)
     else:
         faces(k, j, i, o.x, rj, ri, hj, hi, turned(d, -1.0), which - 3, margin, -1.0, code)
+
+
+def nearly_face(ri: Any, rj: Any, which: Any, first: Any, second: Any) -> bool:
+    """Whether what is across two edges is nearly across the best face too. That face is what touches then: one point would
+    let boxes that lie on each other rock, and sink."""
+    n, face = cross_of(column(ri, first), column(rj, second)), column(ri, which)
+    if which >= 3:
+        face = column(rj, which - 3)
+    along = dot(n, face)
+    return bool(along * along > NEARLY * NEARLY * dot(n, n))
 
 
 def cross_of(a: Any, c: Any) -> Any:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Clock, Columns, Spin, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, ROTATION, TABLE, column_of
+from particlesim.engine.state.table import CLOCK, ROTATION, SPIN, TABLE, column_of
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
@@ -56,6 +56,8 @@ class GroupState:
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
     heat: NDArray[np.float64]
+    angular_velocity: NDArray[Any]
+    turned: NDArray[Any]
     turn: NDArray[np.float64]
     spin: NDArray[np.float64]
 
@@ -176,6 +178,7 @@ class GroupState:
             Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None,
             tuple(self.memory[:, :n]),
             tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
+            Spin(*self.angular_velocity[:, :n], *self.turned[:, :n]) if SPIN in self.parts else None,
         )
 
     def arrays(self) -> list[NDArray[Any]]:
