@@ -1,9 +1,8 @@
 """Particles that touch rigid bodies: impulses between steps.
 
-At the beginning of a step the way of every particle, as a body sees it, is followed up to the end of the step: by as much
-as the particle is away from the body it can go on without touching, so a way is searched by hops of that length (sphere
-tracing; J. C. Hart, The Visual Computer 12, 527, 1996), and thin bodies hold back fast particles. Where it would touch, the
-impulse P at the place of contact is as between bodies,
+At the beginning of a step the way of every particle, as a body sees it, is followed up to the end of the step. The distance
+from a convex piece is a convex function of the time on a straight way, so Newton's method comes to where it touches, and
+never beyond; thin bodies hold back fast particles. There the impulse P at the place of contact is as between bodies,
 
     u·n ≥ s,  P·n ≥ 0,  (u·n − s) P·n = 0,   |P_t| ≤ μ P·n,
 
@@ -29,7 +28,7 @@ from particlesim.engine.rigid.rotation import angular_velocity, cross, dot, matr
 from particlesim.engine.rigid.solver import turned_by, world_inverse
 
 HOPS = 48
-"""Hops along a way at most."""
+"""Steps of Newton's method at most."""
 NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
 SWEEPS = 40
@@ -130,7 +129,7 @@ def inside(p: Any, s: Any, a: Any) -> Any:
 @kernel
 def find_touches(b: Any, first: Any, last: Any, g: Any, k: Any, h: Any) -> None:
     """Note the contacts that particles have with bodies [first, last) now, or would come to within a time h."""
-    found = on_stack(1, 9, np.float64)
+    found, best = on_stack(1, 9, np.float64), on_stack(1, 8, np.float64)
     p = b.pieces
     for i in range(first, last):
         x, r = place(b, i), matrix(orientation(b, i))
@@ -144,34 +143,56 @@ def find_touches(b: Any, first: Any, last: Any, g: Any, k: Any, h: Any) -> None:
             far = np.sqrt(dot(d, d)) - b.reach[i] - g.radius[m]
             if far < h * np.sqrt(dot(u, u)):
                 u = minus(u, cross(omega, d))
+                best[0, 0] = np.inf
                 for number in range(p.first[group], p.first[group + 1]):
-                    follow(p, solid_of(p, number, x, r), k, i, m, x, at, u, g.radius[m], h, found)
+                    follow(p, solid_of(p, number, x, r), k, i, m, x, at, u, g.radius[m], h, found, best)
+                if 0 < best[0, 0] <= h:
+                    n, arm = (best[0, 1], best[0, 2], best[0, 3]), (best[0, 4], best[0, 5], best[0, 6])
+                    note(k, m, i, n, arm, best[0, 7])
 
 
 @outlined
 def follow(
-    p: Any, s: Any, k: Any, i: Any, m: Any, center: Any, at: Any, u: Any, radius: Any, h: Any, found: Any
+    p: Any,
+    s: Any,
+    k: Any,
+    i: Any,
+    m: Any,
+    center: Any,
+    at: Any,
+    u: Any,
+    radius: Any,
+    h: Any,
+    found: Any,
+    best: Any,
 ) -> None:
-    """Follow the way of particle m, which moves with u as body i sees it, and note where it touches a piece."""
-    speed, close = np.sqrt(dot(u, u)), NEAR * p.fine[s.number]
+    """Follow the way of particle m, which moves with u as body i sees it, to a piece.
+
+    All pieces that it touches now are noted; of those that it would come to, the first one is kept in `best` [1, 8]: when,
+    the normal, the way from the centre of the body, the gap now.
+    """
+    close = NEAR * p.fine[s.number]
     now, n = away_from(p, s, at, found)
     now -= radius
     gap, t, x = now, 0.0, at
+    falls = -dot(u, n)
     for _ in range(HOPS):
-        if gap <= close or not speed > 0:
+        if gap <= close or not falls > 0 or t > h:
             break
-        t += gap / speed
-        if t > h:
-            break
+        t += gap / falls
         x = plus(at, t, u)
         gap, n = away_from(p, s, x, found)
         gap -= radius
-    if t > h or gap > 1e3 * close or not dot(u, n) < 0:
-        # It passes, or is not there yet. What overlaps and moves apart is still to be moved apart.
-        if now < 0:
-            note(k, m, i, n, plus(minus(x, center), -(radius + gap), n), now)
-        return
-    note(k, m, i, n, plus(minus(x, center), -(radius + gap), n), now)
+        falls = -dot(u, n)
+    arm = plus(minus(x, center), -(radius + gap), n)
+    if now <= close:
+        if falls > 0 or now < 0:  # what overlaps and moves apart is still to be moved apart
+            note(k, m, i, n, arm, now)
+            best[0, 0] = -np.inf
+    elif falls > 0 and t <= h and t < best[0, 0]:
+        best[0, 0], best[0, 7] = t, now
+        best[0, 1], best[0, 2], best[0, 3] = n
+        best[0, 4], best[0, 5], best[0, 6] = arm
 
 
 def note(k: Any, m: Any, i: Any, n: Any, arm: Any, gap: Any) -> None:
