@@ -70,6 +70,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_method",
             "_scene",
             "_still",
+            "_shapes",
             "_motion",
             "_contacts",
             "_kept",
