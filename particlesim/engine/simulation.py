@@ -55,7 +55,11 @@ class Simulation(World):
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
-        self.meetings = Meetings(scenario, self.islands, self.states)
+        self._meetings = Meetings(scenario, self.islands, self.states)
+        # Bodies go first where they have guests.
+        self._order = sorted(
+            range(len(self.islands)), key=lambda k: not self._meetings.concern(self.islands[k])
+        )
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
@@ -76,11 +80,15 @@ class Simulation(World):
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            if self.meetings:
-                self.meetings.exchange(self.scenario.grid.dt)
+            if self._meetings:
                 last = self.step + 1
-            for number in range(len(self.islands)):
-                self._advance(number, self.step, last)
+            for number in self._order:
+                if self._meetings.concern(self.islands[number]):
+                    self._meetings.invite()
+                    self._advance(number, self.step, last)
+                    self._meetings.dismiss()
+                else:
+                    self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()

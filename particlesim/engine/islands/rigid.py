@@ -40,6 +40,7 @@ from particlesim.engine.rigid.kernel import (
 )
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
+from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -91,6 +92,10 @@ class RigidIsland(BaseIsland):
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
+        self.visitors: Visitors | None = None
+        """Particles that make the next step among the bodies."""
+        self.left: Left
+        """What became of them."""
 
     def bodies(self) -> Bodies:
         """The bodies as kernels take them."""
@@ -98,16 +103,13 @@ class RigidIsland(BaseIsland):
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
 
-    def rows_of(self, group: str) -> tuple[int, int]:
-        """The first body of a group, and the first after it."""
-        k = next(k for k, state in enumerate(self.states) if state.name == group)
-        return self._joined.bounds[k], self._joined.bounds[k + 1]
-
     def ids(self) -> NDArray[np.int64]:
         """Ids of all bodies."""
         return np.concatenate([state.id[: state.count] for state in self.states])
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        if self.visitors is not None:
+            return None, None, self._receive(first, self.visitors)
         done, report = first, np.zeros(2)
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -119,6 +121,22 @@ class RigidIsland(BaseIsland):
             if done < last:
                 self._make_room(2 * int(report[1]))
         return None, None, None
+
+    def _receive(self, step: int, visitors: Visitors) -> Fault | None:
+        """A step with particles among the bodies."""
+        b = self.bodies()
+        n, report = b.w.size, np.zeros(2)
+        whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
+        scene, motion = self._scene._replace(guests=guests), new_motion(whole.w.size)
+        while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
+            if report[0] != FULL:
+                return self._fault(step)
+            self._make_room(2 * int(report[1]))
+            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, :n]
+        self.left = left(whole, guests, visitors, self.dt)
+        return None
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""

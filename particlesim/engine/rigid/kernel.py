@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.fluids import Wetted, Whole, act, stored
+from particlesim.engine.rigid.grains import find_guests, settle_guests
 from particlesim.engine.rigid.narrow import plus, touch
 from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, turned_freely
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
@@ -42,7 +43,8 @@ class Stretch(NamedTuple):
 
 class Scene(NamedTuple):
     """What acts on bodies: forces, colliders, contact between groups; `arms` of the six points [3, n], mass, radius of
-    the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]."""
+    the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; particles that may
+    touch bodies (`grains`), which are the last bodies then, None where there are none."""
 
     stretches: tuple[Stretch, ...]
     walls: tuple[Any, ...]
@@ -52,6 +54,7 @@ class Scene(NamedTuple):
     radius: Any
     further: tuple[Any, ...]
     slop: float
+    guests: Any = None
 
 
 def point_of(scene: Any, b: Any, i: Any, r: Any, turning: Any, point: Any, t: Any) -> Any:
@@ -148,7 +151,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     Bodies are sorted along x by where they begin, which changes little from step to step; those whose balls overlap are
     looked at.
     """
-    n, order, margin = b.w.size, memory.order, motion.margin
+    n = b.w.size if scene.guests is None else scene.guests.first
+    order, margin = memory.order, motion.margin
     k.number[0] = k.number[1] = 0
     for i in range(n):
         m = motion.now[i]
@@ -178,6 +182,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
                 near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
                 if dx * dx + dy * dy + dz * dz < near * near:
                     touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+    if scene.guests is not None:
+        find_guests(scene.guests, b, k, motion, scene.slop, h)
 
 
 def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
@@ -244,6 +250,8 @@ def step_bodies(
         if k.number[0] > 0:
             solve(b, k, motion, memory, dt)
             part_overlaps(scene, b, k, motion, dt)
+            if scene.guests is not None:
+                settle_guests(scene.guests, b, k)
         drift(b, 0.5 * dt)
         if not finite(b):
             report[0] = WILD
