@@ -13,6 +13,7 @@ from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.whfast import WisdomHolmanMethod
 
 
 class Part(NamedTuple):
@@ -63,7 +64,8 @@ class StagedEmbedded(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; None for other methods."""
+    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other
+    methods."""
 
     force: Any
     before: Any
@@ -72,6 +74,7 @@ class Work(NamedTuple):
     spread: Any
     system: Any = None
     radau: Any = None
+    orbits: Any = None
 
 
 class Share(NamedTuple):
@@ -128,13 +131,19 @@ def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
     return StagedVerlet()
 
 
+NO_LOOK_BACK = Composition | Verlet | WisdomHolmanMethod
+"""Methods that do not need the state at the beginning of a step."""
+
+
 def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work:
     """Scratch arrays for an island; without `looks_back`, contacts and rods do not need the beginning of a step."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
     return Work(
         np.zeros((3, count), dtype),
-        np.zeros((6, count), dtype) if looks_back or not isinstance(method, Composition | Verlet) else None,
+        np.zeros((6, count), dtype)
+        if looks_back or not isinstance(method, Composition | Verlet | WisdomHolmanMethod)
+        else None,
         np.zeros((stages, 6, count), dtype),
         np.zeros((3, chunk_size(count)), dtype),
         np.zeros((estimates, 6, chunk_size(count)), dtype),
