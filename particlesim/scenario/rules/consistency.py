@@ -14,6 +14,7 @@ from particlesim.scenario.rules import bodies, interactions, joints, periodic
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
+from particlesim.scenario.rules.orbits import orbits
 from particlesim.scenario.rules.tolerances import few_bodies, too_fine
 from particlesim.scenario.tables import Tables
 
@@ -229,6 +230,7 @@ CHECKS = (
     pictures.colors,
     too_fine,
     few_bodies,
+    orbits,
     pictures.styles,
     disagreements,
 )
