@@ -91,6 +91,16 @@ class Island:
             for each in self.interactions
         )
 
+    def spins(self, group: str) -> bool:
+        """Whether the particles of a group turn, as their contacts with each other have friction."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.rubs
+            and group in each.groups
+            for each in self.interactions
+        )
+
     @property
     def changes(self) -> bool:
         """Whether particles may be born or die."""

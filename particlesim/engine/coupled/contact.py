@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from particlesim.engine.state.columns import fetch, note, span, store, type_of
 from particlesim.engine.step.impacts import Simple, overlapped, respond, trace
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.rubbing import rubbed
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
 
@@ -38,10 +39,10 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     for part in parts:
         if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, c, before, first, last, t, end, h, False)
+            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.cores, c, before, first, last, t, end, h, True)
+            _collide(part.cores, (), c, before, first, last, t, end, h, True)
 
 
 def core_of(p: Any) -> Any:
@@ -51,7 +52,16 @@ def core_of(p: Any) -> Any:
 
 
 def _collide(
-    contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, end: Any, h: Any, soft: Any
+    contacts: Any,
+    rubbing: Any,
+    c: Any,
+    before: Any,
+    first: Any,
+    last: Any,
+    t: Any,
+    end: Any,
+    h: Any,
+    soft: Any,
 ) -> None:
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
@@ -79,5 +89,7 @@ def _collide(
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
+            if len(rubbing) > 0 and c.spin is not None:
+                r = rubbed(rubbing, c, i, q, r, hi)
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

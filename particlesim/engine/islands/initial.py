@@ -86,6 +86,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         _turn(state, group, streams)
     elif isinstance(group, Particles):
         _pin(state, group, motions)
+        if group.angular_velocity is not None:
+            state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
 
 

@@ -154,8 +154,10 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
             colliders = tuple(each for each in colliders if each.contact != "bounce")
             cores = contacts_record(bouncing, group, dtype) if bouncing else None
         forces = tuple(force.record() for force in island.forces[k])
-        contacts = contacts_record(colliders, group, dtype)
-        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores)
+        turns = island.spins(group.name) and any(each.rubs for each in colliders)
+        rubbing = tuple(each.record() for each in colliders) if turns else ()
+        contacts = contacts_record(colliders, group, dtype, smooth=turns)
+        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
         parts.append(as_precision(part, dtype))
     return tuple(parts)
 

@@ -41,17 +41,23 @@ def dynamics_record(group: Group) -> tuple[Any, ...]:
     return Newtonian()
 
 
-def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
-    """What the particles of a group may touch, in the simplest form that is right."""
+def contacts_record(
+    colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any], *, smooth: bool = False
+) -> Simple | Careful:
+    """What the particles of a group may touch, in the simplest form that is right; `smooth`: without friction."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         low, high = group.die.outside
         bounds = (BoundsRecord(*low, *high),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
-    continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
+    continuous = [
+        without_friction(each.record()) if smooth else each.record()
+        for each in colliders
+        if each.detection == "continuous" and not inert
+    ]
     discrete = [
-        without_friction(each.record()) if inert else each.record()
+        without_friction(each.record()) if inert or smooth else each.record()
         for each in colliders
         if each.detection == "discrete" or inert
     ]
@@ -70,7 +76,7 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
 
 
 def without_friction(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and so no momentum to lose."""
+    """The same collider for what has no inertia, and so no momentum to lose, or loses it by turning."""
     return c._replace(response=c.response._replace(friction=None, belt=None))
 
 

@@ -213,6 +213,8 @@ CHECKS = (
     bodies.held,
     needs,
     interactions.felt,
+    interactions.turned,
+    interactions.against_walls,
     interactions.kicked,
     periodic.repeated,
     interactions.fixed_steps,
