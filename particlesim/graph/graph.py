@@ -279,4 +279,8 @@ def _collider_detail(collider: Collider) -> str:
         what = f"e = {collider.liveliness:g}"
         if collider.rubs:
             what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
+    if collider.contact == "penalty":
+        return (
+            f"{collider.describe()}, penalty, k = {collider.stiffness:g} N/m, c = {collider.damping:g} kg/s"
+        )
     return f"{collider.describe()}, {what}, {collider.detection}"

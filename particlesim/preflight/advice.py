@@ -9,6 +9,7 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.preflight.contact_steps import contact_doubts
+from particlesim.preflight.penalty_steps import penalty_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -35,6 +36,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_explicit(scenario),
         *_unrepeated(scenario),
         *contact_doubts(scenario),
+        *penalty_doubts(scenario),
     )
 
 
@@ -80,7 +82,7 @@ def _projection(scenario: Scenario) -> list[str]:
         f"{each.kind} {each.name or k} with discrete detection and restitution {each.liveliness:g} can add energy: "
         'particles are lifted out of it; detection = "continuous" does not'
         for k, each in enumerate(scenario.all_colliders)
-        if each.lifts()
+        if each.lifts() and not each.soft
     ]
 
 

@@ -26,7 +26,7 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
+from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, missed, squeezed
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -301,9 +301,11 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
             *advice(simulation.scenario),
             *course.watch.warnings,
             *simulation.warnings(),
+            *missed(simulation),
             *filter(None, problems),
         ),
         broken=simulation.broken(),
+        missed_crossings=simulation.missed_crossings(),
         methods=simulation.methods(),
         checks=course.checks.results(),
         known_state=course.state,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from particlesim.engine.state.columns import fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import Simple, overlapped, respond, trace
+from particlesim.engine.step.impacts import Simple, crossings, overlapped, passable, pushed, respond, trace
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import Particle, Vector, force, law, moved_to
@@ -36,7 +36,8 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
     """
     for part in parts:
-        if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
+        hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
+        if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
             _collide(part.contacts, c, before, first, last, t, end, h)
 
@@ -68,5 +69,12 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
+            if len(contacts.soft) > 0:
+                free = r
+                r = pushed(contacts.soft, free, hi)
+                if r.vx != free.vx or r.vy != free.vy or r.vz != free.vz:
+                    forget(c.memory, i)
+            if c.missed is not None and len(passable(contacts)) > 0:
+                c.missed[i] += crossings(contacts, p, r, hi)
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

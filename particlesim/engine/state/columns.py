@@ -42,7 +42,8 @@ class Clock(NamedTuple):
 
 class Columns(NamedTuple):
     """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
-    each None where no law reads it."""
+    each None where no law reads it; `missed` how many colliders a particle has passed unseen, None where none can be;
+    `hit` the first impact of the present step, in the order of `HIT`, empty where nobody hears of it."""
 
     x: Any
     y: Any
@@ -56,6 +57,8 @@ class Columns(NamedTuple):
     clock: Any
     memory: tuple[Any, ...]
     further: tuple[Any, ...] = ()
+    missed: Any = None
+    hit: tuple[Any, ...] = ()
 
 
 def cut(column: Any, first: Any, last: Any) -> Any:
@@ -228,7 +231,9 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
     if c.clock is None:
         return c
     clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
-    return Columns(c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further)
+    return Columns(
+        c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further, c.missed, c.hit
+    )
 
 
 def presence(clock: Any, i: Any) -> Any:

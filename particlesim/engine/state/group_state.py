@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, ROTATION, TABLE, column_of
+from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, TABLE, WATCHED, column_of
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
@@ -53,6 +53,8 @@ class GroupState:
     stop: NDArray[np.float64]
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
+    missed: NDArray[np.int64]
+    hit: NDArray[np.float64]
     heat: NDArray[np.float64]
     turn: NDArray[np.float64]
     spin: NDArray[np.float64]
@@ -73,6 +75,7 @@ class GroupState:
         self.cooling = cooling
         self.count = 0
         self.driven: tuple[Driven, ...] = ()
+        self.missed_by_dead = 0
         self._allocate(capacity, memory)
 
     def _allocate(self, capacity: int, memory: int) -> None:
@@ -168,6 +171,8 @@ class GroupState:
             Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None,
             tuple(self.memory[:, :n]),
             tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
+            self.missed[:n] if WATCHED in self.parts else None,
+            tuple(self.hit[:, :n]) if HEARD in self.parts else (),
         )
 
     def arrays(self) -> list[NDArray[Any]]:
@@ -234,11 +239,16 @@ class GroupState:
         keep = ~dead
         place = np.cumsum(keep) - 1
         self.driven = tuple(each._replace(rows=place[each.rows]) for each in self.driven)
+        self.missed_by_dead += int(self.missed[:n][dead].sum()) if WATCHED in self.parts else 0
         for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]
         self.count = int(keep.sum())
         return deaths
+
+    def missed_crossings(self) -> int:
+        """How often particles have passed a collider that looks at the end of steps alone, the dead among them."""
+        return self.missed_by_dead + int(self.missed[: self.count].sum())
 
     def stuck(self) -> NDArray[np.bool_]:
         """Which particles stay where they touched, shape [n]."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.colliders import BoundsRecord, Collider, Plane
-from particlesim.colliders.response import ColliderRecord
+from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.emitters import Emitter
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
@@ -49,19 +50,23 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
         bounds = (BoundsRecord(*low, *high),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
-    continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
+    soft = tuple(each.record() for each in colliders if each.soft and not inert)
+    hard = [each for each in colliders if inert or not each.soft]
+    continuous = [each.record() for each in hard if each.detection == "continuous" and not inert]
     discrete = [
         without_friction(each.record()) if inert else each.record()
-        for each in colliders
+        for each in hard
         if each.detection == "discrete" or inert
     ]
-    if not continuous and (len(colliders) == 1 or _at_right_angles(colliders)):
-        return Simple((*discrete, *bounds))
+    if not continuous and (len(hard) <= 1 or _at_right_angles(hard)):
+        return Simple((*discrete, *bounds), soft)
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
-    one_by_one = () if any(each.costly for each in colliders) else None
-    reach = max((each.reach() for each in colliders), default=0.0)
-    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one)
+    one_by_one = () if any(each.costly for each in hard) else None
+    reach = max((each.reach() for each in hard), default=0.0)
+    return Careful(
+        tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one, soft
+    )
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
@@ -71,7 +76,7 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
 
 def without_friction(c: ColliderRecord) -> ColliderRecord:
     """The same collider for what has no inertia, and so no momentum to lose."""
-    return c._replace(response=c.response._replace(friction=None, belt=None))
+    return c._replace(response=c.response._replace(friction=None, belt=None, yielding=None))
 
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:
@@ -98,7 +103,17 @@ def group_program(
     return as_precision(program, dtype)
 
 
+def may_miss(colliders: Sequence[Collider], group: Group) -> bool:
+    """Whether particles of a group may pass a collider within a step without being seen."""
+    inert = group.dynamics.type != "second_order"
+    return any(
+        crossable(each.record()) for each in colliders if each.detection == "discrete" or each.soft or inert
+    ) and not isinstance(group, Bodies)
+
+
 def needs_clock(group: Group, colliders: Sequence[Collider], led: bool) -> bool:
     """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
     pinned = isinstance(group, Particles) and (led or group.has_pins())
-    return isinstance(group, Emitter) or pinned or any(each.contact != "bounce" for each in colliders)
+    return (
+        isinstance(group, Emitter) or pinned or any(each.contact in ("stick", "kill") for each in colliders)
+    )
