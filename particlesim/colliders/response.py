@@ -172,23 +172,24 @@ def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
 def yielded(c: Any, p: Any, h: Any) -> Any:
     """The particle after a step of h at the end of which it may be inside of a surface that yields.
 
-    A penalty is a kick by the force max(−k g − c v·n, 0) at the end of the step, with v·n the mean of before and after, so that
-    with the drift of the next step it is stable for h √(k/m) < 2, whatever the damper. Recovery is the response to impacts, and the part 1 − exp(−h/τ) of the way back.
+    A penalty is a kick by the force max(−k g − c v·n, 0) at the end of the step, with v·n the mean of before and after, so
+    that with the drift of the next step it is stable for h √(k/m) < 2, whatever the damper. Recovery is the response to
+    impacts, and the part 1 − exp(−h/τ) of the way back.
     """
     if isinstance(c.shape, MovingRecord):
         local = ride(c.shape, p)
         after = yielded(at_rest(c), local, h)
-        back = alight(c.shape, after)
+        away = alight(c.shape, after)
         same = (after.x == local.x) & (after.y == local.y) & (after.z == local.z)
         still = same & (after.vx == local.vx) & (after.vy == local.vy) & (after.vz == local.vz)
         return moved_to(
             p,
-            p.x if same else back.x,
-            p.y if same else back.y,
-            p.z if same else back.z,
-            p.vx if still else back.vx,
-            p.vy if still else back.vy,
-            p.vz if still else back.vz,
+            p.x if same else away.x,
+            p.y if same else away.y,
+            p.z if same else away.z,
+            p.vx if still else away.vx,
+            p.vy if still else away.vy,
+            p.vz if still else away.vz,
             p.t,
         )
     g, n = gap_and_normal(c.shape, p)

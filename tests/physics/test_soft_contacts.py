@@ -23,8 +23,8 @@ def thrown(duration: float, dt: float, method: str = "velocity_verlet", **plane:
 @pytest.mark.parametrize(("method", "zeta"), [("velocity_verlet", 0.0), ("rk4", 0.2), ("rk45", 0.2)])
 def test_a_penalty_rebounds_as_its_oscillator(method: str, zeta: float) -> None:
     # A spring and a damper that push and never pull (Schwager, Poeschel, Granular Matter 9, 465 (2007)):
-    # e = exp(-z (pi - atan(2 z s/(1 - 2 z^2)))/s), s = sqrt(1 - z^2). Where it is first met within a step is of first order in
-    # h w = 0.002.
+    # e = exp(-z (pi - atan(2 z s/(1 - 2 z^2)))/s), s = sqrt(1 - z^2). Where it is first met within a step is of first
+    # order in h w = 0.002.
     k, m = 2e4, 2.0
     s = np.sqrt(1 - zeta**2)
     e = np.exp(-zeta / s * (np.pi - np.arctan2(2 * zeta * s, 1 - 2 * zeta**2)))

@@ -5,7 +5,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from particlesim.engine.state.columns import fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import Simple, crossings, overlapped, passable, pushed, respond, trace
+from particlesim.engine.step.impacts import (
+    Simple,
+    crossings,
+    overlapped,
+    passable,
+    pushed,
+    respond,
+    tell,
+    trace,
+)
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import Particle, Vector, force, law, moved_to
@@ -63,8 +72,9 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 half, whole = type_of(h, 0.5), type_of(h, 1)
                 parabola = CompositionRecord((half, half), (whole, None))
-                r, _, outcome = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
+                r, _, outcome, hit = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)
+                tell(c.hit, i, hit)
             else:
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:

@@ -42,6 +42,7 @@ from particlesim.engine.step.impacts import (
     passable,
     pushed,
     rest,
+    tell,
     trace,
 )
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
@@ -152,7 +153,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
         if room.marks[i]:
             begin, hi = span(c.clock, i, t, end, h)
             p = fetch_known(c, inverse, i, begin)
-            q, memory, outcome = trace(
+            q, memory, outcome, hit = trace(
                 program.method,
                 program.dynamics,
                 program.forces,
@@ -164,6 +165,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             store(c, i, q)
             remember(c.memory, i, True, memory)
             note(c.clock, i, outcome, q.t)
+            tell(c.hit, i, hit)
 
 
 def refresh(program: Any, c: Any, t: Any) -> None:

@@ -12,7 +12,7 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, ROTATION, WATCHED
+from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, WATCHED
 from particlesim.engine.step.records import may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -48,6 +48,7 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *(name for name in ATTRIBUTES if group.has(name)),
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
+            *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
             *([WATCHED] if may_miss(colliders, group) else []),
         ],
         cooling=group.cooling,

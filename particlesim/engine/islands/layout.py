@@ -141,7 +141,7 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
             Part(
                 dynamics_record(group),
                 tuple(force.record() for force in island.forces[k]),
-                contacts_record(island.colliders[k], group, dtype),
+                contacts_record(island.colliders[k], group, dtype, island.heard[k] if island.heard else ()),
                 bounds[k],
                 bounds[k + 1],
             ),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.state.columns import Clock, Columns, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, TABLE, WATCHED, column_of
+from particlesim.engine.state.table import CLOCK, HEARD, HIT, ROTATION, TABLE, WATCHED, column_of
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
@@ -245,6 +245,19 @@ class GroupState:
                 column[: int(keep.sum())] = column[:n][keep]
         self.count = int(keep.sum())
         return deaths
+
+    def take_impacts(self) -> NDArray[np.float64]:
+        """The impacts that somebody hears of since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
+        radius and id of what hit, in the order of time."""
+        if HEARD not in self.parts:
+            return np.empty((len(HIT) + 2, 0))
+        n = self.count
+        rows = np.flatnonzero(self.hit[HIT.index("speed"), :n] > 0)
+        found = np.concatenate(
+            [self.hit[:, rows], [self.radius[rows].astype(float)], [self.id[rows].astype(float)]]
+        )
+        self.hit[:, :n] = 0
+        return found[:, np.lexsort((found[-1], found[0]))]
 
     def missed_crossings(self) -> int:
         """How often particles have passed a collider that looks at the end of steps alone, the dead among them."""

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, alight, ride
-from particlesim.colliders.response import crossable, opposite, yielded
+from particlesim.colliders.response import along, crossable, opposite, yielded
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
 from particlesim.engine.step.resting import borne, settled, wedged
-from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to
+from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to, normal
 
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
@@ -232,6 +232,73 @@ def crossings(contacts: Any, p: Any, q: Any, h: Any) -> int:
     return number
 
 
+# What others hear of
+
+
+class Hit(NamedTuple):
+    """An impact: the number of the collider, and the speed along its normal relative to it, 0 for none; the particle before
+    it, with its time, and the normal."""
+
+    collider: Any
+    speed: Any
+    p: Any
+    x: Any
+    y: Any
+    z: Any
+
+
+def silence(colliders: Any, p: Any) -> Any:
+    """No impact; None where nobody would hear of one."""
+    if all(c.response.heard is None for c in colliders):
+        return None
+    zero = p.x - p.x
+    return Hit(-1, zero, p, zero, zero, zero)
+
+
+def hear(colliders: Any, p: Any, hit: Any) -> Any:
+    """An impact of a particle that is inside of colliders, unless there has been one before it in the step."""
+    if hit is None:
+        return None
+    for c in colliders:
+        if c.response.heard is not None:
+            local, shape = p, c.shape
+            if isinstance(c.shape, MovingRecord):
+                local, shape = ride(c.shape, p), c.shape.shape
+            speed = -along(normal(shape, local), local)
+            zero = p.x - p.x
+            n = tuple(zero if axis is None else axis for axis in normal(c.shape, p))
+            new = (gap(c, p) < 0) & (speed > 0) & (not hit.speed > 0)
+            hit = Hit(
+                c.response.heard if new else hit.collider,
+                speed if new else hit.speed,
+                moved_to(
+                    p,
+                    p.x if new else hit.p.x,
+                    p.y if new else hit.p.y,
+                    p.z if new else hit.p.z,
+                    p.vx if new else hit.p.vx,
+                    p.vy if new else hit.p.vy,
+                    p.vz if new else hit.p.vz,
+                    p.t if new else hit.p.t,
+                ),
+                n[0] if new else hit.x,
+                n[1] if new else hit.y,
+                n[2] if new else hit.z,
+            )
+    return hit
+
+
+def tell(rows: Any, i: Any, hit: Any) -> None:
+    """Write the impact of particle i down, in the order of `state.table.HIT`, if there was one and it is the first."""
+    if hit is None or len(rows) == 0:
+        return
+    if hit.speed > 0 and not rows[2][i] > 0:
+        rows[0][i], rows[1][i], rows[2][i] = hit.p.t, hit.collider, hit.speed
+        rows[3][i], rows[4][i], rows[5][i] = hit.p.x, hit.p.y, hit.p.z
+        rows[6][i], rows[7][i], rows[8][i] = hit.x, hit.y, hit.z
+        rows[9][i], rows[10][i], rows[11][i] = hit.p.vx, hit.p.vy, hit.p.vz
+
+
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
@@ -433,13 +500,15 @@ def _reached(
 
 @outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """One step of one particle from impact to impact: the particle, the method's memory, the outcome.
+    """One step of one particle from impact to impact: the particle, the method's memory, the outcome, and the first impact
+    that somebody hears of (None where nobody would).
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
     if isinstance(contacts, Simple):
-        return p, memory, PASS
+        return p, memory, PASS, None
     left = h
+    hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
     if len(contacts.continuous) > 0:
@@ -484,6 +553,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             impacts += 1
             if exact:
                 q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+            hit = hear(contacts.continuous, q, hit)
             p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
             left = left - tau
@@ -494,7 +564,8 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
         q, after = advance(method, dynamics, forces, p, left, memory)
         p, memory = q, after
     if outcome == PASS and nearest(contacts.discrete, p) < 0:
+        hit = hear(contacts.discrete, p, hit)
         # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
         p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts)
         memory = restart(memory)
-    return p, memory, outcome
+    return p, memory, outcome, hit

@@ -42,23 +42,29 @@ def dynamics_record(group: Group) -> tuple[Any, ...]:
     return Newtonian()
 
 
-def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
-    """What the particles of a group may touch, in the simplest form that is right."""
+def contacts_record(
+    colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any], heard: Sequence[int | None] = ()
+) -> Simple | Careful:
+    """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those at which
+    somebody hears of impacts, None for others; none unless given."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         low, high = group.die.outside
         bounds = (BoundsRecord(*low, *high),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
+    numbers = heard or [None] * len(colliders)
+    records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
     hard = [each for each in colliders if inert or not each.soft]
-    continuous = [each.record() for each in hard if each.detection == "continuous" and not inert]
+    continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
     discrete = [
-        without_friction(each.record()) if inert else each.record()
+        without_friction(records[id(each)]) if inert else records[id(each)]
         for each in hard
         if each.detection == "discrete" or inert
     ]
-    if not continuous and (len(hard) <= 1 or _at_right_angles(hard)):
+    silent = all(number is None for number in numbers)
+    if silent and not continuous and (len(hard) <= 1 or _at_right_angles(hard)):
         return Simple((*discrete, *bounds), soft)
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
@@ -67,6 +73,11 @@ def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype
     return Careful(
         tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one, soft
     )
+
+
+def _numbered(c: ColliderRecord, number: int | None) -> ColliderRecord:
+    """The same collider, with impacts that somebody hears of under a number."""
+    return c._replace(response=c.response._replace(heard=number))
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
@@ -98,7 +109,7 @@ def group_program(
         island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
-        contacts_record(colliders, group, dtype),
+        contacts_record(colliders, group, dtype, island.heard[0] if island.heard else ()),
     )
     return as_precision(program, dtype)
 
