@@ -133,6 +133,16 @@ def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
+def missed(world: World) -> tuple[str, ...]:
+    """A sentence where particles have passed colliders unseen."""
+    if (number := world.missed_crossings()) == 0:
+        return ()
+    return (
+        f"{number:,} crossing{'s' if number > 1 else ''} of colliders with discrete detection fell between the ends of "
+        'steps and had no effect; detection = "continuous" misses none',
+    )
+
+
 class Watch:
     """Collects warnings about laws used outside of their range."""
 

@@ -102,6 +102,17 @@ def held_back(collider: Collider, groups: Collection[str]) -> bool:
     return collider.on is None or any(name in groups for name in collider.on)
 
 
+def heard(scenario: Tables, name: str, collider: Collider) -> bool:
+    """Whether an emitter hears of impacts of a group on a collider."""
+    return (
+        any(
+            event is not None and name in event.of and (event.at is None or collider.name in event.at)
+            for event in (emitter.on_impact for emitter in scenario.emitters)
+        )
+        and not collider.soft
+    )
+
+
 def mortal(scenario: Tables, name: str) -> bool:
     """Whether particles of a group may die: those of emitters, and what meets a collider that kills."""
     return any(emitter.name == name for emitter in scenario.emitters) or any(

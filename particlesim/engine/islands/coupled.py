@@ -135,6 +135,7 @@ class CoupledIsland(BaseIsland):
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
         fault = self._move(first, last, team) if self.layout.count else None
+        self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         return born, deaths, fault
 

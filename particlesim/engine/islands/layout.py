@@ -149,6 +149,7 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
     parts = []
     for k, group in enumerate(island.groups):
         colliders, cores = island.colliders[k], None
+        heard = dict(zip(map(id, colliders), island.heard[k], strict=True)) if island.heard else {}
         if island.touched_softly(group.name):
             bouncing = [each for each in colliders if each.contact == "bounce"]
             colliders = tuple(each for each in colliders if each.contact != "bounce")
@@ -156,7 +157,8 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
         forces = tuple(force.record() for force in island.forces[k])
         turns = island.spins(group.name) and any(each.rubs for each in colliders)
         rubbing = tuple(each.record() for each in colliders) if turns else ()
-        contacts = contacts_record(colliders, group, dtype, smooth=turns)
+        numbers = [heard.get(id(each)) for each in colliders]
+        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns)
         part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
         parts.append(as_precision(part, dtype))
     return tuple(parts)

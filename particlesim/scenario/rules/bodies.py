@@ -81,6 +81,13 @@ def held(scenario: Tables) -> Iterator[Invalid]:
             yield Invalid("rigid bodies do not stick to colliders", (*where, "contact"), also, hint=hint)
         elif each.contact == "kill":
             yield Invalid("rigid bodies do not die at colliders", (*where, "contact"), also, hint=hint)
+        elif each.contact == "penalty":
+            yield Invalid(
+                "rigid bodies bounce off colliders, and are not pushed out by a spring",
+                (*where, "contact"),
+                also,
+                hint=hint,
+            )
         elif each.detection == "discrete":
             yield Invalid(
                 "contacts of rigid bodies are foreseen, not looked for at the ends of steps",
