@@ -51,7 +51,12 @@ from particlesim.engine.interactions.surfaces.response import (
     prepare,
     weigh,
 )
-from particlesim.engine.interactions.surfaces.walls import add_walls, put_on_walls, stand_at_walls
+from particlesim.engine.interactions.surfaces.walls import (
+    add_walls,
+    lie_on_walls,
+    put_on_walls,
+    stand_at_walls,
+)
 from particlesim.engine.interactions.surfaces.zones import join, joined, move_zones, no_zones, sum_zones
 from particlesim.groups.group import Particles
 from particlesim.interactions import PairSet
@@ -165,7 +170,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                 while going & (turn < TURNS):
                     going = displace(touches, desk, report, x, before, turn % 2) > SETTLED * tune[THIN]
                     turn += 1
-                put_on_walls(each, parts, c, t)
+                put_on_walls(each, parts, c, t, SETTLED * tune[THIN])
                 first = report[CONTACTS]
                 measure(s, x, before, tune)
                 missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
@@ -175,6 +180,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             while going & (turn < MORE_TURNS):
                 going = give_impulses(touches, desk, report, v, turn % 2) > SETTLED * most
                 turn += 1
+            lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
                 move_as_one(each, parts, c, before, t)
             if len(c.memory) > 0:
