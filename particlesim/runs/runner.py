@@ -26,7 +26,15 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
+from particlesim.runs.validity import (
+    check_ledger,
+    check_stored,
+    chords,
+    flat_triangles,
+    knotted,
+    misplaced,
+    squeezed,
+)
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -170,6 +178,8 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *suspects(simulation).warnings,
         *misplaced(simulation),
         *squeezed(simulation),
+        *knotted(simulation),
+        *chords(simulation),
         *flat_triangles(scenario),
         *long_sums(scenario),
     )
