@@ -29,7 +29,9 @@ from particlesim.runs.result import Progress, Result, recorded_result
 from particlesim.runs.validity import (
     check_ledger,
     check_stored,
+    chords,
     flat_triangles,
+    knotted,
     misplaced,
     missed,
     shapes_of_bodies,
@@ -178,6 +180,8 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *suspects(simulation).warnings,
         *misplaced(simulation),
         *squeezed(simulation),
+        *knotted(simulation),
+        *chords(simulation),
         *flat_triangles(scenario),
         *shapes_of_bodies(scenario),
         *long_sums(scenario),
