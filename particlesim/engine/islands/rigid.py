@@ -27,6 +27,7 @@ from particlesim.engine.rigid.bodies import (
     new_memory,
     new_motion,
 )
+from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.kernel import (
     FULL,
     Scene,
@@ -81,6 +82,7 @@ class RigidIsland(BaseIsland):
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
         self._scene = _scene(structure, groups, self._joined.bounds, owner, self._joined.whole)
         self._still = _still(groups, owner)
+        self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
@@ -95,6 +97,15 @@ class RigidIsland(BaseIsland):
         whole = self._joined.whole
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
+
+    def rows_of(self, group: str) -> tuple[int, int]:
+        """The first body of a group, and the first after it."""
+        k = next(k for k, state in enumerate(self.states) if state.name == group)
+        return self._joined.bounds[k], self._joined.bounds[k + 1]
+
+    def ids(self) -> NDArray[np.int64]:
+        """Ids of all bodies."""
+        return np.concatenate([state.id[: state.count] for state in self.states])
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         done, report = first, np.zeros(2)
@@ -132,7 +143,7 @@ class RigidIsland(BaseIsland):
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
-        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
         for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
@@ -197,6 +208,8 @@ class RigidIsland(BaseIsland):
         motion = measure((), self.columns()[member], time, team)
         bounds, out = self._joined.bounds, np.zeros(4 + len(records))
         here = (bounds[member], bounds[member + 1])
+        shape = self._shapes[member]
+        records = tuple(through_surface(record, shape) or record for record in records)
         sum_energies(self._scene, records, self.bodies(), self._motion, *here, time, out)
         motion[0] += out[0]
         motion[4:7] += out[1:4]
@@ -240,8 +253,8 @@ def _scene(
 ) -> Scene:
     """What acts on the bodies."""
     stretches = tuple(
-        Stretch(a, b, tuple(force.record() for force in forces))
-        for (a, b), forces in zip(pairwise(bounds), structure.forces, strict=True)
+        _stretch(a, b, [force.record() for force in forces], group)
+        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
     )
     walls: list[Wall] = []
     for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
@@ -260,6 +273,17 @@ def _scene(
         whole.radius[:n].astype(float),
         tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
         SLOP * min(group.shape.fineness() for group in groups),
+    )
+
+
+def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
+    """The forces on the bodies of a group, on points that have their mass and through their surface."""
+    others = [through_surface(record, group.shape) for record in records]
+    return Stretch(
+        first,
+        last,
+        tuple(record for record, other in zip(records, others, strict=True) if other is None),
+        tuple(other for other in others if other is not None),
     )
 
 

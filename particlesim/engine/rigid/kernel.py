@@ -7,6 +7,7 @@ for at the same moment, so a body that rests is exactly at rest: what forces giv
 
 Laws of forces act on six points on the principal axes of a body, a sixth each, at distances d with 2 d_k²/6 = ∫ x_k² dm/m:
 they have its mass, its centre and its moments of inertia, so that forces which grow linearly over the body are exact.
+Fluids act through its surface.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
+from particlesim.engine.rigid.fluids import Wetted, Whole, act, stored
 from particlesim.engine.rigid.narrow import plus, touch
 from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, turned_freely
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
@@ -30,11 +32,12 @@ GOOD, WILD, FULL = 0, 1, 2
 
 
 class Stretch(NamedTuple):
-    """Bodies [first, last) of a group, and the forces on them."""
+    """Bodies [first, last) of a group, and the forces on them; `others` act through the surface (`fluids`)."""
 
     first: int
     last: int
     forces: tuple[Any, ...]
+    others: tuple[Any, ...] = ()
 
 
 class Scene(NamedTuple):
@@ -60,9 +63,14 @@ def point_of(scene: Any, b: Any, i: Any, r: Any, turning: Any, point: Any, t: An
         size * (r[3] if axis == 0 else (r[4] if axis == 1 else r[5])),
         size * (r[6] if axis == 0 else (r[7] if axis == 1 else r[8])),
     )
+    return as_particle(scene, b, i, turning, arm, t), arm
+
+
+def as_particle(scene: Any, b: Any, i: Any, turning: Any, arm: Any, t: Any) -> Particle:
+    """A place of a body as laws see it, with the whole body's mass and size."""
     x, u = plus(place(b, i), 1.0, arm), cross(turning, arm)
     m = scene.mass[i]
-    p = Particle(
+    return Particle(
         x[0],
         x[1],
         x[2],
@@ -76,22 +84,37 @@ def point_of(scene: Any, b: Any, i: Any, r: Any, turning: Any, point: Any, t: An
         1 / m,
         *[0.0 if column is None else column[i] for column in scene.further],
     )
-    return p, arm
 
 
 @outlined
-def kick(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> None:
+def kick(scene: Any, stretch: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> None:
     """Forces and torques of a step on body i."""
     r = matrix(orientation(b, i))
     turning = motion.now[i, 3], motion.now[i, 4], motion.now[i, 5]
     fx, fy, fz, gx, gy, gz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for point in range(POINTS):
-        p, arm = point_of(scene, b, i, r, turning, point, t)
-        f = force(forces, p)
-        g = cross(arm, f)
-        fx, fy, fz, gx, gy, gz = fx + f[0], fy + f[1], fz + f[2], gx + g[0], gy + g[1], gz + g[2]
+    if len(stretch.forces) > 0:
+        for point in range(POINTS):
+            p, arm = point_of(scene, b, i, r, turning, point, t)
+            f = force(stretch.forces, p)
+            g = cross(arm, f)
+            fx, fy, fz, gx, gy, gz = fx + f[0], fy + f[1], fz + f[2], gx + g[0], gy + g[1], gz + g[2]
     k = h / POINTS
-    give(b, motion, i, (k * fx, k * fy, k * fz), (k * gx, k * gy, k * gz))
+    f, g = (k * fx, k * fy, k * fz), (k * gx, k * gy, k * gz)
+    if len(stretch.others) > 0:
+        out = on_stack(1, 6, np.float64)
+        sum_surface(scene, stretch.others, b, i, r, turning, t, out)
+        f = plus(f, h, (out[0, 0], out[0, 1], out[0, 2]))
+        g = plus(g, h, (out[0, 3], out[0, 4], out[0, 5]))
+    give(b, motion, i, f, g)
+
+
+def sum_surface(scene: Any, others: Any, b: Any, i: Any, r: Any, turning: Any, t: Any, out: Any) -> None:
+    """Force and torque of what acts through the surface, into out [1, 6]."""
+    for part in range(6):
+        out[0, part] = 0.0
+    p = as_particle(scene, b, i, turning, (0.0, 0.0, 0.0), t)
+    for each in others:
+        act(each, p, r, turning, out)
 
 
 def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
@@ -215,9 +238,9 @@ def step_bodies(
             return step
         lay_out(b, k, motion)
         for stretch in scene.stretches:
-            if len(stretch.forces) > 0:
+            if len(stretch.forces) + len(stretch.others) > 0:
                 for i in range(stretch.first, stretch.last):
-                    kick(scene, stretch.forces, b, motion, i, middle, dt)
+                    kick(scene, stretch, b, motion, i, middle, dt)
         if k.number[0] > 0:
             solve(b, k, motion, memory, dt)
             part_overlaps(scene, b, k, motion, dt)
@@ -243,25 +266,36 @@ def velocities_of(b: Any, motion: Any) -> None:
 
 @kernel
 def sum_forces_on(scene: Any, b: Any, motion: Any, t: Any, out: Any) -> None:
-    """Total force on every body, into out [3, n] [N]."""
+    """Total force on every body, added to out [3, n] [N]."""
     velocities(b, motion)
     for stretch in scene.stretches:
         if len(stretch.forces) > 0:
             for i in range(stretch.first, stretch.last):
                 add_force(scene, stretch.forces, b, motion, i, t, out)
+        if len(stretch.others) > 0:
+            for i in range(stretch.first, stretch.last):
+                add_surface_force(scene, stretch.others, b, motion, i, t, out)
 
 
 @outlined
 def add_force(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any, out: Any) -> None:
-    """Set the force on body i."""
+    """Add the force on body i."""
     r, turning = matrix(orientation(b, i)), (motion.now[i, 3], motion.now[i, 4], motion.now[i, 5])
-    for axis in range(3):
-        out[axis, i] = 0.0
     for point in range(POINTS):
         p, _ = point_of(scene, b, i, r, turning, point, t)
         f = force(forces, p)
         for axis, part in enumerate(f):
             out[axis, i] += part / POINTS
+
+
+@outlined
+def add_surface_force(scene: Any, others: Any, b: Any, motion: Any, i: Any, t: Any, out: Any) -> None:
+    """The same of forces that act through the surface."""
+    r, total = matrix(orientation(b, i)), on_stack(1, 6, np.float64)
+    turning = motion.now[i, 3], motion.now[i, 4], motion.now[i, 5]
+    sum_surface(scene, others, b, i, r, turning, t, total)
+    for axis in range(3):
+        out[axis, i] += total[0, axis]
 
 
 @kernel
@@ -276,8 +310,13 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
             out[1 + axis] += b.spin[axis, i]
         r = matrix(orientation(b, i))
         for number, each in enumerate(laws):
-            total = 0.0
-            for point in range(POINTS):
-                p, _ = point_of(scene, b, i, r, (m[3], m[4], m[5]), point, t)
-                total += potential(each, p)
-            out[4 + number] += total / POINTS
+            if isinstance(each, Whole | Wetted):
+                out[4 + number] += stored(
+                    each, as_particle(scene, b, i, (m[3], m[4], m[5]), (0.0, 0.0, 0.0), t), r
+                )
+            else:
+                total = 0.0
+                for point in range(POINTS):
+                    p, _ = point_of(scene, b, i, r, (m[3], m[4], m[5]), point, t)
+                    total += potential(each, p)
+                out[4 + number] += total / POINTS

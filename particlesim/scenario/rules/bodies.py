@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from particlesim.colliders.friction import FallingRestitution
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import collider_tables, held_back
 from particlesim.scenario.tables import Tables
@@ -39,6 +40,8 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
         if motion.on is not None:
             yield ("motions", k, "on"), motion.on, "motions lead pinned particles and colliders"
     for k, each in enumerate(scenario.interactions):
+        if isinstance(each, Contact):
+            continue  # bodies touch particles
         for key in ("on", "between"):
             for j, name in enumerate(getattr(each, key) or ()):
                 yield ("interactions", k, key, j), name, f"{each.label} acts between particles"
