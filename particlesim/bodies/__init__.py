@@ -1,6 +1,7 @@
 """Rigid bodies: what a scenario says of them. To add a shape, write its class and add it to `AnyBodyShape`."""
 
 from particlesim.bodies.body import Bodies
+from particlesim.bodies.joint import JOINTS, AnyJoint, BallJoint, HingeJoint, Joint
 from particlesim.bodies.shape import AnyBodyShape, BodyShape
 
-__all__ = ["AnyBodyShape", "Bodies", "BodyShape"]
+__all__ = ["JOINTS", "AnyBodyShape", "AnyJoint", "BallJoint", "Bodies", "BodyShape", "HingeJoint", "Joint"]

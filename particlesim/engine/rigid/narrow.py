@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.bodies.shape import BOX, SPHERE
-from particlesim.compiler import on_stack, outlined
+from particlesim.compiler import on_stack, outlined, shared
 from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 
@@ -32,7 +32,7 @@ SECTIONS = 40
 GOLDEN = 0.6180339887498949
 
 
-@outlined
+@shared
 def touch(b: Any, k: Any, surfaces: Any, i: Any, j: Any, margin: Any) -> None:
     """Note the contacts of bodies i and j that are nearer than a margin."""
     begin = k.number[0]

@@ -208,6 +208,7 @@ CHECKS = (
     names,
     references,
     bodies.joined,
+    bodies.jointed,
     bodies.kept,
     bodies.held,
     needs,
