@@ -2,6 +2,17 @@
 
 from particlesim.bodies.body import Bodies
 from particlesim.bodies.joint import JOINTS, AnyJoint, BallJoint, HingeJoint, Joint
-from particlesim.bodies.shape import AnyBodyShape, BodyShape
+from particlesim.bodies.shape import BodyShape
+from particlesim.bodies.shapes import BODY_SHAPES, AnyBodyShape
 
-__all__ = ["JOINTS", "AnyBodyShape", "AnyJoint", "BallJoint", "Bodies", "BodyShape", "HingeJoint", "Joint"]
+__all__ = [
+    "BODY_SHAPES",
+    "JOINTS",
+    "AnyBodyShape",
+    "AnyJoint",
+    "BallJoint",
+    "Bodies",
+    "BodyShape",
+    "HingeJoint",
+    "Joint",
+]

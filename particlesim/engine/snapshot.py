@@ -90,7 +90,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Roster: frozenset(("number", "pairs", "rest")),
-    GroupState: frozenset(column.name for column in TABLE),
+    GroupState: frozenset({"axes", *(column.name for column in TABLE)}),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
 columns of groups are stored by their table."""

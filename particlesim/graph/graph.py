@@ -21,6 +21,7 @@ from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, joint_tables, pair_sets
 from particlesim.scenario.scenario import Scenario
@@ -80,6 +81,16 @@ class Island:
     def has_pairs(self) -> bool:
         """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
         return any(isinstance(each, PairSet) for each in self.interactions)
+
+    def touched_softly(self, group: str) -> bool:
+        """Whether colliders hold back a group by the law of its soft contacts."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.soft
+            and group in each.groups
+            for each in self.interactions
+        )
 
     @property
     def changes(self) -> bool:

@@ -26,7 +26,14 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
+from particlesim.runs.validity import (
+    check_ledger,
+    check_stored,
+    flat_triangles,
+    misplaced,
+    shapes_of_bodies,
+    squeezed,
+)
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -171,6 +178,7 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *misplaced(simulation),
         *squeezed(simulation),
         *flat_triangles(scenario),
+        *shapes_of_bodies(scenario),
         *long_sums(scenario),
     )
     if warn is not None:
@@ -253,7 +261,7 @@ def _writer(
         fields=fields,
         groups=[group.name for group in scenario.groups],
         ledger=ledger,
-        provenance=provenance(scenario),
+        provenance=provenance(scenario, most),
         precision=precision,
         compression=scenario.output.compression,
         overwrite=overwrite,

@@ -126,6 +126,13 @@ def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
+def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
+    """What there is to tell of the shapes of rigid bodies."""
+    return tuple(
+        f"bodies {body.name!r}: {remark}" for body in scenario.bodies for remark in body.shape.remarks()
+    )
+
+
 class Watch:
     """Collects warnings about laws used outside of their range."""
 

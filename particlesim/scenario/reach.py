@@ -10,6 +10,8 @@ from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
+from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -54,6 +56,20 @@ def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     return None
 
 
+def has_extent(group: Group) -> bool:
+    """Whether a group is more than its particles: its layout has triangles, or edges that join neighbours."""
+    if not isinstance(group, Particles) or isinstance(group, Bodies):
+        return False
+    return group.layout.has_surface() or STRUCTURAL in group.layout.kinds
+
+
+def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -> bool:
+    """Whether an interaction is a contact of triangles and edges, not of particles alone."""
+    if not isinstance(interaction, Contact) or not interaction.by_surfaces:
+        return False
+    return any(has_extent(group) for group in groups)
+
+
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     """All interactions between particles, each with its name in the ledger and its groups."""
     labels = scenario.force_labels()[-len(scenario.interactions) :]
@@ -73,6 +89,16 @@ def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rod
     for k, rods in enumerate(scenario.rods):
         if scenario.at_bodies(rods):
             yield ("rods", k), rods
+
+
+def spins(scenario: Tables, group: Group) -> bool:
+    """Whether the particles of a group turn: spheres do whose contacts with each other have friction."""
+    return any(
+        isinstance(each, Contact)
+        and each.rubs
+        and any(group.name == other.name for other in interacting(each, scenario.groups))
+        for each in scenario.interactions
+    )
 
 
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:

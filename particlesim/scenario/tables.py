@@ -19,6 +19,7 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.interactions import AnyInteraction
+from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
@@ -149,6 +150,11 @@ class Tables(Model):
         made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
         return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
 
+    @property
+    def has_spin(self) -> bool:
+        """Whether some particles turn, as their contacts with each other have friction."""
+        return any(isinstance(each, Contact) and each.rubs for each in self.interactions)
+
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
         groups = ("group",) if len(self.groups) > 1 else ()
@@ -157,6 +163,8 @@ class Tables(Model):
         if self.output.fields is not None:
             return tuple(dict.fromkeys((*self.output.fields, *groups)))
         fields = ["velocity", *(("orientation", "angular_velocity") if self.bodies else ())]
+        if not self.bodies and self.has_spin:
+            fields.append("angular_velocity")
         fields += [
             name
             for name, attribute in ATTRIBUTES.items()

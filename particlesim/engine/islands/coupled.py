@@ -105,7 +105,7 @@ class CoupledIsland(BaseIsland):
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         ((bonds, work, share),) = self.layout.shares(1)
         island_forces(self.layout.parts, bonds, self.island_columns(), work, share, time)
-        return np.array(work.force)
+        return np.array(work.force[:3])
 
     def fit(self) -> None:
         if self.constraint is not None:

@@ -12,7 +12,7 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, ROTATION
+from particlesim.engine.state.table import CLOCK, ROTATION, SPIN
 from particlesim.engine.step.records import needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -21,8 +21,10 @@ from particlesim.groups.motion import Motion
 from particlesim.groups.selection import selected
 from particlesim.layouts import CHUNK
 from particlesim.model.attributes import ATTRIBUTES
+from particlesim.model.quaternions import UNTURNED, times
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
+from particlesim.scenario.reach import spins
 from particlesim.scenario.scenario import Scenario
 
 
@@ -48,6 +50,7 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *(name for name in ATTRIBUTES if group.has(name)),
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
+            *([SPIN] if spins(scenario, group) else []),
         ],
         cooling=group.cooling,
     )
@@ -89,6 +92,9 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
 def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:
     """Give bodies their orientations and angular momenta, L = R I Rᵀ ω."""
     turns, inertia = group.turns(streams, state.count), group.inertia()
+    state.axes = tuple(group.axes().tolist())
+    if state.axes != UNTURNED:  # kernels turn bodies about their principal axes
+        turns = np.array(times(turns, state.axes))
     state.turn[:, : state.count] = turns
     for k in range(state.count):
         rotation = np.reshape(matrix(turns[:, k]), (3, 3))

@@ -15,6 +15,7 @@ from particlesim.engine.interactions.bond_layout import chunk_size, order_of, ow
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.table import SPIN
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
@@ -50,10 +51,12 @@ class Layout:
         self._method = structure.method
         looks_back = (
             constraint is not None
-            or any(part.contacts != Simple(()) for part in self.parts)
+            or any(part.contacts != Simple(()) or part.cores is not None for part in self.parts)
             or any(each.looks_back for each in self.interactions)
         )
-        self.work = scratch(self._method, self.count, self.dtype, looks_back=looks_back)
+        self.work = scratch(
+            self._method, self.count, self.dtype, looks_back=looks_back, spins=SPIN in whole.parts
+        )
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         self._shares: dict[int, list[tuple[Interactions, Work, Share]]] = {}
@@ -136,19 +139,18 @@ def _own(work: Work, share: Share, dtype: Any) -> Work:
 
 def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:
     """The groups of an island as kernels take them; `bounds` are the borders of their rows."""
-    return tuple(
-        as_precision(
-            Part(
-                dynamics_record(group),
-                tuple(force.record() for force in island.forces[k]),
-                contacts_record(island.colliders[k], group, dtype),
-                bounds[k],
-                bounds[k + 1],
-            ),
-            dtype,
-        )
-        for k, group in enumerate(island.groups)
-    )
+    parts = []
+    for k, group in enumerate(island.groups):
+        colliders, cores = island.colliders[k], None
+        if island.touched_softly(group.name):
+            bouncing = [each for each in colliders if each.contact == "bounce"]
+            colliders = tuple(each for each in colliders if each.contact != "bounce")
+            cores = contacts_record(bouncing, group, dtype) if bouncing else None
+        forces = tuple(force.record() for force in island.forces[k])
+        contacts = contacts_record(colliders, group, dtype)
+        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores)
+        parts.append(as_precision(part, dtype))
+    return tuple(parts)
 
 
 def _cooling(groups: Sequence[Group], bounds: Sequence[int]) -> tuple[Floats, Floats] | None:

@@ -47,6 +47,7 @@ from particlesim.engine.rigid.kernel import (
     sum_forces_on,
     velocities_of,
 )
+from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
 from particlesim.engine.rigid.walls import Wall
@@ -259,14 +260,13 @@ def larger(memory: Memory, contacts: int) -> Memory:
     return found
 
 
-def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, ...]:
     """What never changes of bodies, as `Bodies` has it from `w` on."""
     mass = np.array([group.weight for group in groups])[owner]
     inertia = np.array([group.inertia() for group in groups]).T[:, owner]
-    kind = np.array([group.shape.kind for group in groups])[owner]
-    size = np.array([group.shape.sizes() for group in groups]).T[:, owner]
     reach = np.array([group.shape.reach() for group in groups])[owner]
-    return 1 / mass, np.ascontiguousarray(inertia), kind, np.ascontiguousarray(size), reach, owner
+    pieces = pieces_of([group.shape.own_pieces() for group in groups])
+    return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
 
 
 def _scene(
@@ -304,7 +304,7 @@ def _scene(
         whole.mass[:n].astype(float),
         whole.radius[:n].astype(float),
         tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
-        SLOP * min(min(size for size in group.shape.sizes() if size > 0) for group in groups),
+        SLOP * min(group.shape.fineness() for group in groups),
         2 if feel or any(np.any(each.c > 0) for each in springs) else 1,
         joints,
         joined,

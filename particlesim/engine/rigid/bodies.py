@@ -8,7 +8,7 @@ import numpy as np
 
 WORLD = -1
 """The other side of a contact with a collider."""
-FEATURES = 16384
+FEATURES = 1 << 32
 """Numbers for the features of a body at each collider."""
 NOBODY = -2
 """A free place in the memory."""
@@ -16,8 +16,8 @@ NOBODY = -2
 
 class Bodies(NamedTuple):
     """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m
-    [n]; the principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and
-    half the axis z), radius of a ball about it [n]; its group [n]."""
+    [n]; the principal moments of inertia [3, n]; radius of a ball about it [n]; its group [n]; the pieces of the shapes
+    of groups (`pieces`)."""
 
     x: Any
     v: Any
@@ -25,10 +25,9 @@ class Bodies(NamedTuple):
     spin: Any
     w: Any
     inertia: Any
-    kind: Any
-    size: Any
     reach: Any
     group: Any
+    pieces: Any
 
 
 class Surfaces(NamedTuple):

@@ -32,12 +32,12 @@ from particlesim.engine.rigid.rotation import (
     dot,
     matrix,
     normalised,
-    times,
     to_world,
     turned_by,
     turned_freely,
     world_inverse,
 )
+from particlesim.model.quaternions import times
 
 BALL, HINGE, ROD = 0, 1, 2
 """Kinds of joints."""

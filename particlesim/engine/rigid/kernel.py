@@ -24,7 +24,6 @@ from particlesim.engine.rigid.rotation import (
     dot,
     matrix,
     normalised,
-    times,
     turned_by,
     turned_freely,
 )
@@ -32,6 +31,7 @@ from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velociti
 from particlesim.engine.rigid.springs import pull
 from particlesim.engine.rigid.walls import touch_wall
 from particlesim.laws.registry import Particle, force, potential
+from particlesim.model.quaternions import times
 
 POINTS = 6
 GOOD, WILD, FULL, UNHELD = 0, 1, 2, 3

@@ -18,19 +18,10 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
+from particlesim.model.quaternions import times
 
 Quaternion = tuple[float, float, float, float]
 Triple = tuple[float, float, float]
-
-
-def times(a: Any, b: Any) -> Any:
-    """The product of two quaternions: first the turn b, then a."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
 
 
 def normalised(q: Any) -> Any:

@@ -104,8 +104,12 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
     output = scenario.output
     if not scenario.bodies:
         for j, name in enumerate(output.fields or ()):
-            if name in TURNING:
-                yield Invalid(f"no body has an {name}: there are no [[bodies]]", ("output", "fields", j))
+            if name in TURNING and not (name == "angular_velocity" and scenario.has_spin):
+                yield Invalid(
+                    f"nothing has an {name}: there are no [[bodies]]",
+                    ("output", "fields", j),
+                    hint="grains turn whose contacts have friction" if name == "angular_velocity" else None,
+                )
         return
     here = ((("bodies", 0), "rigid bodies"),)
     if scenario.simulation.precision == "single":
