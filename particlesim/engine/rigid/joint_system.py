@@ -4,7 +4,7 @@ together, and the order and profile in which they are solved."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,16 @@ def rows_of(
         yield offset[groups[0]] + i, WORLD if groups[1] == WORLD_NAME else offset[groups[1]] + k
 
 
+def own_points(scenario: Scenario, groups: tuple[str, str], points: Any) -> Floats:
+    """The two ends that are given along the axes of shapes (None: the centres), along the principal axes; shape [2, 3]."""
+    found = np.array(points or np.zeros((2, 3)), float)
+    axes = {group.name: group.shape.frame().axes for group in scenario.bodies}
+    for k, name in enumerate(groups):
+        if name != WORLD_NAME:
+            found[k] = axes[name].T @ found[k]
+    return found
+
+
 def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> list[Made]:
     """All joints and rods of bodies; `offset` is the row of the first body of every group.
 
@@ -83,7 +93,7 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
     for rods in scenario.rods:
         if not scenario.at_bodies(rods):
             continue
-        pairs, points = rods.pairs or SINGLE, np.array(rods.points or np.zeros((2, 3)))
+        pairs, points = rods.pairs or SINGLE, own_points(scenario, rods.groups(), rods.points)
         for k, (i, j) in enumerate(rows_of(offset, rods.groups(), pairs)):
             name = rods.name if len(pairs) == 1 else f"{rods.name} {k}"
             ends = [frame(b, m) @ point + centre(b, m) for m, point in zip((i, j), points, strict=True)]
@@ -217,15 +227,17 @@ def require_speeds(made: Sequence[Made], b: Bodies, start: tuple[Floats, Floats]
     """Raises UsageError where bodies would open a joint with the velocities and angular momenta [3, n] at the start."""
     velocity, spin = start
     for each in made:
-        speeds = []
+        speeds, scale = [], 0.0
         for i, end in ((each.first, each.end), (each.second, each.other_end)):
             if i == WORLD:
                 speeds.append((np.zeros(3), np.zeros(3)))
             else:
                 turning = np.array(angular_velocity(b.turn[:, i], spin[:, i], b.inertia[:, i]))
-                speeds.append((velocity[:, i] + np.cross(turning, frame(b, i) @ end), turning))
+                about = np.cross(turning, frame(b, i) @ end)
+                speeds.append((velocity[:, i] + about, turning))
+                size = np.linalg.norm(turning) * np.linalg.norm(end)
+                scale = max(scale, float(np.linalg.norm(velocity[:, i])), float(size))
         opening = speeds[0][0] - speeds[1][0]
-        scale = max(np.linalg.norm(speeds[0][0]), np.linalg.norm(speeds[1][0]))
         if each.kind == ROD:
             along = (frame(b, each.first) @ each.end + centre(b, each.first)) - (
                 frame(b, each.second) @ each.other_end + centre(b, each.second)
@@ -275,7 +287,7 @@ def body_springs(
     """
     found = []
     for label, springs in scenario.body_springs:
-        pairs, points = springs.pairs or SINGLE, np.array(springs.points or np.zeros((2, 3)))
+        pairs, points = springs.pairs or SINGLE, own_points(scenario, springs.groups(), springs.points)
         rows = np.array(list(rows_of(offset, springs.groups(), pairs)), np.int64)
         apart, inverse = np.zeros((len(rows), 3)), np.zeros(len(rows))
         for k, (i, j) in enumerate(rows.tolist()):
