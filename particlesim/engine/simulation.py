@@ -229,6 +229,8 @@ class Simulation(World):
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 label = f"potential.{self._labels[k]}"
                 found[label] = found.get(label, 0.0) + value
+        for name, energy in island.stored().items():
+            found[f"potential.{name}"] = energy
         if island.interactions:
             whole = island.island_columns()
             for name, each in zip(island.names, island.interactions, strict=True):

@@ -75,6 +75,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
+            *("_made", "_springs", "_order"),
             "kept_from",
             "impacts",
         )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
-from particlesim.bodies import Bodies
-from particlesim.bonds import BondSet
+from particlesim.bodies import Bodies, Joint
+from particlesim.bonds import BondSet, Rods, Springs
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
@@ -114,6 +114,18 @@ def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
         for label, each in zip(labels, scenario.interactions, strict=False)
         if each.between is None or len(interacting(each, scenario.groups)) == 2
     )
+
+
+def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rods]]:
+    """What joins rigid bodies, and where it is stated."""
+    for k, joint in enumerate(scenario.joints):
+        yield ("joints", k), joint
+    for k, springs in enumerate(scenario.springs):
+        if scenario.at_bodies(springs):
+            yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        if scenario.at_bodies(rods):
+            yield ("rods", k), rods
 
 
 def spins(scenario: Tables, group: Group) -> bool:

@@ -24,8 +24,16 @@ from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
-from particlesim.engine.rigid.rotation import angular_velocity, cross, dot, matrix, to_body, to_world
-from particlesim.engine.rigid.solver import turned_by, world_inverse
+from particlesim.engine.rigid.rotation import (
+    angular_velocity,
+    cross,
+    dot,
+    matrix,
+    to_body,
+    to_world,
+    turned_by,
+    world_inverse,
+)
 
 HOPS = 48
 """Steps of Newton's method at most."""

@@ -255,7 +255,21 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
         return c
     clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
     return Columns(
-        c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further, c.spin, c.missed, c.hit
+        c.x,
+        c.y,
+        c.z,
+        c.vx,
+        c.vy,
+        c.vz,
+        c.m,
+        c.r,
+        c.thermal,
+        clock,
+        c.memory,
+        c.further,
+        c.spin,
+        c.missed,
+        c.hit,
     )
 
 

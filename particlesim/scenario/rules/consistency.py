@@ -214,6 +214,7 @@ CHECKS = (
     names,
     references,
     bodies.joined,
+    bodies.jointed,
     bodies.kept,
     bodies.held,
     needs,
