@@ -55,7 +55,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
-            *("_energies", "_energies_of", "_meetings", "_order"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
@@ -75,14 +75,16 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
+            *("_made", "_springs", "_order"),
             "kept_from",
+            "impacts",
         )
     ),
-    IndependentIsland: frozenset(("program", "_booking")),
+    IndependentIsland: frozenset(("program", "_booking", "impacts")),
     CoupledIsland: frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
-            *("_books", "_kept", "_method"),
+            *("_books", "_kept", "_method", "impacts"),
         }
     ),
     Layout: frozenset(

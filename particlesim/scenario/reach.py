@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
-from particlesim.bodies import Bodies
-from particlesim.bonds import BondSet
+from particlesim.bodies import Bodies, Joint
+from particlesim.bonds import BondSet, Rods, Springs
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
@@ -116,6 +116,18 @@ def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     )
 
 
+def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rods]]:
+    """What joins rigid bodies, and where it is stated."""
+    for k, joint in enumerate(scenario.joints):
+        yield ("joints", k), joint
+    for k, springs in enumerate(scenario.springs):
+        if scenario.at_bodies(springs):
+            yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        if scenario.at_bodies(rods):
+            yield ("rods", k), rods
+
+
 def spins(scenario: Tables, group: Group) -> bool:
     """Whether the particles of a group turn: spheres do whose contacts with each other have friction."""
     return any(
@@ -137,6 +149,17 @@ def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
 def held_back(collider: Collider, groups: Collection[str]) -> bool:
     """Whether a collider holds back one of some groups."""
     return collider.on is None or any(name in groups for name in collider.on)
+
+
+def heard(scenario: Tables, name: str, collider: Collider) -> bool:
+    """Whether an emitter hears of impacts of a group on a collider."""
+    return (
+        any(
+            event is not None and name in event.of and (event.at is None or collider.name in event.at)
+            for event in (emitter.on_impact for emitter in scenario.emitters)
+        )
+        and not collider.soft
+    )
 
 
 def mortal(scenario: Tables, name: str) -> bool:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal
 
 from pydantic import PrivateAttr
 
-from particlesim.bodies import Bodies
+from particlesim.bodies import AnyJoint, Bodies
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
+from particlesim.bonds.pairs import WORLD
 from particlesim.checks.check import Check
 from particlesim.colliders import AnyCollider, Collider, Plane
 from particlesim.emitters import Emitter
@@ -50,13 +51,15 @@ class Tables(Model):
     interactions: tuple[AnyInteraction, ...] = ()
     """What particles do to each other, near or far."""
     springs: tuple[Springs, ...] = ()
-    """Springs between listed particles."""
+    """Springs between listed particles, or points of rigid bodies."""
     rods: tuple[Rods, ...] = ()
-    """Pairs of particles whose distance does not change."""
+    """Pairs of particles, or points of rigid bodies, whose distance does not change."""
     angles: tuple[Angles, ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
     dihedrals: tuple[Dihedrals, ...] = ()
     """Springs that keep the fold between two triangles."""
+    joints: tuple[AnyJoint, ...] = ()
+    """Ball joints and hinges of rigid bodies."""
     motions: tuple[Motion, ...] = ()
     """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
@@ -103,9 +106,24 @@ class Tables(Model):
     @property
     def bonds(self) -> tuple[BondSet, ...]:
         """All sets of springs, each with its name in the ledger."""
-        labels = self.force_labels()[len(self.forces) :]
-        listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
+        listed = tuple(
+            springs.bonds(label) for springs, label in self._labelled_springs if not self.at_bodies(springs)
+        )
         return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def _labelled_springs(self) -> Iterator[tuple[Springs, str]]:
+        return zip(self.springs, self.force_labels()[len(self.forces) :], strict=False)
+
+    @property
+    def body_springs(self) -> tuple[tuple[str, Springs], ...]:
+        """Springs at rigid bodies, each with its name in the ledger."""
+        return tuple((label, springs) for springs, label in self._labelled_springs if self.at_bodies(springs))
+
+    def at_bodies(self, joint: Springs | Rods) -> bool:
+        """Whether springs or rods join rigid bodies."""
+        names = joint.groups()
+        return WORLD in names or any(body.name in names for body in self.bodies)
 
     @property
     def rod_sets(self) -> tuple[RodSet, ...]:
@@ -114,6 +132,7 @@ class Tables(Model):
         listed = (
             rods.rods(label, ("rods", k))
             for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
+            if not self.at_bodies(rods)
         )
         bodies = (
             each
@@ -126,7 +145,8 @@ class Tables(Model):
     def hinges(self) -> tuple[HingeSet, ...]:
         """All angles and dihedrals, each set with its name in the ledger."""
         listed = (*self.angles, *self.dihedrals)
-        labels = self.force_labels()[len(self.forces) + len(self.bonds) :]
+        springs = len(self.bonds) + len(self.body_springs)
+        labels = self.force_labels()[len(self.forces) + springs :]
         made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
         return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
 

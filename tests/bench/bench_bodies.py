@@ -139,8 +139,8 @@ def main() -> None:
         made: list[Any] = [Ours(asked.side, dt, asked.duration, asked.threads) for dt in asked.dt]
         spare = Ours(asked.side, asked.peer_dt[0] if asked.peer_dt else 1e-3, asked.duration, 1)
         for dt in asked.peer_dt:
-            for solver in asked.solvers:
-                made.append(MuJoCo(spare.island, dt, spare.frames, spare.per_frame, solver))
+            given = (spare.island, dt, spare.frames, spare.per_frame)
+            made.extend(MuJoCo(*given, solver) for solver in asked.solvers)
         spent = dict.fromkeys((each.name for each in made), 0.0)
         seen: dict[str, list[tuple[float, float, int]]] = {each.name: [] for each in made}
         for k in range(spare.frames):
@@ -157,9 +157,9 @@ def main() -> None:
             deep[name] = tuple(np.mean(seen[name], axis=0))  # type: ignore[assignment]
     print(f"{asked.side**3} boxes, {asked.duration} s; CPU seconds for a simulated second, depths in mm")
     for name, seconds in best.items():
-        print(
-            f"  {name:40s} {seconds:8.3f}   deepest {1e3 * deep[name][0]:7.4f}  mean {1e3 * deep[name][1]:7.4f}  of {deep[name][2]:.0f}"
-        )
+        deepest, mean, number = deep[name]
+        depth = f"deepest {1e3 * deepest:7.4f}  mean {1e3 * mean:7.4f}  of {number:.0f}"
+        print(f"  {name:40s} {seconds:8.3f}   {depth}")
 
 
 if __name__ == "__main__":

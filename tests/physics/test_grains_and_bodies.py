@@ -70,7 +70,9 @@ def test_friction_at_an_impact_is_that_of_coulomb_and_keeps_momentum() -> None:
         output={"ledger": True, "every": 1},
     )
     rows = totals(result)
-    assert np.abs(rows - rows[:, :1]).max() < 1e-12  # also the angular momentum of the grain, which turns as well
+    assert (
+        np.abs(rows - rows[:, :1]).max() < 1e-12
+    )  # also the angular momentum of the grain, which turns as well
     before, after = np.array([2.0, -1.0, 0.0]), result.final["velocity"][0]
     # The normal is that of the place of contact: they touch a little beside the top of the ball.
     change = after - before

@@ -386,11 +386,6 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        (
-            {"springs": [{"name": "s", "on": "body", "pairs": [[0, 1]], "stiffness": 1.0}]},
-            "springs join particles",
-        ),
-        ({"rods": [{"name": "r", "on": "body", "pairs": [[0, 1]]}]}, "rods join particles"),
         ({"motions": [{"on": "body", "path": ["t", "0", "0"]}]}, "motions lead"),
         ({"interactions": [{"type": "gravity", "on": ["body"]}]}, "acts between particles"),
         ({"planes": [FLOOR | {"contact": "kill"}]}, "do not die"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.colliders import Collider
-from particlesim.engine.faults import Fault
+from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
@@ -28,10 +28,20 @@ from particlesim.engine.rigid.bodies import (
     new_motion,
 )
 from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.joint_system import (
+    Made,
+    body_springs,
+    made_joints,
+    new_joints,
+    partners_of,
+    require_speeds,
+)
 from particlesim.engine.rigid.kernel import (
     FULL,
+    UNHELD,
     Scene,
     Stretch,
+    close_joints,
     look_for_contacts,
     step_bodies,
     sum_energies,
@@ -40,6 +50,7 @@ from particlesim.engine.rigid.kernel import (
 )
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
+from particlesim.engine.rigid.springs import BodySprings, stored
 from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.state.columns import Columns, copied
@@ -81,10 +92,14 @@ class RigidIsland(BaseIsland):
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
-        self._scene = _scene(structure, groups, self._joined.bounds, owner, self._joined.whole)
         self._still = _still(groups, owner)
         self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
+        offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
+        self._made = made_joints(scenario, offset, self.bodies())
+        self._springs = body_springs(scenario, offset, self.bodies())
+        given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
+        self._scene, self._order = _scene(*given, scenario, self._made, tuple(s for _, s in self._springs))
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -96,6 +111,8 @@ class RigidIsland(BaseIsland):
         """Particles that make the next step among the bodies."""
         self.left: Left
         """What became of them."""
+        if self._made:
+            self._close()
 
     def bodies(self) -> Bodies:
         """The bodies as kernels take them."""
@@ -107,6 +124,17 @@ class RigidIsland(BaseIsland):
         """Ids of all bodies."""
         return np.concatenate([state.id[: state.count] for state in self.states])
 
+    def _close(self) -> None:
+        """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
+        b = self.bodies()
+        given = b.v.copy(), b.spin.copy()
+        close_joints(self._scene, b, self._motion)
+        require_speeds(self._made, b, given)
+
+    def fit(self) -> None:
+        if self._made:
+            close_joints(self._scene, self.bodies(), self._motion)
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
             return None, None, self._receive(first, self.visitors)
@@ -115,7 +143,7 @@ class RigidIsland(BaseIsland):
             now = (self.bodies(), self._contacts, self._motion, self.memory)
             done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
             if done < last and report[0] != FULL:
-                fault = self._fault(done)
+                fault = self._fault(done, opened=report[0] == UNHELD)
                 self.go_back()
                 return None, None, fault
             if done < last:
@@ -128,9 +156,13 @@ class RigidIsland(BaseIsland):
         n, report = b.w.size, np.zeros(2)
         whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
         scene, motion = self._scene._replace(guests=guests), new_motion(whole.w.size)
+        if scene.joints is not None:
+            scene = scene._replace(
+                joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
+            )
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] != FULL:
-                return self._fault(step)
+                return self._fault(step, opened=report[0] == UNHELD)
             self._make_room(2 * int(report[1]))
             whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
         for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
@@ -143,9 +175,14 @@ class RigidIsland(BaseIsland):
         self._contacts = new_contacts(contacts)
         self.memory = larger(self.memory, contacts)
 
-    def _fault(self, step: int) -> Fault:
-        """The first body with a number that is not finite."""
+    def _fault(self, step: int, *, opened: bool) -> Fault:
+        """The joint that could not be held, or the first body with a number that is not finite."""
         b = self.bodies()
+        if opened:
+            j = self._scene.joints
+            g = int(j.failed[0])
+            member, row = self._joined.member_of(int(j.first[g]))
+            return Fault(member, row, step, unclosed=Unclosed(self._made[int(self._order[g])].name))
         good = np.isfinite(b.x).all(axis=0) & np.isfinite(b.v).all(axis=0)
         good &= np.isfinite(b.turn).all(axis=0) & np.isfinite(b.spin).all(axis=0)
         member, row = self._joined.member_of(int(np.argmin(good)))
@@ -214,9 +251,14 @@ class RigidIsland(BaseIsland):
         return self._joined.whole.columns(self._read)
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
-        out = np.zeros((3, self._joined.whole.count))
-        sum_forces_on(self._scene, self.bodies(), self._motion, time, out)
-        return out
+        sum_forces_on(self._scene, self.bodies(), self._motion, time)
+        return np.ascontiguousarray(self._motion.pull[:, :3].T)
+
+    def stored(self) -> dict[str, float]:
+        if not self._springs:
+            return {}
+        velocities_of(self.bodies(), self._motion)
+        return {name: stored(springs, self.bodies(), self._motion.now) for name, springs in self._springs}
 
     def turning(self) -> NDArray[np.float64]:
         velocities_of(self.bodies(), self._motion)
@@ -268,8 +310,11 @@ def _scene(
     bounds: Sequence[int],
     owner: NDArray[np.int64],
     whole: GroupState,
-) -> Scene:
-    """What acts on the bodies."""
+    scenario: Scenario,
+    made: Sequence[Made],
+    springs: tuple[BodySprings, ...],
+) -> tuple[Scene, NDArray[np.int64]]:
+    """What acts on the bodies, and which of the joints that were made each one of it is."""
     stretches = tuple(
         _stretch(a, b, [force.record() for force in forces], group)
         for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
@@ -282,8 +327,12 @@ def _scene(
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
-    return Scene(
+    joints, order = new_joints(made, n) if made else (None, np.empty(0, np.int64))
+    joined, partners, partner_from = partners_of(scenario, made, n)
+    feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
+    scene = Scene(
         stretches,
+        springs,
         tuple(walls),
         surfaces_of(groups),
         np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
@@ -291,7 +340,13 @@ def _scene(
         whole.radius[:n].astype(float),
         tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
         SLOP * min(group.shape.fineness() for group in groups),
+        2 if feel or any(np.any(each.c > 0) for each in springs) else 1,
+        joints,
+        joined,
+        partners,
+        partner_from,
     )
+    return scene, order
 
 
 def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:

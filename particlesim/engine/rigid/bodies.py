@@ -75,7 +75,8 @@ class Motion(NamedTuple):
     how far a body may come in a step [n]; velocities and momenta before impulses, with rebounds, before a sweep, and how
     sweeps go on [n, 9]; the body that stands for those that touch it, and their energies [n]; the cluster of each body, the
     bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with
-    in each [n], and how many there are."""
+    in each [n], and how many there are; forces and torques [n, 6]; the first of the components of joints in each cluster
+    [n], −1 for none."""
 
     now: Any
     inverse: Any
@@ -96,6 +97,8 @@ class Motion(NamedTuple):
     contact_from: Any
     largest: Any
     clusters: Any
+    pull: Any
+    first_component: Any
 
 
 class Memory(NamedTuple):
@@ -137,6 +140,7 @@ def new_motion(bodies: int) -> Motion:
     return Motion(
         *(now, inverse, apart, gained, margin, start, other, before, onward),
         *(parent, gain, low, bend, cluster, ordered, *begins, np.zeros(bodies), np.zeros(1, np.int64)),
+        *(np.zeros((bodies, 6)), np.zeros(bodies, np.int64)),
     )
 
 

@@ -26,7 +26,7 @@ def unite(parent: Any, i: Any, j: Any) -> None:
 
 
 @outlined
-def gather(k: Any, motion: Any) -> None:
+def gather(k: Any, motion: Any, joints: Any) -> None:
     """Find the clusters of a step: bodies in their order (`bodies`, from `body_from` on), and contacts (`k.order`, from
     `contact_from` on). The order within a cluster is that of numbers."""
     parent, of = motion.parent, motion.cluster
@@ -36,15 +36,25 @@ def gather(k: Any, motion: Any) -> None:
     for c in range(contacts):
         if k.second[c] != WORLD:
             unite(parent, k.first[c], k.second[c])
+    if joints is not None:
+        for g in range(joints.first.size):
+            if joints.second[g] != WORLD:
+                unite(parent, joints.first[g], joints.second[g])
     for i in range(n):
         r = root(parent, i)
         if r == i:
             of[i] = count
             motion.body_from[count] = motion.contact_from[count] = 0
+            motion.first_component[count] = -1
             count += 1
         else:
             of[i] = of[r]
     motion.clusters[0] = count
+    if joints is not None:
+        for component in range(joints.next.size):
+            r = of[joints.first[joints.group[component]]]
+            joints.next[component] = motion.first_component[r]
+            motion.first_component[r] = component
     # Sorted by counting: how many each cluster has, where it ends, and from there back.
     for i in range(n):
         motion.body_from[of[i]] += 1

@@ -209,8 +209,10 @@ def follow(
 
 
 @outlined
-def settle_guests(guests: Any, b: Any, k: Any) -> None:
-    """Move bodies to where they would be if impacts of guests had been at their times; note the same for guests."""
+def settle_guests(scene: Any, b: Any, k: Any) -> None:
+    """Move bodies, but for those that joints hold, to where they would be if impacts of guests had been at their times; note
+    the same for guests."""
+    guests = scene.guests
     for c in range(k.number[0]):
         guest = k.second[c]
         if guest >= guests.first:
@@ -219,5 +221,6 @@ def settle_guests(guests: Any, b: Any, k: Any) -> None:
                 total = 0.0
                 for d in range(3):
                     total += k.rows[c, d, axis] * k.impulse[c, d]
-                b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
+                if scene.joints is None or scene.joined[k.first[c]] == 0:
+                    b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
                 guests.shift[axis, m] += guests.when[m] * b.w[guest] * total

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
-from particlesim.compiler import on_stack, outlined
+from particlesim.compiler import on_stack, outlined, shared
 from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
 from particlesim.engine.rigid.manifold import SPAN, convex_contacts
 from particlesim.engine.rigid.pieces import solid_of
@@ -35,7 +35,7 @@ SECTIONS = 40
 GOLDEN = 0.6180339887498949
 
 
-@outlined
+@shared
 def touch(b: Any, k: Any, surfaces: Any, i: Any, j: Any, margin: Any) -> None:
     """Note the contacts of bodies i and j that are nearer than a margin."""
     begin, p = k.number[0], b.pieces
