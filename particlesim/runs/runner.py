@@ -33,6 +33,8 @@ from particlesim.runs.validity import (
     flat_triangles,
     knotted,
     misplaced,
+    missed,
+    shapes_of_bodies,
     squeezed,
 )
 from particlesim.scenario.load import load
@@ -181,6 +183,7 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *knotted(simulation),
         *chords(simulation),
         *flat_triangles(scenario),
+        *shapes_of_bodies(scenario),
         *long_sums(scenario),
     )
     if warn is not None:
@@ -263,7 +266,7 @@ def _writer(
         fields=fields,
         groups=[group.name for group in scenario.groups],
         ledger=ledger,
-        provenance=provenance(scenario),
+        provenance=provenance(scenario, most),
         precision=precision,
         compression=scenario.output.compression,
         overwrite=overwrite,
@@ -311,9 +314,11 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
             *advice(simulation.scenario),
             *course.watch.warnings,
             *simulation.warnings(),
+            *missed(simulation),
             *filter(None, problems),
         ),
         broken=simulation.broken(),
+        missed_crossings=simulation.missed_crossings(),
         methods=simulation.methods(),
         checks=course.checks.results(),
         known_state=course.state,

@@ -188,6 +188,23 @@ def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
+def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
+    """What there is to tell of the shapes of rigid bodies."""
+    return tuple(
+        f"bodies {body.name!r}: {remark}" for body in scenario.bodies for remark in body.shape.remarks()
+    )
+
+
+def missed(world: World) -> tuple[str, ...]:
+    """A sentence where particles have passed colliders unseen."""
+    if (number := world.missed_crossings()) == 0:
+        return ()
+    return (
+        f"{number:,} crossing{'s' if number > 1 else ''} of colliders with discrete detection fell between the ends of "
+        'steps and had no effect; detection = "continuous" misses none',
+    )
+
+
 class Watch:
     """Collects warnings about laws used outside of their range."""
 

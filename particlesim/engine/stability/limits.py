@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.coupled.wisdom_holman import longest_step
+from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
@@ -34,6 +36,8 @@ from particlesim.scenario.reach import touches_by_surfaces
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
 oscillation grow, most often by too little to see."""
+ORBITS = "bounds: a sixteenth of the shortest passage of a pericentre"
+"""What limits the steps of methods that follow orbits."""
 MARGIN = 0.9
 """Part of the largest stable step that is recommended."""
 HARD_MARGIN = 0.6
@@ -46,7 +50,7 @@ class IslandStability:
     """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
     (`step`); 0: none is stable, infinite: no limit.
 
-    Adaptive methods have no limit: they choose steps that are short enough.
+    Adaptive methods have no limit: they choose steps that are short enough. WHFast has that of its orbits.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
     of `Linearised`. Where surfaces touch, `step` is HARD_MARGIN times what it were, and `growth` that with a step as much
@@ -216,9 +220,11 @@ def _judged(world: World, number: int) -> IslandStability:
     names = _names(structure)
     values = eigenvalues(found.together).ravel()
     spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
-    if method.adaptive:
+    if not method.by_modes:
         free = dict.fromkeys(found.forces, math.inf)
-        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values, spectra)
+        step = _by_orbits(world, number)
+        grown, how = (math.inf, ORBITS) if grid.dt > step else (-math.inf, found.how)
+        return IslandStability(names, method, free, step, grown, how, values, spectra)
     part = _part_allowed(structure)
     factor = growth(method, found.together, grid.dt / part)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
@@ -244,8 +250,8 @@ def _surely_stable(world: World, number: int) -> bool:
         return True
     model = _model(world, number)
     method, grid = model.structure.method, world.scenario.grid
-    if method.adaptive:
-        return True
+    if not method.by_modes:
+        return grid.dt <= _by_orbits(world, number)
     limits = model.box()
     if limits is None:
         if model.structure.coupled:
@@ -257,6 +263,14 @@ def _surely_stable(world: World, number: int) -> bool:
     factor = growth(method, system, grid.dt / _part_allowed(model.structure))
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
+
+
+def _by_orbits(world: World, number: int) -> float:
+    """The largest step of a method that modes do not limit [s]."""
+    island = world.islands[number]
+    if not isinstance(island, CoupledIsland) or island.layout.work.orbits is None:
+        return math.inf
+    return longest_step(island.layout.work.orbits, island.island_columns())
 
 
 def _part_allowed(structure: Island) -> float:
