@@ -202,6 +202,17 @@ def test_files_count_by_content(tmp_path: Path) -> None:
         physics_digest(ps.load(tmp_path / "a/balls.toml"))
 
 
+def test_files_of_colliders_count_by_content(tmp_path: Path) -> None:
+    collider = '[[colliders]]\ntype = "height_field"\npath = "hills.npy"\nsize = [2, 2]\nheight = 1\n'
+    digests = []
+    for name, top in (("a", 1.0), ("b", 1.0), ("c", 2.0)):
+        (tmp_path / name).mkdir()
+        np.save(tmp_path / name / "hills.npy", np.diag([1.0, 0.5, top]))
+        (tmp_path / name / "balls.toml").write_text(SCENARIO + collider)
+        digests.append(physics_digest(ps.load(tmp_path / name / "balls.toml")))
+    assert digests[0] == digests[1] != digests[2]
+
+
 def test_provenance(tmp_path) -> None:
     path = tmp_path / "a.vtkhdf"
     run = ps.loads(SCENARIO, ["simulation.dt=0.02"])
