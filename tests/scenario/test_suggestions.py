@@ -65,7 +65,7 @@ def hint(more: str) -> str:
         ("[[magnets]]", 'the force of a "field"'),
         ("[[charges]]", 'of type "coulomb"'),
         ("[[boids]]", '"flocking" is a type of [[interactions]]'),
-        ("[[joints]]", "[[rods]] keep distances"),
+        ("[[hinges]]", "[[joints]] hold rigid bodies together"),
         ("[[contacts]]", "psim has no contact between particles"),
         ("[[forces]]\ntype = 'lift'", 'the force of a "field"'),
         ("[[planes]]\nmu = 0.3", '"friction" of [[planes]]'),
