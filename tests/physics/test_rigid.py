@@ -410,7 +410,6 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
         ({"planes": [FLOOR | {"contact": "stick"}]}, "do not stick"),
         ({"planes": [FLOOR | {"detection": "discrete"}]}, "foreseen"),
         ({"planes": [FLOOR | {"tangential_loss": 0.1}]}, "friction"),
-        ({"output": {"work": True, "ledger": True}}, "booked"),
     ],
 )
 def test_what_bodies_cannot_do_is_refused(parts: dict[str, Any], message: str) -> None:
