@@ -16,8 +16,7 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
-from particlesim.bodies import Bodies
-from particlesim.bodies.shape import BODY_SHAPES
+from particlesim.bodies import BODY_SHAPES, Bodies
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction

@@ -13,6 +13,7 @@ from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite,
 from particlesim.engine.guard import Guard
 from particlesim.engine.islands.base import OWN_STEPS, BaseIsland
 from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
@@ -54,6 +55,7 @@ class Simulation(World):
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
+        self.meetings = Meetings(scenario, self.islands, self.states)
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
         self._order = _hearers_last(self.islands)
         self._heard = any(island.listens_to for island in self.islands)
@@ -77,7 +79,9 @@ class Simulation(World):
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            if self._heard:  # births of impacts are in the same step
+            if self.meetings:
+                self.meetings.exchange(self.scenario.grid.dt)
+            if self.meetings or self._heard:  # births of impacts are in the same step
                 last = self.step + 1
             for number in self._order:
                 self._advance(number, self.step, last)
@@ -225,6 +229,8 @@ class Simulation(World):
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 label = f"potential.{self._labels[k]}"
                 found[label] = found.get(label, 0.0) + value
+        for name, energy in island.stored().items():
+            found[f"potential.{name}"] = energy
         if island.interactions:
             whole = island.island_columns()
             for name, each in zip(island.names, island.interactions, strict=True):

@@ -24,6 +24,7 @@ from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.layout import Layout
+from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
@@ -61,6 +62,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
+    Meetings: frozenset(("_meetings", "_by_name", "_bodies", "_islands", "_touches")),
     RigidIsland: frozenset(
         (
             "_joined",
@@ -68,10 +70,12 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_method",
             "_scene",
             "_still",
+            "_shapes",
             "_motion",
             "_contacts",
             "_kept",
             "_kept_memory",
+            *("_made", "_springs", "_order"),
             "kept_from",
             "impacts",
         )
@@ -90,7 +94,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Roster: frozenset(("number", "pairs", "rest")),
-    GroupState: frozenset(column.name for column in TABLE),
+    GroupState: frozenset({"axes", *(column.name for column in TABLE)}),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
 columns of groups are stored by their table."""

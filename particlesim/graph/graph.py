@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particlesim.bodies import Bodies
+from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, HingeSet, RodSet
+from particlesim.bonds.pairs import SINGLE
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
 from particlesim.forces import Force, SheetDrag
@@ -20,8 +21,9 @@ from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
-from particlesim.scenario.reach import acts_on, heard, pair_sets
+from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 
@@ -81,6 +83,26 @@ class Island:
     def has_pairs(self) -> bool:
         """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
         return any(isinstance(each, PairSet) for each in self.interactions)
+
+    def touched_softly(self, group: str) -> bool:
+        """Whether colliders hold back a group by the law of its soft contacts."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.soft
+            and group in each.groups
+            for each in self.interactions
+        )
+
+    def spins(self, group: str) -> bool:
+        """Whether the particles of a group turn, as their contacts with each other have friction."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.rubs
+            and group in each.groups
+            for each in self.interactions
+        )
 
     @property
     def changes(self) -> bool:
@@ -153,6 +175,10 @@ def build_graph(scenario: Scenario) -> Graph:
     )
     for each in joints:
         act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
+    for path, joint in joint_tables(scenario):
+        names = [name for name in joint.groups() if name in groups]
+        what = joint.describe() if isinstance(joint, Joint) else f"{len(joint.pairs or SINGLE)} at bodies"
+        act(Node(str(path[0]), joint.name, what), "joins", list(dict.fromkeys(names)))
     for k, collider in enumerate(scenario.all_colliders):
         act(
             Node(collider.kind, collider.name or str(k), _collider_detail(collider)),

@@ -8,6 +8,9 @@ from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.interactions.gravity import MutualGravity
+from particlesim.layouts.disc import Disc
+from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.preflight.penalty_steps import penalty_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
@@ -32,6 +35,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_twice(scenario),
         *_never(scenario),
         *_loose(scenario),
+        *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
         *_unrepeated(scenario),
@@ -231,6 +235,26 @@ def _loose(scenario: Scenario) -> list[str]:
         for group in scenario.particles
         if group.layout.is_body and group.name not in joined and group.pinned is not True
     ]
+
+
+def _other_constant(scenario: Scenario) -> list[str]:
+    """Speeds that balance another gravity than the one that acts."""
+    found = []
+    for group in scenario.particles:
+        if not isinstance(group.layout, Plummer | Disc):
+            continue
+        acting = {
+            pairs.law.constant
+            for pairs in pair_sets(scenario)
+            if isinstance(pairs.law, MutualGravity) and group.name in pairs.groups
+        }
+        if acting != {group.layout.constant}:
+            acts = f"G = {', '.join(f'{each:g}' for each in acting)} acts" if acting else "no gravity acts"
+            found.append(
+                f"the speeds of {group.name!r} balance gravity with G = {group.layout.constant:g}, and {acts} between its "
+                "particles: constant of its layout and of [[interactions]] should be the same"
+            )
+    return found
 
 
 def _joined_twice(scenario: Scenario) -> list[str]:

@@ -16,8 +16,9 @@ from particlesim.engine.step.impacts import (
     trace,
 )
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.rubbing import rubbed
 from particlesim.integrators.base import CompositionRecord
-from particlesim.laws.registry import Particle, Vector, force, law, moved_to
+from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
 
 
 class FrozenRecord(NamedTuple):
@@ -48,15 +49,35 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
         if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, c, before, first, last, t, end, h)
+            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
+        if part.cores is not None:
+            first, last = max(share.first, part.first), min(share.last, part.last)
+            _collide(part.cores, (), c, before, first, last, t, end, h, True)
 
 
-def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, end: Any, h: Any) -> None:
-    """`collide` for particles [first, last), which meet the same colliders."""
+def core_of(p: Any) -> Any:
+    """What is hard in a soft particle: half of its radius. What is too fast for its law, or pressed too hard, gets that far
+    into a collider and no further."""
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
+
+
+def _collide(
+    contacts: Any,
+    rubbing: Any,
+    c: Any,
+    before: Any,
+    first: Any,
+    last: Any,
+    t: Any,
+    end: Any,
+    h: Any,
+    soft: Any,
+) -> None:
+    """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
         begin, hi = span(c.clock, i, t, end, h)
         if hi > 0:
-            q = fetch(c, i, end)
+            q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = moved_to(
                 q,
                 before[0, i],
@@ -79,6 +100,8 @@ def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, 
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
+            if len(rubbing) > 0 and c.spin is not None:
+                r = rubbed(rubbing, c, i, q, r, hi)
             if len(contacts.soft) > 0:
                 free = r
                 r = pushed(contacts.soft, free, hi)

@@ -9,9 +9,11 @@ from particlesim.engine.interactions.impulses import impulses_of
 from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
+from particlesim.engine.interactions.surfaces.surface_contacts import surfaces_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
+from particlesim.scenario.reach import touches_by_surfaces
 
 METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "direct": pairs_of,
@@ -40,6 +42,10 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
     Raises UsageError for two at one place, if they have no force there.
     """
     if isinstance(pairs.law, Contact):
+        if touches_by_surfaces(
+            pairs.law, [group for group in site.scenario.groups if group.name in pairs.groups]
+        ):
+            return surfaces_of(site, pairs)
         return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
     count = sum(site.state[name].count for name in pairs.groups)
     return METHODS[chosen(pairs.law, count)](site, pairs)

@@ -153,6 +153,10 @@ class BaseIsland:
         some laws [J]."""
         return measure(records, self.columns()[member], time, team)
 
+    def stored(self) -> dict[str, float]:
+        """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
+        return {}
+
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""
         raise NotImplementedError

@@ -43,6 +43,9 @@ METHOD = -1
 ROTATION = "rotation"
 """Part of groups of rigid bodies."""
 
+SPIN = "spin"
+"""Part of groups of grains, spheres that rub each other and turn."""
+
 CLOCK = "clock"
 """Part of groups whose particles may be born, die, stick or be pinned."""
 
@@ -72,6 +75,8 @@ TABLE: tuple[Column, ...] = (
     Column("hit", "", ("hit",), rows=len(HIT), dtype=np.float64, changes=True, part=HEARD),
     Column("turn", "", rows=4, dtype=np.float64, changes=True, part=ROTATION),
     Column("spin", "kg m²/s", rows=3, dtype=np.float64, changes=True, part=ROTATION),
+    Column("angular_velocity", "rad/s", ("spin",), rows=3, changes=True, part=SPIN),
+    Column("turned", "", ("spin",), rows=3, changes=True, part=SPIN),
     Column("heat", "K", ("thermal",), dtype=np.float64, part="temperature"),
     *(Column(each.name, each.unit, ("further",), part=each.name) for each in FURTHER),
 )

@@ -43,10 +43,15 @@ def dynamics_record(group: Group) -> tuple[Any, ...]:
 
 
 def contacts_record(
-    colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any], heard: Sequence[int | None] = ()
+    colliders: Sequence[Collider],
+    group: Group,
+    dtype: np.dtype[Any],
+    heard: Sequence[int | None] = (),
+    *,
+    smooth: bool = False,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those at which
-    somebody hears of impacts, None for others; none unless given."""
+    somebody hears of impacts, None for others; none unless given. `smooth`: without friction."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         low, high = group.die.outside
@@ -55,11 +60,13 @@ def contacts_record(
     inert = group.dynamics.type != "second_order"
     numbers = heard or [None] * len(colliders)
     records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
+    if inert or smooth:
+        records = {key: without_friction(each) for key, each in records.items()}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
     hard = [each for each in colliders if inert or not each.soft]
     continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
     discrete = [
-        without_friction(records[id(each)]) if inert else records[id(each)]
+        without_yielding(records[id(each)]) if inert else records[id(each)]
         for each in hard
         if each.detection == "discrete" or inert
     ]
@@ -86,8 +93,13 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
 
 
 def without_friction(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and so no momentum to lose."""
-    return c._replace(response=c.response._replace(friction=None, belt=None, yielding=None))
+    """The same collider for what has no inertia, and so no momentum to lose, or loses it by turning."""
+    return c._replace(response=c.response._replace(friction=None, belt=None))
+
+
+def without_yielding(c: ColliderRecord) -> ColliderRecord:
+    """The same collider for what has no inertia, and is put back at once."""
+    return c._replace(response=c.response._replace(yielding=None))
 
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:

@@ -14,6 +14,7 @@ from particlesim.scenario.rules import bodies, impacts, interactions, joints, pe
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
+from particlesim.scenario.rules.orbits import orbits
 from particlesim.scenario.rules.tolerances import few_bodies, too_fine
 from particlesim.scenario.tables import Tables
 
@@ -213,10 +214,13 @@ CHECKS = (
     names,
     references,
     bodies.joined,
+    bodies.jointed,
     bodies.kept,
     bodies.held,
     needs,
     interactions.felt,
+    interactions.turned,
+    interactions.against_walls,
     interactions.kicked,
     periodic.repeated,
     interactions.fixed_steps,
@@ -235,6 +239,7 @@ CHECKS = (
     pictures.colors,
     too_fine,
     few_bodies,
+    orbits,
     pictures.styles,
     disagreements,
 )

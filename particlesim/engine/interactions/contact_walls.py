@@ -1,0 +1,157 @@
+"""Colliders as soft contacts feel them: what touches a wall is pressed, rubbed and turned by the law of its own kind.
+
+A wall is a second sphere without end that does not give way: R = r₁, m = m₁, with the wall's own restitution and friction.
+All of it is worked out in the frame of the wall, where what moves is at rest; the arm is the distance of the centre.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.colliders.moving import MovingRecord, frame_at, into, out_of, ride
+from particlesim.colliders.response import belt_along
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.contact_lists import APART, Memory, new_memory
+from particlesim.engine.interactions.interaction import Site
+from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
+from particlesim.engine.state.columns import fetch, presence, type_of
+from particlesim.engine.step.records import as_precision
+from particlesim.interactions import PairSet
+from particlesim.laws.pair import Pair
+from particlesim.laws.registry import gap, gap_and_normal
+from particlesim.scenario.reach import held_back
+
+ENDLESS = 1e30
+"""The radius of a wall [m], beside which that of a grain is nothing, also in single precision."""
+
+
+class Wall(NamedTuple):
+    """A shape, the law of contact with it, the velocity of its surface along itself, None if there is none, and which
+    particles it holds back [n], None: all."""
+
+    shape: Any
+    law: Any
+    belt: Any
+    members: Any
+
+
+class Touched(NamedTuple):
+    """A particle at a wall, in the world: force [N], torque [N m], elastic push [N], the rate at which the contact opens
+    [m/s], and the energy [J]."""
+
+    force: Any
+    torque: Any
+    push: Any
+    rate: Any
+    energy: Any
+
+
+def local(wall: Any, p: Any) -> Any:
+    """The shape at rest, and the particle beside it."""
+    return (
+        (wall.shape.shape, ride(wall.shape, p)) if isinstance(wall.shape, MovingRecord) else (wall.shape, p)
+    )
+
+
+def wall_gap(wall: Any, c: Any, row: Any, t: Any) -> Any:
+    """The gap between a particle and a wall [m]."""
+    return gap(wall.shape, fetch(c, row, t))
+
+
+@outlined
+def press_wall(wall: Any, memory: Any, c: Any, inverse: Any, row: Any, t: Any, ago: Any, settles: Any) -> Any:
+    """A particle that overlaps a wall, in a step that began `ago` [s]; what it remembers is brought up to date if it
+    `settles`."""
+    p = fetch(c, row, t)
+    shape, q = local(wall, p)
+    g, axes = gap_and_normal(shape, q)
+    zero = type_of(g, 0)
+    belt: Any = tuple(zero if u is None else u for u in belt_along(wall, axes))
+    n = tuple(zero if axis is None else axis for axis in axes)
+    pair = Pair(
+        q.x,
+        q.y,
+        q.z,
+        q.vx - belt[0],
+        q.vy - belt[1],
+        q.vz - belt[2],
+        p.m,
+        p.m,
+        p.r,
+        type_of(g, ENDLESS),
+        a1=inverse,
+        a2=zero,
+    )
+    rows = frame_at(wall.shape, t, p.x).rows if isinstance(wall.shape, MovingRecord) else None
+    turning, rolling, held = None, None, None
+    if c.spin is not None:
+        w, a = (
+            (c.spin.wx[row], c.spin.wy[row], c.spin.wz[row]),
+            (c.spin.ax[row], c.spin.ay[row], c.spin.az[row]),
+        )
+        if rows is not None:
+            s = wall.shape.spin
+            own = (s.rate * s.x, s.rate * s.y, s.rate * s.z)
+            w = tuple(u - type_of(u, v) for u, v in zip(w, own, strict=True))
+            a = tuple(u - type_of(u, v * ago) for u, v in zip(a, own, strict=True))
+        w, a = into(rows, w), into(rows, a)
+        arm = (p.r + g) / p.r
+        turning = Turning(arm, tuple(p.r * u for u in w), tuple(p.r * u for u in a))
+    if memory is not None:
+        k = (memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row])
+        held = Held(type_of(g, memory.state[row]), *k)
+        if memory.rolled is not None:
+            rolling = Rolling(w, a, (memory.rolled[0, row], memory.rolled[1, row], memory.rolled[2, row]))
+    found = press(wall.law, pair, n, -g, held, turning, rolling)
+    if settles & (memory is not None):
+        memory.state[row] = int(found.held.state)
+        memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row] = (
+            found.held.x,
+            found.held.y,
+            found.held.z,
+        )
+        if memory.rolled is not None:
+            for axis in range(3):
+                memory.rolled[axis, row] = found.rolled[axis]
+    torque = tuple(m - p.r * u for m, u in zip(found.moment, found.twist, strict=True))
+    return Touched(out_of(rows, found.force), out_of(rows, torque), found.push, found.rate, found.energy)
+
+
+def is_held_back(wall: Any, c: Any, row: Any) -> Any:
+    """Whether a wall holds back a particle, if that is there."""
+    there = presence(c.clock, row) > 0
+    return there if wall.members is None else there & (wall.members[row] != 0)
+
+
+def parted(memory: Any, row: Any) -> None:
+    """A particle does not touch a wall any more."""
+    if memory is not None:
+        memory.state[row] = APART
+
+
+def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Memory | None, ...]]:
+    """The colliders that the particles of a contact law meet, and what they remember of each."""
+    law: Any = pairs.law
+    names = list(pairs.groups)
+    walls, memories = [], []
+    for each in site.scenario.all_colliders:
+        if each.contact != "bounce" or not held_back(each, names):
+            continue
+        members = np.zeros(site.whole.count, np.int8)
+        for name in names:
+            if held_back(each, (name,)):
+                members[site.offset[name] : site.offset[name] + site.state[name].count] = 1
+        record = law.against(each.liveliness, each.coefficients)
+        walls.append(
+            as_precision(
+                Wall(each.body(), record, each.surface_velocity, None if members.all() else members),
+                site.dtype,
+            )
+        )
+        memory = None
+        if record.friction is not None:
+            memory = new_memory(site.whole.count, site.dtype, rolls=record.rolling is not None)
+        memories.append(memory)
+    return tuple(walls), tuple(memories)
