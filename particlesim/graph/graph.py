@@ -76,11 +76,6 @@ class Island:
         return isinstance(self.groups[0], Bodies)
 
     @property
-    def has_pairs(self) -> bool:
-        """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
-        return any(isinstance(each, PairSet) for each in self.interactions)
-
-    @property
     def changes(self) -> bool:
         """Whether particles may be born or die."""
         return any(isinstance(group, Emitter) for group in self.groups) or any(

@@ -109,9 +109,7 @@ def find_root(orbit: Any, lower: Any, upper: Any, h: Any) -> Any:
 
 
 @exact
-def arrival(
-    mu: Any, orbit: Any, root: Any, h: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any
-) -> Any:
+def arrival(mu: Any, orbit: Any, root: Any, h: Any, x: Any, y: Any, z: Any, vx: Any, vy: Any, vz: Any) -> Any:
     """How place and velocity change in a time h, with X known about."""
     inverse, r0, eta, beta, zeta = orbit
     g0, g1, g2, g3 = stiefel(beta, root)

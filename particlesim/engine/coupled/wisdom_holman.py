@@ -172,6 +172,7 @@ def _from_inside(
 
 def _kicks(count: int, center: int, kept: Sequence[int]) -> NDArray[np.int64]:
     """Spans of all pairs but those that Kepler's problems are: of the central body with all, or with one other."""
+
     def solved(a: int, b: int) -> bool:
         return center in (a, b) if len(kept) == 1 else {a, b} <= set(kept)
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.compiler import compiled, kernel, lanes, on_stack, outlined
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
@@ -26,6 +27,12 @@ from particlesim.engine.interactions.pair_blocks import (
     gathered,
     pair_in,
     particle_of,
+)
+from particlesim.engine.interactions.pair_matrix import (
+    ROWS,
+    multiply_direct,
+    new_direct_form,
+    stiffen_direct,
 )
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
@@ -68,6 +75,16 @@ class DirectPairs(Interaction, PairColumns):
 
     __slots__ = ()
     follows: ClassVar[frozenset[str]] = frozenset(PairColumns._fields)
+    numbers: ClassVar[int] = ROWS
+
+    def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+        stiffen_direct(self, form, c, s, first, last, t, reach)
+
+    def multiply(self, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+        multiply_direct(self, form, x, y, first, last)
+
+    def new_form(self, dtype: Any) -> NDArray[Any]:
+        return new_direct_form(self, dtype)
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for k in range(len(self.spans)):

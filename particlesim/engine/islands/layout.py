@@ -106,7 +106,7 @@ class Layout:
         chunk = chunk_size(self.count)
         chunks = -(-self.count // chunk)
         bonds, elements = apart(tuple(each.in_team(threads) for each in self.interactions))
-        found = []
+        found, forms = [], () if self.work.system is None else new_forms(elements, self.dtype)
         for share in share_out(self.count, threads, self.driven, elements, self.constraint):
             mine = tuple(
                 bond._replace(table=table, begin=begin)
@@ -115,7 +115,7 @@ class Layout:
             )
             tables = [bond.table for bond in mine]
             order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
-            found.append((mine, _own(self.work, share, self.dtype), share._replace(order=order)))
+            found.append((mine, _own(self.work, share, forms, self.dtype), share._replace(order=order)))
         return found
 
 
@@ -125,8 +125,9 @@ def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:
     return by_chunks, interactions[len(by_chunks) :]
 
 
-def _own(work: Work, share: Share, dtype: Any) -> Work:
-    """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+def _own(work: Work, share: Share, forms: tuple[Any, ...], dtype: Any) -> Work:
+    """Scratch arrays of a thread: those of the island, but for what each thread has to itself; `forms` are those that
+    threads have together."""
     work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
     if work.orbits is not None:
         return work._replace(orbits=work.orbits.kicking(share.elements))
@@ -136,7 +137,7 @@ def _own(work: Work, share: Share, dtype: Any) -> Work:
     own = system._replace(
         pull=np.zeros_like(system.pull),
         lanes=np.zeros_like(system.lanes),
-        forms=new_forms(share.elements, dtype),
+        forms=new_forms(share.elements, dtype, forms),
     )
     return work._replace(system=own)
 
