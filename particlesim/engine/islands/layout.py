@@ -12,7 +12,7 @@ from particlesim.engine.coupled.gauss_radau import new_room
 from particlesim.engine.coupled.wisdom_holman import new_orbits
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
 from particlesim.engine.implicit.linear_system import new_system
-from particlesim.engine.interactions.bond_layout import chunk_size, order_of, owned
+from particlesim.engine.interactions.bond_layout import FINEST, LEAST, chunk_size, order_of, owned
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
@@ -54,7 +54,10 @@ class Layout:
             or any(part.contacts != Simple(()) for part in self.parts)
             or any(each.looks_back for each in self.interactions)
         )
-        self.work = scratch(self._method, self.count, self.dtype, looks_back=looks_back)
+        pieces = any(each.by_chunks for each in interactions) or constraint is not None
+        pieces = pieces or isinstance(self._method, ImplicitMethod)
+        self._chunk = chunk_size(self.count, LEAST if pieces else FINEST)
+        self.work = scratch(self._method, self.count, self._chunk, self.dtype, looks_back=looks_back)
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         if isinstance(self._method, WisdomHolmanMethod):
@@ -103,11 +106,11 @@ class Layout:
         return bonds, work, share._replace(elements=elements)
 
     def _shared(self, threads: int) -> list[tuple[Interactions, Work, Share]]:
-        chunk = chunk_size(self.count)
+        chunk = self._chunk
         chunks = -(-self.count // chunk)
         bonds, elements = apart(tuple(each.in_team(threads) for each in self.interactions))
         found, forms = [], () if self.work.system is None else new_forms(elements, self.dtype)
-        for share in share_out(self.count, threads, self.driven, elements, self.constraint):
+        for share in share_out(self.count, threads, chunk, self.driven, elements, self.constraint):
             mine = tuple(
                 bond._replace(table=table, begin=begin)
                 for bond in bonds
