@@ -21,6 +21,8 @@ METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "tree": tree_of,
 }
 
+IN_MATRICES = ("direct", "neighbours")
+"""Methods whose pairs are in the matrix of implicit integrators; far ones are too many, and soft."""
 WORTH_LISTS = 300
 """Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
 WORTH_A_TREE = 4_000

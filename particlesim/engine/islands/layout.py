@@ -12,7 +12,7 @@ from particlesim.engine.coupled.gauss_radau import new_room
 from particlesim.engine.coupled.wisdom_holman import new_orbits
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
 from particlesim.engine.implicit.linear_system import new_system
-from particlesim.engine.interactions.bond_layout import chunk_size, order_of, owned
+from particlesim.engine.interactions.bond_layout import FINEST, LEAST, chunk_size, order_of, owned
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
@@ -55,8 +55,16 @@ class Layout:
             or any(part.contacts != Simple(()) or part.cores is not None for part in self.parts)
             or any(each.looks_back for each in self.interactions)
         )
+        pieces = any(each.by_chunks for each in interactions) or constraint is not None
+        pieces = pieces or isinstance(self._method, ImplicitMethod)
+        self._chunk = chunk_size(self.count, LEAST if pieces else FINEST)
         self.work = scratch(
-            self._method, self.count, self.dtype, looks_back=looks_back, spins=SPIN in whole.parts
+            self._method,
+            self.count,
+            self._chunk,
+            self.dtype,
+            looks_back=looks_back,
+            spins=SPIN in whole.parts,
         )
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
@@ -106,11 +114,11 @@ class Layout:
         return bonds, work, share._replace(elements=elements)
 
     def _shared(self, threads: int) -> list[tuple[Interactions, Work, Share]]:
-        chunk = chunk_size(self.count)
+        chunk = self._chunk
         chunks = -(-self.count // chunk)
         bonds, elements = apart(tuple(each.in_team(threads) for each in self.interactions))
-        found = []
-        for share in share_out(self.count, threads, self.driven, elements, self.constraint):
+        found, forms = [], () if self.work.system is None else new_forms(elements, self.dtype)
+        for share in share_out(self.count, threads, chunk, self.driven, elements, self.constraint):
             mine = tuple(
                 bond._replace(table=table, begin=begin)
                 for bond in bonds
@@ -118,7 +126,7 @@ class Layout:
             )
             tables = [bond.table for bond in mine]
             order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
-            found.append((mine, _own(self.work, share, self.dtype), share._replace(order=order)))
+            found.append((mine, _own(self.work, share, forms, self.dtype), share._replace(order=order)))
         return found
 
 
@@ -128,8 +136,9 @@ def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:
     return by_chunks, interactions[len(by_chunks) :]
 
 
-def _own(work: Work, share: Share, dtype: Any) -> Work:
-    """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+def _own(work: Work, share: Share, forms: tuple[Any, ...], dtype: Any) -> Work:
+    """Scratch arrays of a thread: those of the island, but for what each thread has to itself; `forms` are those that
+    threads have together."""
     work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
     if work.orbits is not None:
         return work._replace(orbits=work.orbits.kicking(share.elements))
@@ -139,7 +148,7 @@ def _own(work: Work, share: Share, dtype: Any) -> Work:
     own = system._replace(
         pull=np.zeros_like(system.pull),
         lanes=np.zeros_like(system.lanes),
-        forms=new_forms(share.elements, dtype),
+        forms=new_forms(share.elements, dtype, forms),
     )
     return work._replace(system=own)
 
