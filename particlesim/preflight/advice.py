@@ -169,7 +169,8 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
         counts = [_number(tables[name], scenario) for name in each.groups]
-        if chosen(each.law, round(sum(counts))) != "direct":
+        boxed = scenario.simulation.box is not None
+        if chosen(each.law, round(sum(counts)), boxed=boxed) != "direct":
             continue
         pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
         method = method_of(tables[each.groups[0]], scenario.simulation.integrator)

@@ -160,11 +160,12 @@ class Interaction:
         """The same with room for so many threads to work at it together."""
         return self
 
-    def calibrate(self, c: Any, team: Team) -> None:
-        """Find out once, before the first step, what steps need to know; what is found is among `changing`.
+    def calibrate(self, c: Any, team: Team) -> Self:
+        """The same after it has found out once, before the first step, what steps need to know, which is among `changing`.
 
         Raises UsageError where it cannot be as was asked for.
         """
+        return self
 
     def summary(self) -> str | None:
         """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""

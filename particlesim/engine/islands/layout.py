@@ -85,9 +85,12 @@ class Layout:
 
     def renew(self) -> None:
         """Let interactions begin an interval anew, so that it does not depend on those before."""
-        renewed = tuple(each.renewed() for each in self.interactions)
-        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
-            self.interactions = renewed
+        self.take(tuple(each.renewed() for each in self.interactions))
+
+    def take(self, interactions: Interactions) -> None:
+        """Have the same interactions with other arrays."""
+        if any(new is not old for new, old in zip(interactions, self.interactions, strict=True)):
+            self.interactions = interactions
             self._shares.clear()
 
     def cooled(self, columns: Columns) -> Columns:
