@@ -18,8 +18,8 @@ from particlesim.integrators.whfast import WisdomHolmanMethod
 
 class Part(NamedTuple):
     """A group inside an island: its dynamics, forces and contacts, and its particles [first, last). `cores`: contacts that
-    particles of half the radius have, where a softer law acts before; None where there are none. `rubbing`: colliders with the friction that those in
-    `contacts` lack, as particles spin."""
+    particles of half the radius have, where a softer law acts before; None where there are none. `rubbing`: colliders with
+    the friction that those in `contacts` lack, as particles spin."""
 
     dynamics: tuple[Any, ...]
     forces: tuple[Any, ...]
