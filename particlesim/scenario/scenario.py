@@ -15,7 +15,7 @@ from particlesim.layouts.base import LayoutError
 from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.model.mistakes import Invalid, invalid
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, group_tables
 from particlesim.scenario.rules.checks import untimely
 from particlesim.scenario.rules.consistency import contradictions
 from particlesim.scenario.tables import Tables
@@ -91,8 +91,8 @@ class Scenario(Tables):
             if self._source is None:
                 raise
             key = error.key if isinstance(error, LayoutError) else "path"
-            k = next(k for k, other in enumerate(self.particles) if other is group)
-            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            where = next(where for where, other in group_tables(self) if other is group)
+            mistake = Invalid(error.message, (*where, "layout", key), hint=error.hint)
             from particlesim.scenario.text.diagnose import scenario_error
 
             located = scenario_error(self._source, [mistake])

@@ -107,7 +107,9 @@ class Bodies:
             return ids.astype(np.int32)
         if not len(present):
             return np.full(ids.shape, -1, np.int32)
-        order = np.argsort(present, kind="stable")  # quick, as groups have rising ids; and ids may be any numbers
+        order = np.argsort(
+            present, kind="stable"
+        )  # quick, as groups have rising ids; and ids may be any numbers
         row = order[np.minimum(np.searchsorted(present, ids, sorter=order), len(order) - 1)]
         return np.where(present[row] == ids, row, -1).astype(np.int32)
 
