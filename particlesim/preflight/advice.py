@@ -64,7 +64,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         return ()
     depends = [
         label
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
@@ -158,7 +158,7 @@ def _unrepeated(scenario: Scenario) -> list[str]:
         return []
     return [
         f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if force.type in BY_PLACE
     ]
 
@@ -213,7 +213,7 @@ def _twice(scenario: Scenario) -> list[str]:
     found = []
     labels = [
         (label, force)
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if isinstance(force, Gravity)
     ]
     for group in scenario.groups:
@@ -269,9 +269,7 @@ def _joined_twice(scenario: Scenario) -> list[str]:
     """Pairs in two lists of springs of the same kind, as after copying a block."""
     seen: dict[tuple[bool, bool, frozenset[tuple[str, int]]], str] = {}
     found: dict[tuple[str, str], list[str]] = {}
-    for springs, label in zip(
-        scenario.springs, scenario.force_labels()[len(scenario.forces) :], strict=False
-    ):
+    for springs, label in zip(scenario.springs, scenario.labels.springs, strict=True):
         if not springs.stiffness and springs.frequency is None:
             continue  # dampers beside springs
         first, second = springs.groups()

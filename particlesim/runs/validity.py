@@ -213,7 +213,7 @@ class Watch:
         self._overflowed: dict[str, float] = {}
         self._laws = [
             (label, force)
-            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+            for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
             if isinstance(force, StokesDrag) and force.rho is not None
         ]
 
