@@ -133,6 +133,7 @@ def spins(scenario: Tables, group: Group) -> bool:
     return any(
         isinstance(each, Contact)
         and each.rubs
+        and (each.between is None or len(interacting(each, scenario.groups)) == 2)
         and any(group.name == other.name for other in interacting(each, scenario.groups))
         for each in scenario.interactions
     )
