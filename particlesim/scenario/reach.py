@@ -129,14 +129,16 @@ def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rod
 
 
 def spins(scenario: Tables, group: Group) -> bool:
-    """Whether the particles of a group turn: spheres do whose contacts with each other have friction."""
-    return any(
-        isinstance(each, Contact)
-        and each.rubs
-        and (each.between is None or len(interacting(each, scenario.groups)) == 2)
-        and any(group.name == other.name for other in interacting(each, scenario.groups))
-        for each in scenario.interactions
-    )
+    """Whether the particles of a group turn: spheres do whose contacts with each other have friction; surfaces, strands and
+    what touches these do not."""
+    for each in scenario.interactions:
+        if isinstance(each, Contact) and each.rubs:
+            groups = interacting(each, scenario.groups)
+            if each.between is not None and len(groups) < 2:
+                continue  # with bodies alone
+            if any(group.name == other.name for other in groups) and not touches_by_surfaces(each, groups):
+                return True
+    return False
 
 
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
