@@ -212,7 +212,9 @@ def main() -> None:
         for each in found:
             print(each, flush=True)
     for name, (number, took, bad) in sorted(table.items()):
-        print(f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken")
+        print(
+            f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken"
+        )
     print(f"{done:,} particle-steps, {wrong} broken rules; next seed {seed}")
     sys.exit(1 if wrong else 0)
 
