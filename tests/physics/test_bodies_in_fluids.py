@@ -100,8 +100,8 @@ def test_drag_is_that_of_the_frontal_area(turn: Any, area: float) -> None:
 
 def test_a_box_floats_as_deep_as_it_is_heavy_and_rights_itself() -> None:
     # Its draught is ρ/ρ_w of its height; what it is lifted by changes the force by ρ_w g A, and a lean of φ gives the torque
-    # −m g (I/V − c) φ, with the second moment I of its water line about the axis, V what it displaces and c the height of its
-    # centre of mass over that of V.
+    # −m g (I/V − c) φ, with the second moment I of its water line about the axis, V what it displaces and c the height of
+    # its centre of mass over that of V.
     at = acting(Buoyancy.model_validate(WATER), {"type": "box", "size": [0.4, 0.1, 0.6]})
     g, mass = 9.80665, 600 * 0.4 * 0.1 * 0.6
     assert at((0, -0.01, 0))[0] == pytest.approx([0, mass * g, 0, 0, 0, 0], abs=1e-9)
