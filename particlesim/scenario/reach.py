@@ -133,6 +133,8 @@ def spins(scenario: Tables, group: Group) -> bool:
     for each in scenario.interactions:
         if isinstance(each, Contact) and each.rubs:
             groups = interacting(each, scenario.groups)
+            if each.between is not None and len(groups) < 2:
+                continue  # with bodies alone
             if any(group.name == other.name for other in groups) and not touches_by_surfaces(each, groups):
                 return True
     return False

@@ -358,7 +358,7 @@ def _scene(
         joined,
         partners,
         partner_from,
-        None if books is None else _work(books, names),
+        None if books is None else _work(books, names, groups),
     )
     return scene, order
 
@@ -374,11 +374,16 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
     )
 
 
-def _work(books: Books, names: Sequence[str]) -> Work:
+def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
     """How the work on bodies is booked; `names` are those of their springs."""
-    spent = tuple(records for _, records in books.spent)
+    spent, stored = (
+        tuple(
+            tuple(through_surface(record, group.shape) or record for record in records)
+            for (_, records), group in zip(booked, groups, strict=True)
+        )
+        for booked in (books.spent, books.stored)
+    )
     cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    stored = tuple(records for _, records in books.stored)
     damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
     return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
-from particlesim.engine.rigid.fluids import Wetted, Whole, act, stored
+from particlesim.engine.rigid.fluids import Swept, Wetted, Whole, act, stored
 from particlesim.engine.rigid.grains import find_guests, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus, touch
@@ -214,6 +214,15 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
 def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
     """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
     r, total = matrix(orientation(b, i)), 0.0
+    if isinstance(law, Swept | Whole | Wetted):
+        now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
+        for part in range(6):
+            out[0, part] = 0.0
+        p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
+        act(law, p, r, (now[3], now[4], now[5]), out)
+        for part in range(6):
+            total += out[0, part] * mean[part]
+        return total
     for point in range(POINTS):
         p, _ = point_of(scene, b, i, r, motion.stage[i], point, t)
         q, _ = point_of(scene, b, i, r, motion.other[i], point, t)
@@ -229,14 +238,21 @@ def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
-                r, part = matrix(orientation(b, i)), 0.0
-                for point in range(POINTS):
-                    p, _ = point_of(scene, b, i, r, motion.now[i], point, t)
-                    part += potential(each, p)
-                total += part / POINTS
+                total += energy_in(scene, each, b, i, motion.now[i], t)
     for springs in scene.springs:
         total += stored_in(springs, b, motion.now)
     return total
+
+
+def energy_in(scene: Any, law: Any, b: Any, i: Any, now: Any, t: Any) -> float:
+    """Potential energy of body i under a law [J]."""
+    r, total = matrix(orientation(b, i)), 0.0
+    if isinstance(law, Whole | Wetted):
+        return float(stored(law, as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t), r))
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, now, point, t)
+        total += potential(law, p)
+    return total / POINTS
 
 
 def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
@@ -445,13 +461,5 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
         out[0] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
         for axis in range(3):
             out[1 + axis] += b.spin[axis, i]
-        r = matrix(orientation(b, i))
         for number, each in enumerate(laws):
-            if isinstance(each, Whole | Wetted):
-                out[4 + number] += stored(each, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r)
-            else:
-                total = 0.0
-                for point in range(POINTS):
-                    p, _ = point_of(scene, b, i, r, m, point, t)
-                    total += potential(each, p)
-                out[4 + number] += total / POINTS
+            out[4 + number] += energy_in(scene, each, b, i, m, t)
