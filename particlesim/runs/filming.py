@@ -12,15 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from particlesim.errors import PsimError
 from particlesim.process.beside import Beside
 from particlesim.process.signals import held_signals
 from particlesim.process.threads import available_cores
-from particlesim.render.film import film
-from particlesim.render.following import LostError
-from particlesim.render.video import RenderReport
+
+if TYPE_CHECKING:
+    from particlesim.render.video import RenderReport
 
 GRACE = 5.0
 """Seconds that it has to take away what it has begun."""
@@ -65,6 +65,8 @@ class Filming:
         """Wait for the video of a run that has ended; `progress(done, total)` is called as by `film`. Raises as it does."""
         report = self._wait(progress) if self._begun else None
         if report is None:  # there is no such process, or it could not follow the run
+            from particlesim.render.film import film
+
             video = self._video
             report = film(
                 path,
@@ -84,10 +86,11 @@ class Filming:
                 self._listen(0.1)
                 signals.check()
                 for message in self._told:
-                    if isinstance(message, RenderReport | None):
-                        return message
                     if isinstance(message, BaseException):
                         raise message
+                    if not isinstance(message, tuple):
+                        report: RenderReport | None = message
+                        return report
                     if progress is not None:
                         progress(*message)
                 self._told.clear()
@@ -122,8 +125,8 @@ class Filming:
 
 def _film(connection: Connection, video: Video) -> None:
     """The process: wait for the run to begin, make its video, tell of it."""
-    signal.signal(signal.SIGTERM, _stop)
-    import particlesim.render.video  # noqa: F401  what takes time, while the run begins
+    from particlesim.render.film import film
+    from particlesim.render.following import LostError
 
     def follow() -> bool:
         if not connection.poll():
@@ -137,24 +140,25 @@ def _film(connection: Connection, video: Video) -> None:
     answer: RenderReport | PsimError | None = None
     try:
         path = connection.recv()
-        answer = film(
-            path,
-            video.out,
-            video.overrides,
-            overwrite=video.overwrite,
-            threads=video.threads,
-            progress=progress,
-            follow=follow,
-        )
-    except (EOFError, BrokenPipeError, ConnectionError, KeyboardInterrupt):
+        try:
+            signal.signal(signal.SIGTERM, _stop)  # before and after it, there is nothing to put in order
+            answer = film(
+                path,
+                video.out,
+                video.overrides,
+                overwrite=video.overwrite,
+                threads=video.threads,
+                progress=progress,
+                follow=follow,
+            )
+        finally:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    except (EOFError, ConnectionError, KeyboardInterrupt):
         return
     except PsimError as error:
         answer = None if isinstance(error, LostError) else error
     except Exception:  # a mistake of ours, which is seen again when the video is made in another way
         answer = None
-    signal.signal(
-        signal.SIGTERM, signal.SIG_DFL
-    )  # the other side may end this process once it has the answer
     with suppress(OSError):
         connection.send(answer)
 

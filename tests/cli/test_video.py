@@ -51,7 +51,7 @@ def asked(monkeypatch):
             super().__init__(Video(video.out, video.overrides, video.overwrite, threads=1))
 
     monkeypatch.setattr(filming, "Filming", Asked)
-    monkeypatch.setattr(filming, "film", lambda *_, **__: SimpleNamespace(warnings=()))
+    monkeypatch.setattr("particlesim.render.film.film", lambda *_, **__: SimpleNamespace(warnings=()))
     return found
 
 
