@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands.base import OWN_STEPS
+from particlesim.engine.islands.base import OWN_STEPS, BaseIsland
 from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
@@ -54,7 +55,11 @@ class Simulation(World):
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
+        self.meetings = Meetings(scenario, self.islands, self.states)
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
+        self._order = _hearers_last(self.islands)
+        self._heard = any(island.listens_to for island in self.islands)
+        self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
         self._labels = scenario.force_labels()
         self._sources = self._ledger_sources()
         self._pressures = pressures(self.scenario)
@@ -74,7 +79,11 @@ class Simulation(World):
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            for number in range(len(self.islands)):
+            if self.meetings:
+                self.meetings.exchange(self.scenario.grid.dt)
+            if self.meetings or self._heard:  # births of impacts are in the same step
+                last = self.step + 1
+            for number in self._order:
                 self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
@@ -84,6 +93,9 @@ class Simulation(World):
         island = self.islands[number]
         island.begin(self.team)
         island.keep(first)
+        if island.listens_to:
+            found = {name: each for other in self.islands for name, each in other.impacts.items()}
+            island.hear(found, self._numbers)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
@@ -253,3 +265,18 @@ class Simulation(World):
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
+
+
+def _hearers_last(islands: Sequence[BaseIsland]) -> tuple[int, ...]:
+    """The numbers of islands in an order in which all come after those whose impacts they hear; it has no circles."""
+    owner = {state.name: k for k, island in enumerate(islands) for state in island.states}
+    found: dict[int, None] = {}
+
+    def visit(k: int) -> None:
+        for name in sorted(islands[k].listens_to):
+            visit(owner[name])
+        found.setdefault(k)
+
+    for k in range(len(islands)):
+        visit(k)
+    return tuple(found)

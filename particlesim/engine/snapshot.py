@@ -24,6 +24,7 @@ from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.layout import Layout
+from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
@@ -55,12 +56,13 @@ FOLLOWS: dict[type, frozenset[str]] = {
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
-            *("_energies", "_energies_of"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
+    Meetings: frozenset(("_meetings", "_by_name", "_bodies", "_islands", "_touches")),
     RigidIsland: frozenset(
         (
             "_joined",
@@ -68,19 +70,21 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_method",
             "_scene",
             "_still",
+            "_shapes",
             "_motion",
             "_contacts",
             "_kept",
             "_kept_memory",
             *("_made", "_springs", "_order"),
             "kept_from",
+            "impacts",
         )
     ),
-    IndependentIsland: frozenset(("program", "_booking")),
+    IndependentIsland: frozenset(("program", "_booking", "impacts")),
     CoupledIsland: frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
-            *("_books", "_kept", "_method"),
+            *("_books", "_kept", "_method", "impacts"),
         }
     ),
     Layout: frozenset(

@@ -23,7 +23,7 @@ from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
-from particlesim.scenario.reach import acts_on, joint_tables, pair_sets
+from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 
@@ -66,6 +66,8 @@ class Island:
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
     constraints: tuple[RodSet, ...] = ()
+    heard: tuple[tuple[int | None, ...], ...] = ()
+    """For every group and each of its colliders the number under which an emitter hears of impacts, None where none does."""
 
     @property
     def coupled(self) -> bool:
@@ -88,6 +90,16 @@ class Island:
             isinstance(each, PairSet)
             and isinstance(each.law, Contact)
             and each.law.soft
+            and group in each.groups
+            for each in self.interactions
+        )
+
+    def spins(self, group: str) -> bool:
+        """Whether the particles of a group turn, as their contacts with each other have friction."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.rubs
             and group in each.groups
             for each in self.interactions
         )
@@ -267,6 +279,14 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
                 tuple(each for each in interactions if root(each.groups[0]) == name),
                 tuple(each for each in rods if root(each.groups[0]) == name),
+                tuple(
+                    tuple(
+                        k if heard(scenario, g.name, c) else None
+                        for k, c in enumerate(scenario.all_colliders)
+                        if c.on is None or g.name in c.on
+                    )
+                    for g in groups
+                ),
             )
         )
     return tuple(islands)
@@ -276,6 +296,10 @@ def _group_node(group: Group) -> Node:
     if isinstance(group, Emitter):
         parts = [f"{group.rate:g}/s"] if group.rate is not None else []
         parts += [f"{burst.count} at {burst.at:g} s" for burst in group.bursts()[:3]]
+        if group.on_impact is not None:
+            heard = ", ".join(group.on_impact.of)
+            return Node("emitter", group.name, f"{group.on_impact.count} for each impact of {heard}")
+        assert group.shape is not None
         return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
     assert isinstance(group, Particles)
     number = group.layout.number()
@@ -295,4 +319,8 @@ def _collider_detail(collider: Collider) -> str:
         what = f"e = {collider.liveliness:g}"
         if collider.rubs:
             what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
+    if collider.contact == "penalty":
+        return (
+            f"{collider.describe()}, penalty, k = {collider.stiffness:g} N/m, c = {collider.damping:g} kg/s"
+        )
     return f"{collider.describe()}, {what}, {collider.detection}"

@@ -12,6 +12,7 @@ from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
+from particlesim.preflight.penalty_steps import penalty_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -39,6 +40,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_explicit(scenario),
         *_unrepeated(scenario),
         *contact_doubts(scenario),
+        *penalty_doubts(scenario),
     )
 
 
@@ -84,7 +86,7 @@ def _projection(scenario: Scenario) -> list[str]:
         f"{each.kind} {each.name or k} with discrete detection and restitution {each.liveliness:g} can add energy: "
         'particles are lifted out of it; detection = "continuous" does not'
         for k, each in enumerate(scenario.all_colliders)
-        if each.lifts()
+        if each.lifts() and not each.soft
     ]
 
 

@@ -24,6 +24,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
+        *(["missed_crossings"] if scenario.all_colliders else []),
         *(f"died.{cause}" for cause in deaths(scenario)),
         *(["broken"] if broken else []),
         *(f"broken.{name}" for name in broken),

@@ -131,7 +131,7 @@ def final_quantities(result: Result) -> dict[str, float | None]:
     found: dict[str, float | None] = {"count": len(result.final)}
     for name in known:
         if name != "count" and is_count(name):
-            found[name] = int(count(name, result.born, result.died, result.broken))
+            found[name] = int(count(name, result.born, result.died, result.broken, result.missed_crossings))
     if result.ledger:
         last = {name: float(values[-1]) for name, values in result.ledger.items()}
         start = float(result.energy[0])

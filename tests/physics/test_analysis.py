@@ -13,6 +13,7 @@ import particlesim as ps
 from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
 from particlesim.analysis.orbits import orbital_elements
 from particlesim.analysis.structure import density_profile, power_spectrum, radial_distribution
+from particlesim.trajectory.frame import Frame
 
 
 def test_an_ideal_gas_has_no_structure() -> None:
@@ -80,6 +81,32 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
     with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
         t = trajectory.times
         assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_displacements_follow_particles_by_their_ids() -> None:
+    """Rows are in no order of ids, and change when particles die and are born."""
+
+    def frame(ids: list[int], x: list[float]) -> Frame:
+        columns = {"id": np.array(ids), "position": np.array([[each, 0, 0] for each in x], float)}
+        return Frame(
+            index=0,
+            time=0,
+            step=0,
+            count=len(ids),
+            fields=("id", "position"),
+            groups=(),
+            load=columns.__getitem__,
+        )
+
+    seen = [frame([5, 2, 9], [50, 20, 90]), frame([9, 5, 2], [91, 52, 23]), frame([11, 2], [0, 26])]
+    found = mean_square_displacement(seen)  # type: ignore[arg-type]
+    assert found == pytest.approx([0, (1 + 4 + 9) / 3, 36])
+
+
+def test_the_motion_of_the_centre_takes_three_degrees_of_freedom() -> None:
+    """Two particles of 1 kg that part at ±1 m/s beside any drift: 3 k T/2 = 1 J, as only (6 − 3) directions are left."""
+    v = [[6.0, 2, 3], [4.0, 2, 3]]
+    assert temperature(v, 1.0) == pytest.approx(2 / (3 * BOLTZMANN), rel=1e-14)
 
 
 def test_temperature_is_that_of_the_motion_about_the_centre() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).parents[1] / "fuzz" / "fuzz_trajectories.py"
-CASES = 60
+CASES = 25
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from particlesim.engine.state.columns import fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import Simple, overlapped, respond, trace
+from particlesim.engine.step.impacts import (
+    Simple,
+    crossings,
+    overlapped,
+    passable,
+    pushed,
+    respond,
+    tell,
+    trace,
+)
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.rubbing import rubbed
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
 
@@ -36,12 +46,13 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
     """
     for part in parts:
-        if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
+        hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
+        if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, c, before, first, last, t, end, h, False)
+            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.cores, c, before, first, last, t, end, h, True)
+            _collide(part.cores, (), c, before, first, last, t, end, h, True)
 
 
 def core_of(p: Any) -> Any:
@@ -51,7 +62,16 @@ def core_of(p: Any) -> Any:
 
 
 def _collide(
-    contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, end: Any, h: Any, soft: Any
+    contacts: Any,
+    rubbing: Any,
+    c: Any,
+    before: Any,
+    first: Any,
+    last: Any,
+    t: Any,
+    end: Any,
+    h: Any,
+    soft: Any,
 ) -> None:
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
@@ -73,11 +93,21 @@ def _collide(
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 half, whole = type_of(h, 0.5), type_of(h, 1)
                 parabola = CompositionRecord((half, half), (whole, None))
-                r, _, outcome = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
+                r, _, outcome, hit = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)
+                tell(c.hit, i, hit)
             else:
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
+            if len(rubbing) > 0 and c.spin is not None:
+                r = rubbed(rubbing, c, i, q, r, hi)
+            if len(contacts.soft) > 0:
+                free = r
+                r = pushed(contacts.soft, free, hi)
+                if r.vx != free.vx or r.vy != free.vy or r.vz != free.vz:
+                    forget(c.memory, i)
+            if c.missed is not None and len(passable(contacts)) > 0:
+                c.missed[i] += crossings(contacts, p, r, hi)
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

@@ -284,7 +284,7 @@ def _report(
 def _stable_step(world: World, number: int, member: int, p: Particle) -> float | None:
     """The largest stable step of an island of springs when the interval began, or of a single particle at its place [s]."""
     island, structure = world.islands[number], world.graph.islands[number]
-    if structure.method.adaptive:
+    if not structure.method.by_modes:
         return math.inf
     island.go_back()
     try:

@@ -15,10 +15,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import compiled, kernel, on_stack, outlined
+from particlesim.compiler import compiled, kernel, lanes, on_stack, outlined
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
+    FEW,
     TARGETS,
     energy_in,
     force_in,
@@ -39,6 +40,8 @@ MOST_LOOKED_AT = 50_000_000
 """Pairs that are looked at for the largest stable step: about a second; of more particles, some, evenly spread."""
 WORTH_COMPILING = 100_000
 """Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
+MOST_FEW = 16
+"""Targets up to which blocks are narrow."""
 PAIRS_PER_SPRING = 4
 """About how many pairs take as long as a spring."""
 
@@ -68,9 +71,14 @@ class DirectPairs(Interaction, PairColumns):
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         for k in range(len(self.spans)):
-            begin, end = max(first, self.spans[k, 0]), min(last, self.spans[k, 1])
-            for start in range(begin // TARGETS * TARGETS, end, TARGETS):
-                add_block(self, c, total, start, begin, end, self.spans[k, 2], self.spans[k, 3], t)
+            lowest, highest, source, end = (self.spans[k, j] for j in range(4))
+            lo, hi = max(first, lowest), min(last, highest)
+            if highest - lowest <= MOST_FEW:
+                for start in range(lowest + (lo - lowest) // FEW * FEW, hi, FEW):
+                    add_few(self, c, total, start, lo, hi, source, end, t)
+            else:
+                for start in range(lo // TARGETS * TARGETS, hi, TARGETS):
+                    add_block(self, c, total, start, lo, hi, source, end, t)
 
     @property
     def number(self) -> int:
@@ -129,16 +137,43 @@ def add_block(
     each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
 ) -> None:
     """Add the forces of sources [begin, end) on those particles of the block from `start` that are among [first, last)."""
-    lo, hi = max(start, first), min(start + TARGETS, last)
-    block, sums = gathered(each, c, start, lo, hi), on_stack(3, TARGETS, c.x.dtype)
+    _add_block(each, c, total, start, first, last, begin, end, t, TARGETS)
+
+
+@outlined
+def add_few(
+    each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
+) -> None:
+    """`add_block` for a narrow block."""
+    _add_block(each, c, total, start, first, last, begin, end, t, FEW)
+
+
+def _add_block(
+    each: Any,
+    c: Any,
+    total: Any,
+    start: Any,
+    first: Any,
+    last: Any,
+    begin: Any,
+    end: Any,
+    t: Any,
+    width: Any,
+) -> None:
+    """The forces on a block of `width` particles."""
+    lo, hi = max(start, first), min(start + width, last)
+    block, sums = gathered(each, c, start, lo, hi, width), on_stack(3, width, c.x.dtype)
     gx, gy, gz = sums[0], sums[1], sums[2]
-    for i in range(TARGETS):
+    few = ((lanes(FEW), False),)
+    many = ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True))
+    parts = few if width == FEW else many
+    for i in lanes(width):
         gx[i] = gy[i] = gz[i] = 0
     for j in range(begin, end):
         part = type_of(gx[0], presence(c.clock, j))
         if part > 0:
             other = particle_of(each, c, j)
-            for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
+            for some, by_products in parts:
                 for i in some:
                     fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products, each.box))
                     gx[i] += weighed(c.clock, part, fx)

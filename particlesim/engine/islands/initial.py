@@ -12,8 +12,8 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, ROTATION, SPIN
-from particlesim.engine.step.records import needs_clock
+from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, WATCHED
+from particlesim.engine.step.records import may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
@@ -51,6 +51,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
             *([SPIN] if spins(scenario, group) else []),
+            *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
+            *([WATCHED] if may_miss(colliders, group) else []),
         ],
         cooling=group.cooling,
     )
@@ -86,6 +88,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         _turn(state, group, streams)
     elif isinstance(group, Particles):
         _pin(state, group, motions)
+        if group.angular_velocity is not None:
+            state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
 
 

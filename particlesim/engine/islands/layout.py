@@ -9,6 +9,7 @@ import numpy as np
 
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.coupled.gauss_radau import new_room
+from particlesim.engine.coupled.wisdom_holman import new_orbits
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
 from particlesim.engine.implicit.linear_system import new_system
 from particlesim.engine.interactions.bond_layout import chunk_size, order_of, owned
@@ -20,7 +21,7 @@ from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
-from particlesim.integrators import GaussRadauMethod, ImplicitMethod
+from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
 from particlesim.model.arrays import Floats
 
 Interactions = tuple[Any, ...]
@@ -59,6 +60,10 @@ class Layout:
         )
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
+        if isinstance(self._method, WisdomHolmanMethod):
+            moved = len(interactions) > 1 or any(structure.forces)
+            orbits = new_orbits(self._method, joined.states, interactions, moved=moved)
+            self.work = self.work._replace(orbits=orbits)
         self._shares: dict[int, list[tuple[Interactions, Work, Share]]] = {}
         self.place_equations(joined)
 
@@ -126,6 +131,8 @@ def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:
 def _own(work: Work, share: Share, dtype: Any) -> Work:
     """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
     work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
+    if work.orbits is not None:
+        return work._replace(orbits=work.orbits.kicking(share.elements))
     if work.system is None:
         return work
     system = work.system
@@ -142,13 +149,17 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
     parts = []
     for k, group in enumerate(island.groups):
         colliders, cores = island.colliders[k], None
+        heard = dict(zip(map(id, colliders), island.heard[k], strict=True)) if island.heard else {}
         if island.touched_softly(group.name):
             bouncing = [each for each in colliders if each.contact == "bounce"]
             colliders = tuple(each for each in colliders if each.contact != "bounce")
             cores = contacts_record(bouncing, group, dtype) if bouncing else None
         forces = tuple(force.record() for force in island.forces[k])
-        contacts = contacts_record(colliders, group, dtype)
-        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores)
+        turns = island.spins(group.name) and any(each.rubs for each in colliders)
+        rubbing = tuple(each.record() for each in colliders) if turns else ()
+        numbers = [heard.get(id(each)) for each in colliders]
+        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns)
+        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
         parts.append(as_precision(part, dtype))
     return tuple(parts)
 

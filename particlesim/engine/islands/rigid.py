@@ -28,6 +28,7 @@ from particlesim.engine.rigid.bodies import (
     new_memory,
     new_motion,
 )
+from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.joint_system import (
     Made,
     body_springs,
@@ -93,6 +94,7 @@ class RigidIsland(BaseIsland):
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
         self._still = _still(groups, owner)
+        self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
         self._made = made_joints(scenario, offset, self.bodies())
@@ -117,6 +119,15 @@ class RigidIsland(BaseIsland):
         whole = self._joined.whole
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
+
+    def rows_of(self, group: str) -> tuple[int, int]:
+        """The first body of a group, and the first after it."""
+        k = next(k for k, state in enumerate(self.states) if state.name == group)
+        return self._joined.bounds[k], self._joined.bounds[k + 1]
+
+    def ids(self) -> NDArray[np.int64]:
+        """Ids of all bodies."""
+        return np.concatenate([state.id[: state.count] for state in self.states])
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
@@ -175,7 +186,7 @@ class RigidIsland(BaseIsland):
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
-        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
         for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
@@ -246,6 +257,8 @@ class RigidIsland(BaseIsland):
         motion = measure((), self.columns()[member], time, team)
         bounds, out = self._joined.bounds, np.zeros(4 + len(records))
         here = (bounds[member], bounds[member + 1])
+        shape = self._shapes[member]
+        records = tuple(through_surface(record, shape) or record for record in records)
         sum_energies(self._scene, records, self.bodies(), self._motion, *here, time, out)
         motion[0] += out[0]
         motion[4:7] += out[1:4]
@@ -294,8 +307,8 @@ def _scene(
 ) -> tuple[Scene, NDArray[np.int64]]:
     """What acts on the bodies, and which of the joints that were made each one of it is."""
     stretches = tuple(
-        Stretch(a, b, tuple(force.record() for force in forces))
-        for (a, b), forces in zip(pairwise(bounds), structure.forces, strict=True)
+        _stretch(a, b, [force.record() for force in forces], group)
+        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
     )
     walls: list[Wall] = []
     for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
@@ -323,18 +336,33 @@ def _scene(
         joined,
         partners,
         partner_from,
-        None if books is None else _work(books, names),
+        None if books is None else _work(books, names, groups),
     )
     return scene, order
 
 
-def _work(books: Books, names: Sequence[str]) -> Work:
+def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
     """How the work on bodies is booked; `names` are those of their springs."""
-    spent = tuple(records for _, records in books.spent)
+
+    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
+        return tuple(through_surface(record, group.shape) or record for record in records)
+
+    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
     cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    stored = tuple(records for _, records in books.stored)
+    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
     damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
     return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
+
+
+def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
+    """The forces on the bodies of a group, on points that have their mass and through their surface."""
+    others = [through_surface(record, group.shape) for record in records]
+    return Stretch(
+        first,
+        last,
+        tuple(record for record, other in zip(records, others, strict=True) if other is None),
+        tuple(other for other in others if other is not None),
+    )
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:

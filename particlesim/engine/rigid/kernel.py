@@ -7,6 +7,7 @@ for at the same moment, so a body that rests is exactly at rest: what forces giv
 
 Laws of forces act on six points on the principal axes of a body, a sixth each, at distances d with 2 d_k²/6 = ∫ x_k² dm/m:
 they have its mass, its centre and its moments of inertia, so that forces which grow linearly over the body are exact.
+Fluids act through its surface.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
+from particlesim.engine.rigid.fluids import Swept, Wetted, Whole, act, stored
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus, touch
 from particlesim.engine.rigid.rotation import (
@@ -47,11 +49,12 @@ could not be held."""
 
 
 class Stretch(NamedTuple):
-    """Bodies [first, last) of a group, and the forces on them."""
+    """Bodies [first, last) of a group, and the forces on them; `others` act through the surface (`fluids`)."""
 
     first: int
     last: int
     forces: tuple[Any, ...]
+    others: tuple[Any, ...] = ()
 
 
 class Scene(NamedTuple):
@@ -87,9 +90,14 @@ def point_of(scene: Any, b: Any, i: Any, r: Any, now: Any, point: Any, t: Any) -
         size * (r[3] if axis == 0 else (r[4] if axis == 1 else r[5])),
         size * (r[6] if axis == 0 else (r[7] if axis == 1 else r[8])),
     )
+    return as_particle(scene, b, i, now, arm, t), arm
+
+
+def as_particle(scene: Any, b: Any, i: Any, now: Any, arm: Any, t: Any) -> Particle:
+    """A place of a body as laws see it, with the whole body's mass and size; `now` are its velocity and angular velocity."""
     x, u = plus(place(b, i), 1.0, arm), cross((now[3], now[4], now[5]), arm)
     m = scene.mass[i]
-    p = Particle(
+    return Particle(
         x[0],
         x[1],
         x[2],
@@ -103,7 +111,6 @@ def point_of(scene: Any, b: Any, i: Any, r: Any, now: Any, point: Any, t: Any) -
         1 / m,
         *[0.0 if column is None else column[i] for column in scene.further],
     )
-    return p, arm
 
 
 @outlined
@@ -123,6 +130,19 @@ def add_forces(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any) -> 
 
 
 @outlined
+def add_surface_forces(scene: Any, others: Any, b: Any, motion: Any, i: Any, t: Any) -> None:
+    """The same of what acts through the surface of body i."""
+    r, now, out = matrix(orientation(b, i)), motion.now[i], on_stack(1, 6, np.float64)
+    for part in range(6):
+        out[0, part] = 0.0
+    p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
+    for each in others:
+        act(each, p, r, (now[3], now[4], now[5]), out)
+    for part in range(6):
+        motion.pull[i, part] += out[0, part]
+
+
+@outlined
 def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
     """Forces and torques on all bodies, as they are and move now, into `pull`."""
     for i in range(b.w.size):
@@ -132,6 +152,9 @@ def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
         if len(stretch.forces) > 0:
             for i in range(stretch.first, stretch.last):
                 add_forces(scene, stretch.forces, b, motion, i, t)
+        if len(stretch.others) > 0:
+            for i in range(stretch.first, stretch.last):
+                add_surface_forces(scene, stretch.others, b, motion, i, t)
     for springs in scene.springs:
         pull(springs, b, motion.now, motion.pull)
 
@@ -188,11 +211,32 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
 def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
     """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
     r, total = matrix(orientation(b, i)), 0.0
+    if isinstance(law, Whole | Wetted | Swept):
+        now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
+        for part in range(6):
+            out[0, part] = 0.0
+        p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
+        act(law, p, r, (now[3], now[4], now[5]), out)
+        for part in range(6):
+            total += out[0, part] * mean[part]
+        return total
     for point in range(POINTS):
         p, _ = point_of(scene, b, i, r, motion.stage[i], point, t)
         q, _ = point_of(scene, b, i, r, motion.other[i], point, t)
         f = force((law,), p)
         total += f[0] * q.vx + f[1] * q.vy + f[2] * q.vz
+    return total / POINTS
+
+
+@outlined
+def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
+    """Potential energy of body i in a law [J]."""
+    r, m, total = matrix(orientation(b, i)), motion.now[i], 0.0
+    if isinstance(law, Whole | Wetted):
+        return float(stored(law, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r))
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, m, point, t)
+        total += potential(law, p)
     return total / POINTS
 
 
@@ -203,11 +247,7 @@ def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
-                r, part = matrix(orientation(b, i)), 0.0
-                for point in range(POINTS):
-                    p, _ = point_of(scene, b, i, r, motion.now[i], point, t)
-                    part += potential(each, p)
-                total += part / POINTS
+                total += potential_of(scene, each, b, motion, i, t)
     for springs in scene.springs:
         total += stored_in(springs, b, motion.now)
     return total
@@ -414,10 +454,5 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
         out[0] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
         for axis in range(3):
             out[1 + axis] += b.spin[axis, i]
-        r = matrix(orientation(b, i))
         for number, each in enumerate(laws):
-            total = 0.0
-            for point in range(POINTS):
-                p, _ = point_of(scene, b, i, r, m, point, t)
-                total += potential(each, p)
-            out[4 + number] += total / POINTS
+            out[4 + number] += potential_of(scene, each, b, motion, i, t)

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.coupled.wisdom_holman import longest_step
+from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
@@ -28,12 +30,19 @@ from particlesim.integrators.regions import (
     has_function,
     largest_step,
 )
+from particlesim.interactions import PairSet
+from particlesim.scenario.reach import touches_by_surfaces
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
 oscillation grow, most often by too little to see."""
+ORBITS = "bounds: a sixteenth of the shortest passage of a pericentre"
+"""What limits the steps of methods that follow orbits."""
 MARGIN = 0.9
 """Part of the largest stable step that is recommended."""
+HARD_MARGIN = 0.6
+"""That part where surfaces touch by impulses: inelastic impacts of particles on stiff springs feed what methods such as
+leapfrog keep instead of the energy, from about 1/√2 of the largest stable step on (measured)."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +50,11 @@ class IslandStability:
     """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
     (`step`); 0: none is stable, infinite: no limit.
 
-    Adaptive methods have no limit: they choose steps that are short enough.
+    Adaptive methods have no limit: they choose steps that are short enough. WHFast has that of its orbits.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
-    of `Linearised`.
+    of `Linearised`. Where surfaces touch, `step` is HARD_MARGIN times what it were, and `growth` that with a step as much
+    longer.
     """
 
     groups: tuple[str, ...]
@@ -210,10 +220,13 @@ def _judged(world: World, number: int) -> IslandStability:
     names = _names(structure)
     values = eigenvalues(found.together).ravel()
     spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
-    if method.adaptive:
+    if not method.by_modes:
         free = dict.fromkeys(found.forces, math.inf)
-        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values, spectra)
-    factor = growth(method, found.together, grid.dt)
+        step = _by_orbits(world, number)
+        grown, how = (math.inf, ORBITS) if grid.dt > step else (-math.inf, found.how)
+        return IslandStability(names, method, free, step, grown, how, values, spectra)
+    part = _part_allowed(structure)
+    factor = growth(method, found.together, grid.dt / part)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
@@ -221,7 +234,7 @@ def _judged(world: World, number: int) -> IslandStability:
         names,
         method,
         {label: largest_step(method, system) for label, system in found.forces.items()},
-        largest_step(method, found.together),
+        part * largest_step(method, found.together),
         total,
         found.how,
         values,
@@ -237,8 +250,8 @@ def _surely_stable(world: World, number: int) -> bool:
         return True
     model = _model(world, number)
     method, grid = model.structure.method, world.scenario.grid
-    if method.adaptive:
-        return True
+    if not method.by_modes:
+        return grid.dt <= _by_orbits(world, number)
     limits = model.box()
     if limits is None:
         if model.structure.coupled:
@@ -247,9 +260,23 @@ def _surely_stable(world: World, number: int) -> bool:
     else:
         k, d = (np.multiply(limit, [0, 0.25, 0.5, 0.75, 1]) for limit in limits)
         system = pairs(np.repeat(k, 5), np.tile(d, 5))
-    factor = growth(method, system, grid.dt)
+    factor = growth(method, system, grid.dt / _part_allowed(model.structure))
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
+
+
+def _by_orbits(world: World, number: int) -> float:
+    """The largest step of a method that modes do not limit [s]."""
+    island = world.islands[number]
+    if not isinstance(island, CoupledIsland) or island.layout.work.orbits is None:
+        return math.inf
+    return longest_step(island.layout.work.orbits, island.island_columns())
+
+
+def _part_allowed(structure: Island) -> float:
+    """The part of the largest stable step without contacts that steps may have."""
+    laws = (each.law for each in structure.interactions if isinstance(each, PairSet))
+    return HARD_MARGIN if any(touches_by_surfaces(law, structure.groups) for law in laws) else 1.0
 
 
 def _names(structure: Island) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from particlesim.bodies import Bodies
 from particlesim.bonds import Springs
 from particlesim.bonds.pairs import SINGLE, WORLD
 from particlesim.colliders.friction import FallingRestitution
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables
@@ -37,6 +38,8 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
         if motion.on is not None:
             yield ("motions", k, "on"), motion.on, "motions lead pinned particles and colliders"
     for k, each in enumerate(scenario.interactions):
+        if isinstance(each, Contact):
+            continue  # bodies touch particles
         for key in ("on", "between"):
             for j, name in enumerate(getattr(each, key) or ()):
                 yield ("interactions", k, key, j), name, f"{each.label} acts between particles"
@@ -134,6 +137,13 @@ def held(scenario: Tables) -> Iterator[Invalid]:
             yield Invalid("rigid bodies do not stick to colliders", (*where, "contact"), also, hint=hint)
         elif each.contact == "kill":
             yield Invalid("rigid bodies do not die at colliders", (*where, "contact"), also, hint=hint)
+        elif each.contact == "penalty":
+            yield Invalid(
+                "rigid bodies bounce off colliders, and are not pushed out by a spring",
+                (*where, "contact"),
+                also,
+                hint=hint,
+            )
         elif each.detection == "discrete":
             yield Invalid(
                 "contacts of rigid bodies are foreseen, not looked for at the ends of steps",

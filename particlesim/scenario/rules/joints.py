@@ -173,6 +173,13 @@ def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], 
                 yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
 
 
+def joint_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
+    """Where particles are joined, by springs, rods, angles, dihedrals or drag on a surface, and the groups."""
+    for place, names, _ in _coupling_tables(scenario):
+        if place[0] != "interactions":
+            yield place, names
+
+
 def bond_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
     """Where springs are stated, the groups that they join, and their law."""
     for k, springs in enumerate(scenario.springs):

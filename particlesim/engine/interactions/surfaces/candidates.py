@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import shared
+from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.neighbours.record import FAR, GROUP, MOST, NO_ROOM, lives
 from particlesim.engine.interactions.neighbours.refresh import Crew, Where, build
@@ -54,8 +54,8 @@ def measure(s: Any, x: Any, before: Any, tune: Any) -> None:
 
 
 @shared
-def still_hold(s: Any, found: Any, x: Any, report: Any, tune: Any) -> None:
-    """See whether candidates hold."""
+def still_hold(s: Any, found: Any, x: Any, tune: Any) -> Any:
+    """Whether candidates are complete for a step that ends at x."""
     half = 0.0
     for k in range(3):
         low, high = np.inf, -np.inf
@@ -64,8 +64,7 @@ def still_hold(s: Any, found: Any, x: Any, report: Any, tune: Any) -> None:
             way = float(x[k][i]) - found.base[k, i]
             low, high = min(low, way), max(high, way)
         half += 0.25 * (high - low) * (high - low)
-    if not half <= tune[SKIN] * tune[SKIN]:
-        report[STALE] = 1
+    return half <= tune[SKIN] * tune[SKIN]
 
 
 @shared
@@ -199,19 +198,37 @@ def find(each: Any, c: Any, before: Any, share: Any, t: Any) -> None:
     x = (c.x, c.y, c.z)
     if share.number == 0:
         measure(s, x, before, tune)
-        still_hold(s, found, x, report, tune)
+        if not still_hold(s, found, x, tune):
+            report[STALE] = 1
     meet(share.gate, share.threads)
     if report[STALE] != 0:
-        for turn in range(2):
-            if share.number == 0:
-                surround(s, found, x, c.r, before, c.clock, t, report, tune, turn == 0)
-            meet(share.gate, share.threads)
-            where = Where(found.middle[0], found.middle[1], found.middle[2], found.radius, None)
-            build(found.near, where, Crew(share.number, share.threads, share.gate), t)
-            meet(share.gate, share.threads)
-            if share.number == 0:
-                pair_up(s, found, x, c.r, before, report, tune)
-                report[STALE] = 0
-            meet(share.gate, share.threads)
-            if report[LOST] == 0:
-                break
+        find_anew(each, c, before, Crew(share.number, share.threads, share.gate), t)
+
+
+def find_again(each: Any, c: Any, before: Any, gate: Any, t: Any) -> None:
+    """Candidates after corrections, by one thread, if these have led further than candidates are known."""
+    s, found, tune = each.simplices, each.found, each.tune
+    x = (c.x, c.y, c.z)
+    measure(s, x, before, tune)
+    if not still_hold(s, found, x, tune):
+        find_anew(each, c, before, Crew(0, 1, gate), t)
+
+
+@outlined
+def find_anew(each: Any, c: Any, before: Any, crew: Any, t: Any) -> None:
+    """Candidates of the present step; with a narrower skin if there was no room."""
+    s, found, report, tune = each.simplices, each.found, each.report, each.tune
+    x = (c.x, c.y, c.z)
+    for turn in range(2):
+        if crew.number == 0:
+            surround(s, found, x, c.r, before, c.clock, t, report, tune, turn == 0)
+        meet(crew.gate, crew.threads)
+        where = Where(found.middle[0], found.middle[1], found.middle[2], found.radius, None)
+        build(found.near, where, crew, t)
+        meet(crew.gate, crew.threads)
+        if crew.number == 0:
+            pair_up(s, found, x, c.r, before, report, tune)
+            report[STALE] = 0
+        meet(crew.gate, crew.threads)
+        if report[LOST] == 0:
+            break

@@ -18,7 +18,7 @@ from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.element_tensors import CornerTensors
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.neighbours.record import enlarged
-from particlesim.engine.interactions.surfaces.candidates import find, measure
+from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.record import (
     CONTACTS,
     EDGES,
@@ -51,11 +51,16 @@ from particlesim.engine.interactions.surfaces.response import (
     prepare,
     weigh,
 )
-from particlesim.engine.interactions.surfaces.walls import add_walls, put_on_walls, stand_at_walls
+from particlesim.engine.interactions.surfaces.walls import (
+    add_walls,
+    lie_on_walls,
+    put_on_walls,
+    stand_at_walls,
+)
 from particlesim.engine.interactions.surfaces.zones import join, joined, move_zones, no_zones, sum_zones
-from particlesim.groups.group import Particles
 from particlesim.interactions import PairSet
 from particlesim.layouts.mesh import STRUCTURAL
+from particlesim.scenario.reach import has_extent
 
 LOOKS = 4
 """How often what would still come too close becomes a contact; what does so after that moves as one."""
@@ -91,7 +96,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         find(self, c, before, share, t)
         if share.number == 0:
-            resolve(self, parts, c, before, t, h)
+            resolve(self, parts, c, before, share.gate, t, h)
         meet(share.gate, share.threads)
 
     @property
@@ -129,9 +134,15 @@ class SurfaceContacts(Interaction, SurfaceColumns):
             corners = corners[:, there]
             parts.append((corners[:, face], corners[:2, ~face]))
             sides.append((side[face].astype(np.int64), side[~face].astype(np.int64)))
+        tune = self.tune
+        if old.corners.size:
+            tune = before.tune.copy()
+            tune[THIN] = min(before.tune[THIN], self.tune[THIN])
         triangles, edges = (np.concatenate([parts[0][k], parts[1][k]], axis=1) for k in range(2))
         one, other = (np.concatenate([sides[0][k], sides[1][k]]) for k in range(2))
-        return self._replace(**laid(self, triangles, edges, None if new.split is None else (one, other)))
+        return self._replace(
+            tune=tune, **laid(self, triangles, edges, None if new.split is None else (one, other))
+        )
 
     def linearise(self, c: Any, t: float) -> CornerTensors:
         return CornerTensors(np.zeros((4, 0), np.int64), np.zeros((0, 0, 4, 3)), np.zeros((0, 3, 3)))
@@ -141,7 +152,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
 
 
 @outlined
-def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
     """Bring the step from `before` to the present state to an end in which nothing comes too close."""
     s, found, touches, desk, report, tune = (
         each.simplices,
@@ -165,9 +176,9 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                 while going & (turn < TURNS):
                     going = displace(touches, desk, report, x, before, turn % 2) > SETTLED * tune[THIN]
                     turn += 1
-                put_on_walls(each, parts, c, t)
+                put_on_walls(each, parts, c, t, SETTLED * tune[THIN])
                 first = report[CONTACTS]
-                measure(s, x, before, tune)
+                find_again(each, c, before, gate, t)
                 missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
                 look += 1
             report[CONTACTS] = first
@@ -175,8 +186,9 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             while going & (turn < MORE_TURNS):
                 going = give_impulses(touches, desk, report, v, turn % 2) > SETTLED * most
                 turn += 1
+            lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
-                move_as_one(each, parts, c, before, t)
+                move_as_one(each, parts, c, before, gate, t)
             if len(c.memory) > 0:
                 for j in range(s.rows.size):
                     if (desk.mark[s.rows[j]] & 1) != 0:
@@ -185,7 +197,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     tune[ODOMETER] += 2.0 * tune[FASTEST]
 
 
-def move_as_one(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
+def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any) -> None:
     """Make zones of what would still come too close, until nothing does."""
     s, found, touches, desk, report, tune = (
         each.simplices,
@@ -200,7 +212,7 @@ def move_as_one(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
     turn = 0
     while turn < MOST_ZONES:
         report[CONTACTS] = 0
-        measure(s, x, before, tune)
+        find_again(each, c, before, gate, t)
         missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
         turn += 1
         if missed == 0 or joined(touches, desk, report, 0):
@@ -227,10 +239,12 @@ def laid(each: Any, triangles: Ints, edges: Ints, sides: tuple[Ints, Ints] | Non
 
 def features_of(group: Any, site: Site) -> tuple[Ints, Ints]:
     """Rows of the triangles [3, n] and of the edges [2, m] with which a group touches: of its surface, or of its strands, or
-    its particles, as edges without length."""
+    its particles, as edges without length. Of surfaces and strands there is none but at the start."""
     offset, count = site.offset[group.name], site.state[group.name].count
     triangles, edges = np.empty((3, 0), np.int64), np.empty((2, 0), np.int64)
-    if isinstance(group, Particles):
+    if has_extent(group):
+        if not site.began:
+            return triangles, edges
         layout = group.layout.open(site.scenario.folder)
         triangles = layout.triangles().T
         if not triangles.size and STRUCTURAL in layout.kinds:

@@ -85,26 +85,43 @@ def velocity_of(collider: Any, p: Any) -> Any:
     return x, y, z
 
 
-def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """What has been moved into colliders goes back to their surfaces."""
+def put_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any) -> None:
+    """What has been moved into colliders, or lies on them up to a gap of `slack` [m], comes to their surfaces."""
     for part in parts:
         for collider in colliders_of(part.contacts):
-            _put_on_wall(each, collider, c, t, part.first, part.last)
+            _put_on_wall(each, collider, c, t, part.first, part.last, slack)
 
 
 @outlined
-def _put_on_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any) -> None:
+def _put_on_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any, slack: Any) -> None:
     for i in range(first, last):
         if ((each.desk.mark[i] & 1) != 0) & (each.desk.inverse[i] > 0) & (collider.response.outcome == PASS):
             p = fetch(c, i, t)
             g, n = gap_and_normal(collider.shape, p)
-            if g < 0:
+            if g < slack:
+                c.x[i], c.y[i], c.z[i] = put_back(collider.shape, p, g, whole(n, g))
+
+
+def lie_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any, calm: Any) -> None:
+    """What lies on colliders neither approaches them nor leaves them slower than `calm` [m/s]: rest takes no search."""
+    for part in parts:
+        for collider in colliders_of(part.contacts):
+            _lie_on_wall(each, collider, c, t, part.first, part.last, slack, calm)
+
+
+@outlined
+def _lie_on_wall(
+    each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any, slack: Any, calm: Any
+) -> None:
+    for i in range(first, last):
+        if ((each.desk.mark[i] & 1) != 0) & (each.desk.inverse[i] > 0) & (collider.response.outcome == PASS):
+            p = fetch(c, i, t)
+            g, n = gap_and_normal(collider.shape, p)
+            if g < slack:
                 axes = whole(n, g)
-                c.x[i], c.y[i], c.z[i] = put_back(collider.shape, p, g, axes)
-                rate = p.vx * axes[0] + p.vy * axes[1] + p.vz * axes[2]
                 wx, wy, wz = velocity_of(collider, p)
-                rate -= wx * axes[0] + wy * axes[1] + wz * axes[2]
-                if rate < 0:
+                rate = (p.vx - wx) * axes[0] + (p.vy - wy) * axes[1] + (p.vz - wz) * axes[2]
+                if rate < calm:
                     c.vx[i] -= rate * axes[0]
                     c.vy[i] -= rate * axes[1]
                     c.vz[i] -= rate * axes[2]
