@@ -23,7 +23,7 @@ from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
-from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets
+from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
 
 
@@ -79,11 +79,6 @@ class Island:
         """Whether it is one of rigid bodies."""
         return isinstance(self.groups[0], Bodies)
 
-    @property
-    def has_pairs(self) -> bool:
-        """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
-        return any(isinstance(each, PairSet) for each in self.interactions)
-
     def touched_softly(self, group: str) -> bool:
         """Whether colliders hold back a group by the law of its soft contacts."""
         return any(
@@ -95,12 +90,13 @@ class Island:
         )
 
     def spins(self, group: str) -> bool:
-        """Whether the particles of a group turn, as their contacts with each other have friction."""
+        """Whether the particles of a group turn, as their contacts have friction (`scenario.reach.spins`)."""
         return any(
             isinstance(each, PairSet)
             and isinstance(each.law, Contact)
             and each.law.rubs
             and group in each.groups
+            and not touches_by_surfaces(each.law, [one for one in self.groups if one.name in each.groups])
             for each in self.interactions
         )
 

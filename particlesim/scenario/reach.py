@@ -129,13 +129,14 @@ def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rod
 
 
 def spins(scenario: Tables, group: Group) -> bool:
-    """Whether the particles of a group turn: spheres do whose contacts with each other have friction."""
-    return any(
-        isinstance(each, Contact)
-        and each.rubs
-        and any(group.name == other.name for other in interacting(each, scenario.groups))
-        for each in scenario.interactions
-    )
+    """Whether the particles of a group turn: spheres do whose contacts with each other have friction; surfaces, strands and
+    what touches these do not."""
+    for each in scenario.interactions:
+        if isinstance(each, Contact) and each.rubs:
+            groups = interacting(each, scenario.groups)
+            if any(group.name == other.name for other in groups) and not touches_by_surfaces(each, groups):
+                return True
+    return False
 
 
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:

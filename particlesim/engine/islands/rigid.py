@@ -52,6 +52,7 @@ from particlesim.engine.rigid.kernel import (
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
@@ -111,6 +112,10 @@ class RigidIsland(BaseIsland):
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
+        self.visitors: Visitors | None = None
+        """Particles that make the next step among the bodies."""
+        self.left: Left
+        """What became of them."""
         if self._made:
             self._close()
 
@@ -119,11 +124,6 @@ class RigidIsland(BaseIsland):
         whole = self._joined.whole
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
-
-    def rows_of(self, group: str) -> tuple[int, int]:
-        """The first body of a group, and the first after it."""
-        k = next(k for k, state in enumerate(self.states) if state.name == group)
-        return self._joined.bounds[k], self._joined.bounds[k + 1]
 
     def ids(self) -> NDArray[np.int64]:
         """Ids of all bodies."""
@@ -141,6 +141,8 @@ class RigidIsland(BaseIsland):
             close_joints(self._scene, self.bodies(), self._motion)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+        if self.visitors is not None:
+            return None, None, self._receive(first, self.visitors)
         done, report, scene = first, np.zeros(2), self._booking()
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -152,6 +154,26 @@ class RigidIsland(BaseIsland):
             if done < last:
                 self._make_room(2 * int(report[1]))
         return None, None, None
+
+    def _receive(self, step: int, visitors: Visitors) -> Fault | None:
+        """A step with particles among the bodies."""
+        b = self.bodies()
+        n, report = b.w.size, np.zeros(2)
+        whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
+        scene, motion = self._booking()._replace(guests=guests), new_motion(whole.w.size)
+        if scene.joints is not None:
+            scene = scene._replace(
+                joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
+            )
+        while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
+            if report[0] != FULL:
+                return self._fault(step, opened=report[0] == UNHELD)
+            self._make_room(2 * int(report[1]))
+            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, :n]
+        self.left = left(whole, guests, visitors, self.dt)
+        return None
 
     def _booking(self) -> Scene:
         """What acts on the bodies, and the books of it."""

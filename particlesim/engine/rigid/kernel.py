@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.fluids import Swept, Wetted, Whole, act, stored
+from particlesim.engine.rigid.grains import find_guests, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus, touch
 from particlesim.engine.rigid.rotation import (
@@ -61,7 +62,8 @@ class Scene(NamedTuple):
     """What acts on bodies: forces, springs, colliders, contact between groups; `arms` of the six points [3, n], mass, radius
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
     depend on velocities, else 1. Joints, None without; which bodies have one [n], and the bodies that each is joined to and
-    does not touch (`partners`, from `partner_from` on). What is booked, None where nothing is."""
+    does not touch (`partners`, from `partner_from` on). What is booked, None where nothing is. Particles that may touch
+    bodies (`guests`), which are the last bodies then, None where there are none."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -78,6 +80,7 @@ class Scene(NamedTuple):
     partners: Any
     partner_from: Any
     work: Any
+    guests: Any = None
 
 
 def point_of(scene: Any, b: Any, i: Any, r: Any, now: Any, point: Any, t: Any) -> Any:
@@ -299,7 +302,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     Bodies are sorted along x by where they begin, which changes little from step to step; those whose balls overlap are
     looked at.
     """
-    n, order, margin = b.w.size, memory.order, motion.margin
+    n = b.w.size if scene.guests is None else scene.guests.first
+    order, margin = memory.order, motion.margin
     k.number[0] = k.number[1] = 0
     for i in range(n):
         m = motion.now[i]
@@ -329,6 +333,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
                 near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
                 if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
                     touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+    if scene.guests is not None:
+        find_guests(scene.guests, b, k, motion, scene.slop, h)
 
 
 def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
@@ -403,6 +409,8 @@ def step_bodies(
         if k.number[0] > 0:
             before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)
+            if scene.guests is not None:
+                settle_guests(scene, b, k)
             if scene.work is not None:
                 velocities(b, motion)
                 scene.work.totals[scene.work.contact] += energy_of(scene, b, motion, middle) - before

@@ -31,9 +31,9 @@ from particlesim.engine.interactions.surfaces.record import (
     VERTICES,
 )
 
-STEPS = 6.0
+STEPS = 10.0
 """Steps, at the present speed, for which candidates should hold."""
-NARROWEST, WIDEST = 0.05, 0.3
+NARROWEST, WIDEST = 0.1, 0.5
 """Bounds of half of the skin, as parts of the length by which it is measured."""
 
 
@@ -77,40 +77,42 @@ def surround(
     tune[SKIN] = skin
     for j in range(s.rows.size):
         i = s.rows[j]
-        wide = float(r[i]) + skin
+        wide, there = float(r[i]) + skin, lives(clock, i, t)
         for k in range(3):
             now, then = float(x[k][i]), float(before[k, i]) + tune[DRIFT + k]
             found.base[k, i] = now
-            there = lives(clock, i, t)
-            found.around[k, i] = min(now, then) - wide if there else FAR
-            found.around[3 + k, i] = max(now, then) + wide if there else FAR
+            found.around[i, k] = min(now, then) - wide if there else FAR
+            found.around[i, 3 + k] = max(now, then) + wide if there else FAR
     for e in range(s.edges.shape[1]):
         i, j = s.edges[0, e], s.edges[1, e]
         for k in range(3):
-            found.edge_boxes[k, e] = min(found.around[k, i], found.around[k, j])
-            found.edge_boxes[3 + k, e] = max(found.around[3 + k, i], found.around[3 + k, j])
+            found.edge_boxes[e, k] = min(found.around[i, k], found.around[j, k])
+            found.edge_boxes[e, 3 + k] = max(found.around[i, 3 + k], found.around[j, 3 + k])
     for q in range(s.corners.shape[1]):
         a, b, c = s.corners[0, q], s.corners[1, q], s.corners[2, q]
-        size = 0.0
+        wide, size = min(float(r[a]), float(r[b]), float(r[c])) + skin, 0.0
         for k in range(3):
-            low = min(found.around[k, a], found.around[k, b], found.around[k, c])
-            high = max(found.around[3 + k, a], found.around[3 + k, b], found.around[3 + k, c])
-            found.boxes[k, q], found.boxes[3 + k, q] = low, high
+            low = min(found.around[a, k], found.around[b, k], found.around[c, k])
+            high = max(found.around[a, 3 + k], found.around[b, 3 + k], found.around[c, 3 + k])
+            found.boxes[q, k], found.boxes[q, 3 + k] = low, high
             found.middle[k, q] = 0.5 * (low + high) if high < FAR else FAR
-            size += 0.25 * (high - low) * (high - low)
-        found.radius[q] = np.sqrt(size) if found.boxes[3, q] < FAR else 0.0
+            half = (
+                0.5 * (high - low) - wide
+            )  # a sphere around the corners is widened by less than around the box
+            size += half * half
+        found.radius[q] = np.sqrt(size) + wide if found.boxes[q, 3] < FAR else 0.0
     report[BUILDS] += 1
 
 
 def overlap(a: Any, i: Any, b: Any, j: Any) -> Any:
     """Whether box i of some and box j of others overlap."""
     return (
-        (a[0, i] <= b[3, j])
-        & (b[0, j] <= a[3, i])
-        & (a[1, i] <= b[4, j])
-        & (b[1, j] <= a[4, i])
-        & (a[2, i] <= b[5, j])
-        & (b[2, j] <= a[5, i])
+        (a[i, 0] <= b[j, 3])
+        & (b[j, 0] <= a[i, 3])
+        & (a[i, 1] <= b[j, 4])
+        & (b[j, 1] <= a[i, 4])
+        & (a[i, 2] <= b[j, 5])
+        & (b[j, 2] <= a[i, 5])
     )
 
 
@@ -179,17 +181,19 @@ def pair_up(s: Any, found: Any, x: Any, r: Any, before: Any, report: Any, tune: 
         if near.count[g] == NO_ROOM:
             report[LOST] = 1
         else:
-            for k in range(near.begin[g], near.begin[g] + near.count[g]):
-                q = near.order[near.candidates[k] & (MOST - 1)]
-                for place in range(GROUP * g, GROUP * g + GROUP):
-                    p = near.order[place]
-                    if (p >= 0) & (p < q):  # noqa: SIM102
-                        if overlap(found.boxes, p, found.boxes, q):
-                            if s.face[q]:
-                                _vertices_on(s, found, x, r, before, p, q, report, tune)
-                            if s.face[p]:
-                                _vertices_on(s, found, x, r, before, q, p, report, tune)
-                            _edges_on(s, found, x, r, before, p, q, report, tune)
+            first, last = near.begin[g], near.begin[g] + near.count[g]
+            for place in range(GROUP * g, GROUP * g + GROUP):
+                p = near.order[place]
+                if p >= 0:
+                    for k in range(first, last):
+                        q = near.order[near.candidates[k] & (MOST - 1)]
+                        if p < q:  # noqa: SIM102
+                            if overlap(found.boxes, p, found.boxes, q):
+                                if s.face[q]:
+                                    _vertices_on(s, found, x, r, before, p, q, report, tune)
+                                if s.face[p]:
+                                    _vertices_on(s, found, x, r, before, q, p, report, tune)
+                                _edges_on(s, found, x, r, before, p, q, report, tune)
 
 
 def find(each: Any, c: Any, before: Any, share: Any, t: Any) -> None:

@@ -51,7 +51,7 @@ class Candidates(NamedTuple):
     where the odometer may stand before they can touch, `apart` and `between` [room] [m].
 
     `near`: lists of simplices, found by spheres around them with middles [3, n] and radii [n]; boxes around all particles
-    [6, n], edges and simplices; `base` [3, n]: particles when candidates were found.
+    [n, 6], edges and simplices; `base` [3, n]: particles when candidates were found.
     """
 
     near: Neighbours
@@ -146,9 +146,9 @@ def new_candidates(simplices: Simplices, count: int, room: int) -> Candidates:
         near,
         np.zeros((3, n)),
         np.zeros(n),
-        np.zeros((6, count)),
-        np.zeros((6, m)),
-        np.zeros((6, n)),
+        np.zeros((count, 6)),
+        np.zeros((m, 6)),
+        np.zeros((n, 6)),
         np.zeros((3, count)),
         np.zeros((2, room), np.int32),
         np.zeros((2, room), np.int32),

@@ -7,8 +7,8 @@ as they may be. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displaceme
 
 and sliding is taken back up to μ times that (Coulomb). Then velocities: contacts that have pushed and still approach, with
 v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and what stops them across up to μ times it. All are taken one
-after the other, forwards and backwards (Gauss–Seidel). As Σ w_k = 0, momentum is kept, with n along l angular momentum, too,
-and no impulse brings energy.
+after the other, forwards and backwards (Gauss–Seidel). As Σ w_k = 0, momentum is kept, and no impulse brings
+energy.
 
 Displacements are those of the step, so a contact acts as if it had been there from the beginning of the step or from the
 impact on: what rests neither sinks nor creeps, whatever the method. A contact that starts too close is widened by `GENTLY`

@@ -28,7 +28,7 @@ NEAR = 1.0
 def add_walls(each: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
     """Contacts with colliders of all particles in contacts."""
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             _add_wall(each, collider, c, t, h, part.first, part.last)
     note_walls(each.simplices, each.desk)
 
@@ -88,7 +88,7 @@ def velocity_of(collider: Any, p: Any) -> Any:
 def put_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any) -> None:
     """What has been moved into colliders, or lies on them up to a gap of `slack` [m], comes to their surfaces."""
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             _put_on_wall(each, collider, c, t, part.first, part.last, slack)
 
 
@@ -105,7 +105,7 @@ def _put_on_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any
 def lie_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any, calm: Any) -> None:
     """What lies on colliders neither approaches them nor leaves them slower than `calm` [m/s]: rest takes no search."""
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             _lie_on_wall(each, collider, c, t, part.first, part.last, slack, calm)
 
 
@@ -130,7 +130,7 @@ def _lie_on_wall(
 def stand_at_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
     """Zones that reach into colliders stay where they were."""
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             _stand_at_wall(each, collider, c, t, part.first, part.last)
 
 
