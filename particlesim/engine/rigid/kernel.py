@@ -193,12 +193,17 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def own(scene: Any, b: Any) -> int:
+    """How many bodies there are without guests."""
+    return int(b.w.size if scene.guests is None else scene.guests.first)
+
+
 @outlined
 def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
     """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
     `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
-    given = take_means(b, motion, h)
+    given = take_means(b, motion, own(scene, b), h)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -246,7 +251,7 @@ def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> f
 @outlined
 def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
-    total = kinetic(b, motion)
+    total = kinetic(b, motion, own(scene, b))
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
