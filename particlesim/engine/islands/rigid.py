@@ -52,6 +52,7 @@ from particlesim.engine.rigid.kernel import (
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
@@ -264,6 +265,10 @@ class RigidIsland(BaseIsland):
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         sum_forces_on(self._scene, self.bodies(), self._motion, time)
         return np.ascontiguousarray(self._motion.pull[:, :3].T)
+
+    def longest_step(self) -> float:
+        """The longest stable step under springs at bodies [s]."""
+        return longest_step([springs for _, springs in self._springs], self.bodies())
 
     def stored(self) -> dict[str, float]:
         if not self._springs:
