@@ -14,6 +14,8 @@ from simulate import EPS, G, record, simulate, table
 
 import particlesim as ps
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
 from particlesim.runs.validity import stiff
 from particlesim.scenario.dump import dump
@@ -450,6 +452,24 @@ def test_the_same_bits_for_any_number_of_threads_and_in_any_text() -> None:
     for field in ("position", "orientation", "angular_velocity"):
         assert one.final[field].tobytes() == two.final[field].tobytes()
     assert ps.loads(dump(scenario)) == scenario
+
+
+def test_the_same_bits_after_a_resume() -> None:
+    scenario = ps.from_table(
+        table(0.6, 1e-3, output={"every": 100, "ledger": True, "work": True}, **bridge())
+    )
+    whole, first, second = (Simulation(scenario, threads=1) for _ in range(3))
+    for each in (whole, first):
+        each.ledger()  # from which balances count
+    whole.advance_to(300)  # in pieces that end where the other two part
+    whole.advance_to(600)
+    first.advance_to(300)
+    restore(second, snapshot(first))
+    second.advance_to(600)
+    assert whole.ledger() == second.ledger()
+    for name in ("x", "v", "turn", "spin"):
+        one, two = (getattr(each.islands[0].bodies(), name) for each in (whole, second))  # type: ignore[attr-defined]
+        assert one.tobytes() == two.tobytes()
 
 
 # ---- mistakes
