@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
-from particlesim.bodies import BODY_SHAPES, Bodies
+from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
@@ -94,6 +94,10 @@ def parts() -> Iterator[str]:
     yield table(Bodies, without=NOT_FOR_BODIES)
     yield "### Shapes of bodies"
     yield from variants(BODY_SHAPES)
+    yield "## `[[joints]]`"
+    yield prose("joints")
+    yield table(Joint)
+    yield from variants(JOINTS)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)

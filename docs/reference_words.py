@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bodies import Bodies, BodyShape
+from particlesim.bodies import Bodies, BodyShape, Joint
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
@@ -46,6 +46,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),
     (Bodies, "[bodies](#bodies)"),
+    (Joint, "[joints](#joints)"),
     (BodyShape, "[shape of a body](#shapes-of-bodies)"),
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),

@@ -121,6 +121,10 @@ class Bodies(Particles):
         return self
 
     @model_validator(mode="after")
+    def _turning(self) -> Bodies:
+        return self  # one angular velocity for all
+
+    @model_validator(mode="after")
     def _body(self) -> Bodies:
         if self.layout is None:
             # One body is a layout of one point, for all that asks where particles are.

@@ -76,7 +76,8 @@ class Collider(Model):
     """Part of the velocity along the surface that an impact takes away. No friction: what lies on the surface loses it in
     every step, and slides by a distance that depends on dt."""
     detection: Literal["continuous", "discrete"] = "continuous"
-    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects."""
+    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects, and is what
+    contact = "penalty" has."""
     contact: Literal["bounce", "slide", "stick", "kill", "penalty"] = "bounce"
     """What contact does: bounce, go on along the surface without rebound, stay there for good, end the particle, or push it
     out with a spring and a damper (penalty)."""
@@ -91,6 +92,13 @@ class Collider(Model):
 
     _motion: tuple[Any, SpinRecord | None] | None = PrivateAttr(default=None)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _looks_at_ends(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("contact") == "penalty":
+            return {"detection": "discrete", **table}
+        return table
+
     @model_validator(mode="after")
     def _bounces(self) -> Collider:
         for name, kinds in ACTS_WITH.items():
@@ -103,7 +111,7 @@ class Collider(Model):
         if self.contact == "penalty":
             if self.stiffness is None:
                 raise invalid("a penalty needs a stiffness", at=("contact",), hint='stiffness = "1000 N/m"')
-            if "detection" in self.model_fields_set and self.detection == "continuous":
+            if self.detection == "continuous":
                 raise invalid(
                     "a penalty lets particles in and pushes them out, so that there is no moment of impact to find",
                     at=("detection",),

@@ -152,7 +152,7 @@ class Emitter(Group):
         if self.bursts():
             raise invalid("burst has no meaning with on_impact", at=("burst",), also=here)
         for name in ("start", "timing"):
-            if name in self.model_fields_set:
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
         if self.when_full == "wait":
             raise invalid("births of impacts cannot wait", at=("when_full",), also=here)

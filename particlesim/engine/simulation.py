@@ -55,9 +55,12 @@ class Simulation(World):
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
-        self.meetings = Meetings(scenario, self.islands, self.states)
+        self._meetings = Meetings(scenario, self.islands, self.states)
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
-        self._order = _hearers_last(self.islands)
+        # Bodies go first where they have guests.
+        self._order = sorted(
+            _hearers_last(self.islands), key=lambda k: not self._meetings.concern(self.islands[k])
+        )
         self._heard = any(island.listens_to for island in self.islands)
         self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
         self._labels = scenario.force_labels()
@@ -79,12 +82,15 @@ class Simulation(World):
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            if self.meetings:
-                self.meetings.exchange(self.scenario.grid.dt)
-            if self.meetings or self._heard:  # births of impacts are in the same step
+            if self._meetings or self._heard:  # births of impacts are in the same step
                 last = self.step + 1
             for number in self._order:
-                self._advance(number, self.step, last)
+                if self._meetings.concern(self.islands[number]):
+                    self._meetings.invite()
+                    self._advance(number, self.step, last)
+                    self._meetings.dismiss()
+                else:
+                    self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()

@@ -24,7 +24,6 @@ from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.layout import Layout
-from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
@@ -56,13 +55,12 @@ FOLLOWS: dict[type, frozenset[str]] = {
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
-            *("_energies", "_energies_of", "_order", "_heard", "_numbers"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
     Account: frozenset(("_names", "_absolute")),
     Books: frozenset(("names", "_spent", "_stored")),
-    Meetings: frozenset(("_meetings", "_by_name", "_bodies", "_islands", "_touches")),
     RigidIsland: frozenset(
         (
             "_joined",
@@ -71,6 +69,8 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_scene",
             "_still",
             "_shapes",
+            "visitors",
+            "left",
             "_motion",
             "_contacts",
             "_kept",

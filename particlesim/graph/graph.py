@@ -79,11 +79,6 @@ class Island:
         """Whether it is one of rigid bodies."""
         return isinstance(self.groups[0], Bodies)
 
-    @property
-    def has_pairs(self) -> bool:
-        """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
-        return any(isinstance(each, PairSet) for each in self.interactions)
-
     def touched_softly(self, group: str) -> bool:
         """Whether colliders hold back a group by the law of its soft contacts."""
         return any(

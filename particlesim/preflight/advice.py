@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.methods import chosen
+from particlesim.engine.interactions.methods import IN_MATRICES, chosen
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.interactions.contact import Contact
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
@@ -135,14 +136,20 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
 
 
 def _explicit(scenario: Scenario) -> list[str]:
-    """Interactions of pairs, which implicit methods have in their forces and not in their matrices."""
+    """Interactions of pairs that implicit methods have in their forces and not in their matrices."""
     methods = {group.name: method_of(group, scenario.simulation.integrator) for group in scenario.groups}
-    return [
-        f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as those "
-        "of an explicit method, or equations will not be solved"
-        for each in pair_sets(scenario)
-        if isinstance(methods[each.groups[0]], ImplicitMethod)
-    ]
+    numbers = {group.name: group for group in scenario.groups}
+    found = []
+    for each in pair_sets(scenario):
+        if not isinstance(methods[each.groups[0]], ImplicitMethod):
+            continue
+        count = int(sum(_number(numbers[name], scenario) for name in each.groups))
+        if isinstance(each.law, Contact) or chosen(each.law, count) not in IN_MATRICES:
+            found.append(
+                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
+                "those of an explicit method, or equations will not be solved"
+            )
+    return found
 
 
 def _unrepeated(scenario: Scenario) -> list[str]:
@@ -162,7 +169,8 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
         counts = [_number(tables[name], scenario) for name in each.groups]
-        if chosen(each.law, round(sum(counts))) != "direct":
+        boxed = scenario.simulation.box is not None
+        if chosen(each.law, round(sum(counts)), boxed=boxed) != "direct":
             continue
         pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
         method = method_of(tables[each.groups[0]], scenario.simulation.integrator)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from particlesim.bodies import Bodies
 from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
@@ -75,6 +76,11 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     ]
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
+    found += [
+        label
+        for label, springs in scenario.body_springs
+        if springs.groups()[0] in names and springs.spring_law().damped
+    ]
     found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
     found += [
         each.name for each in pair_sets(scenario) if each.groups[0] in names and not each.law.conserves()
@@ -83,7 +89,7 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     emitted = any(isinstance(group, Emitter) for group in groups)
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
-        "contact": bool(colliders),
+        "contact": bool(colliders) or any(isinstance(group, Bodies) for group in groups),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
         "deaths": emitted or any(each.contact == "kill" for each in colliders),

@@ -1,10 +1,10 @@
-"""Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package, and the growth of time with number.
+"""Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package; growth of time with number.
 
     python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--growth]
 
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
-same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual environment
-with the package lammps. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
+same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
+environment with the package lammps. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from simulate import points, record
 import particlesim as ps
 from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
 from particlesim.analysis.orbits import orbital_elements
-from particlesim.analysis.structure import density_profile, power_spectrum, radial_distribution
+from particlesim.analysis.structure import densest_place, density_profile, power_spectrum, radial_distribution
 from particlesim.trajectory.frame import Frame
 
 
@@ -81,6 +81,39 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
     with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
         t = trajectory.times
         assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_the_noise_of_uneven_masses_is_taken_off() -> None:
+    """Particles at random have P = V Σm²/(Σm)² in the mean of all waves, and nothing is left of it."""
+    rng = np.random.default_rng(7)
+    m = np.repeat([1.0, 20.0], 500)
+    x = rng.uniform(0, 1, (1000, 3))
+    spectrum, raw = (
+        power_spectrum(x, m, box=(1, 1, 1), mesh=32, shot_noise=noise) for noise in (False, True)
+    )
+    low = spectrum.x < 50  # beyond, what the mesh cannot tell apart adds up
+    modes = spectrum.samples[low]
+    noise = (m**2).sum() / m.sum() ** 2
+    # Each wave scatters by P; a wave and its opposite are one.
+    assert abs(np.average(spectrum.y[low], weights=modes)) < 5 * noise / math.sqrt(modes.sum() / 2)
+    assert raw.y - spectrum.y == pytest.approx(noise)
+
+
+def test_two_particles_make_one_pair() -> None:
+    """g of the shell with the pair is V over the shell's volume: two have one pair, n (n − 1)/2, not n²/2."""
+    g = radial_distribution([[0, 0, 0], [0.5, 0, 0]], box=(2, 3, 4), reach=0.9, bins=9)
+    shells = 4 / 3 * math.pi * np.diff(np.linspace(0, 0.9, 10) ** 3)
+    assert (g.y * shells).max() == pytest.approx(24, rel=1e-12)
+    assert g.samples.sum() == np.count_nonzero(g.y) == 1
+
+
+def test_the_densest_place_is_where_the_mass_is() -> None:
+    rng = np.random.default_rng(5)
+    light, heavy = rng.normal(0, 0.1, (700, 3)), rng.normal((3, 0, 0), 0.1, (300, 3))
+    mass = np.repeat([1.0, 10.0], [700, 300])
+    found = densest_place(np.concatenate([light, heavy]), mass)
+    # The last sphere holds at least ten particles: their centre is within 0.1 of that of the cluster.
+    assert np.linalg.norm(found - [3, 0, 0]) < 0.1
 
 
 def test_displacements_follow_particles_by_their_ids() -> None:

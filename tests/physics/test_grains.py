@@ -1,4 +1,4 @@
-"""Grains that turn: rolling, sliding into rolling, what pairs keep, rolling friction, cohesion, and no energy from nothing."""
+"""Grains that turn: rolling, sliding into rolling, what pairs keep, rolling friction, cohesion, and walls."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_momentum_and_angular_momentum_with_spin_are_kept_to_rounding(model: dic
 
 @SOFT
 def test_springs_that_do_not_slide_keep_the_energy(law: dict[str, Any]) -> None:
-    # no damper and endless friction: the energy of the spring along the surfaces is not in the ledger, so look after the contact
+    # no damper and endless friction; the energy of springs along the surfaces is not in the ledger: look after the contact
     result = pair(
         {**law, "restitution": 1.0, "friction": 1e6}, 1e-6, 0.01, angular_velocity=[[0, 0, 0], [0, 0, 0]]
     )
@@ -310,7 +310,7 @@ def test_spin_has_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch:
 
 
 def test_a_wall_that_turns_takes_a_grain_along() -> None:
-    # a ball at rest in a shell that turns about its own axis through it rolls in place: the way of its surface is that of the wall
+    # a ball in a shell that turns rolls in place: its surface goes with that of the wall
     shell, rate = 0.2, 3.0
     grain = points((0, -(shell - R) - 1e-6, 0), mass=M, radius=R)
     result = simulate(

@@ -39,7 +39,7 @@ def test_an_impact_off_the_centre_turns_a_box_as_its_closed_form_says(e: float) 
     give = 1 / m + 1 / mass + turn @ (turn / inertia)
     impulse = (1 + e) * u / give
     result = simulate(
-        0.015,
+        0.014,
         1e-3,
         particles=[grains([[x, 0.15, z]], [[0, -u, 0]])],
         bodies=[body()],
@@ -69,6 +69,10 @@ def test_friction_at_an_impact_is_that_of_coulomb_and_keeps_momentum() -> None:
         interactions=[TOUCH | {"restitution": 0.5, "friction": mu}],
         output={"ledger": True, "every": 1},
     )
+    rows = totals(result)
+    assert (
+        np.abs(rows - rows[:, :1]).max() < 1e-12
+    )  # also the angular momentum of the grain, which turns as well
     before, after = np.array([2.0, -1.0, 0.0]), result.final["velocity"][0]
     # The normal is that of the place of contact: they touch a little beside the top of the ball.
     change = after - before
@@ -78,7 +82,7 @@ def test_friction_at_an_impact_is_that_of_coulomb_and_keeps_momentum() -> None:
     assert turning[2] < 0
     # |I ω| = r P_t with I = 2/5 M r², and |P|² = P_n² (1 + μ²)
     tangential = 0.4 * 2.0 * 0.1 * np.linalg.norm(turning)
-    assert tangential == pytest.approx(mu / math.hypot(1, mu) * 0.5 * np.linalg.norm(change), rel=1e-9)
+    assert tangential == pytest.approx(mu / math.hypot(1, mu) * 0.5 * np.linalg.norm(change), rel=1e-7)
 
 
 SHAPES = [
@@ -109,7 +113,7 @@ def test_nothing_passes_through_bodies() -> None:
         start = aim - far[:, None] * way
         result = simulate(
             2.0,
-            2e-3,
+            2e-2,
             particles=[grains(start.tolist(), (speed[:, None] * way).tolist(), radius=0.001)],
             bodies=[target],
             interactions=[TOUCH],
@@ -134,8 +138,10 @@ def test_what_lies_on_a_body_rests() -> None:
     }
     result = simulate(2.0, 1e-3, **parts)
     assert result.final["position"][0, 1] == pytest.approx(0.21, abs=1e-4)
-    # After a step it has what gravity gives in one, and takes off again what it came too near.
-    assert np.abs(result.final["velocity"]).max() < 2 * 9.81e-3
+    assert result.final["position"][1] == pytest.approx([0, 0.1, 0], abs=2e-5)
+    # A grain that lies has, after a step, what gravity gives in one.
+    assert result.final["velocity"][0] == pytest.approx([0, -9.80665e-3, 0], abs=2e-5)
+    assert np.abs(result.final["velocity"][1]).max() < 1e-9
 
 
 def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:

@@ -333,6 +333,34 @@ def test_a_string_does_nothing_while_it_is_slack() -> None:
     assert end["position"][0] == pytest.approx([0, -0.5 * G * 0.09, 0], rel=1e-9)
 
 
+# ---- work
+
+
+def test_work_on_bodies_is_booked(tmp_path: Path) -> None:
+    # Energy changes by the work of drag, dampers and contact, and by nothing else but the swings of the method: O(h²) where
+    # nothing hits anything, less than a thousandth of what contact takes where something does.
+    air = {"type": "drag", "density": 50.0, "coefficient": 1.0}
+    slow = {"type": "field", "name": "push", "force": ["2*sin(9*t)", "0", "0"]}
+    left = []
+    for h in (2e-3, 1e-3):
+        parts = bridge()
+        parts["bodies"] = parts["bodies"][:1]
+        parts["forces"] = [*GRAVITY, air, slow]
+        output = {"every": round(0.1 / h), "ledger": True, "work": True}
+        rows = record(tmp_path / f"{h}.vtkhdf", 0.5, h, output=output, **parts).ledger
+        left.append(np.abs(rows["balance"]).max())
+        assert rows["work.drag"][-1] < -0.1
+        assert rows["work.springs"][-1] < -0.1
+        assert abs(rows["work.contact"][-1]) < 1e-12
+        assert abs(rows["work.push"][-1]) > 1e-3
+    assert 3.5 < left[0] / left[1] < 4.5
+    parts = bridge()
+    output = {"every": 100, "ledger": True, "work": True}
+    rows = record(tmp_path / "hit.vtkhdf", 0.6, 1e-3, output=output, **parts).ledger
+    assert rows["work.contact"][-1] < -1.0
+    assert np.abs(rows["balance"]).max() < 1e-3 * -rows["work.contact"][-1]
+
+
 # ---- joints and contact
 
 

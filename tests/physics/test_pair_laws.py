@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import points, table
+from simulate import Table, points, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -312,10 +312,11 @@ def test_implicit_and_adaptive_methods_take_pairs(method: str) -> None:
     simulation.close()
 
 
-def test_it_is_said_that_pairs_are_explicit_in_implicit_methods() -> None:
-    assert "gravity is not in the matrix of backward_euler" in doubts(
-        0.02, 0.01, "backward_euler", **binary(1.0)
-    )
+def test_it_is_said_that_far_pairs_are_explicit_in_implicit_methods() -> None:
+    parts = binary(1.0)
+    assert "not in the matrix" not in doubts(0.02, 0.01, "backward_euler", **parts)
+    parts["interactions"][0] |= {"method": "tree", "softening": 0.1}
+    assert "gravity is not in the matrix of backward_euler" in doubts(0.02, 0.01, "backward_euler", **parts)
 
 
 def test_charges_of_zero_do_nothing() -> None:
@@ -382,14 +383,20 @@ def test_a_tree_tells_that_forces_are_beyond_numbers(far: float, softening: floa
         ps.run(ps.from_table(table(0.03, 0.01, particles=[group], interactions=[law])))
 
 
-def test_no_implicit_method_is_proposed_where_pairs_limit_the_step() -> None:
-    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long, with implicit methods as well
-    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0)
-    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}
+@pytest.mark.parametrize(
+    ("law", "proposed"),
+    [
+        ({"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}, True),
+        ({"type": "contact", "model": "linear", "stiffness": 400.0}, False),
+    ],
+)
+def test_an_implicit_method_is_proposed_where_pairs_are_in_its_matrix(law: Table, proposed: bool) -> None:
+    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long; contacts limit implicit methods as well
+    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0, radius=0.6)
     scenario = ps.from_table(table(5.0, 0.5, "velocity_verlet", particles=[group], interactions=[law]))
     said: list[str] = []
     with contextlib.suppress(ps.DivergenceError):
         ps.run(scenario, warn=said.append)
     assert "beyond the largest stable step" in said[0]
     assert "try simulation.dt = " in said[0]
-    assert "backward_euler" not in said[0]
+    assert ("backward_euler" in said[0]) == proposed

@@ -123,3 +123,15 @@ def test_steps_too_long_for_a_penalty_are_told() -> None:
     assert not any("dt" in text for text in fine.warnings)
     rough = simulate(1.0, 0.01, particles=[ball], planes=[plane])
     assert any("its spring needs about 20" in text for text in rough.warnings)
+
+
+def test_a_scenario_with_soft_surfaces_is_what_it_writes_down() -> None:
+    from particlesim.scenario.dump import to_table
+
+    plane = {"contact": "penalty", "stiffness": 1.0}
+    event = {"name": "sparks", "on_impact": {"of": ["ball"]}, "radius": 0.01}
+    parts = {"particles": [points((0, 1, 0), name="ball")], "emitters": [event]}
+    made = ps.from_table(table(1, 0.01, planes=[plane, {"on": ["ball"]}], **parts))
+    again = ps.from_table(to_table(made))
+    assert again.all_colliders == made.all_colliders
+    assert again.emitters == made.emitters

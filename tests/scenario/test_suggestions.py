@@ -65,7 +65,7 @@ def hint(more: str) -> str:
         ("[[magnets]]", 'the force of a "field"'),
         ("[[charges]]", 'of type "coulomb"'),
         ("[[boids]]", '"flocking" is a type of [[interactions]]'),
-        ("[[hinges]]", "[[joints]] of type"),
+        ("[[hinges]]", "[[joints]] hold rigid bodies together"),
         ("[[bodies]]\nshape = { type = 'cube', size = [1, 1, 1] }", 'psim calls it "box"'),
         ("[[interactions]]\ntype = 'contact'\nmodel = 'dem'", '"linear"'),
         ("[[interactions]]\ntype = 'gravity'\nG = 1", '"constant" of a "gravity"'),

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.engine.state.columns import fetch, note, span, store, type_of
+from particlesim.colliders.response import crossable
+from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
 from particlesim.engine.step.impacts import (
+    Careful,
     Simple,
     crossings,
+    nearest,
     overlapped,
     passable,
     pushed,
@@ -16,6 +19,7 @@ from particlesim.engine.step.impacts import (
     trace,
 )
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
@@ -52,13 +56,40 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
             _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.cores, (), c, before, first, last, t, end, h, True)
+            for lo in range(first, last, BLOCK):
+                hi = min(lo + BLOCK, last)
+                if is_deep(part.cores, block_of(c, lo, hi), end):
+                    _collide(part.cores, (), c, before, lo, hi, t, end, h, True)
 
 
 def core_of(p: Any) -> Any:
     """What is hard in a soft particle: half of its radius. What is too fast for its law, or pressed too hard, gets that far
     into a collider and no further."""
     return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
+
+
+def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any:
+    """Where a step to q began; for what is soft, which nobody keeps, as far back as its velocity tells."""
+    if soft:
+        return moved_to(q, q.x - h * q.vx, q.y - h * q.vy, q.z - h * q.vz, q.vx, q.vy, q.vz, begin)
+    return moved_to(
+        q, before[0, i], before[1, i], before[2, i], before[3, i], before[4, i], before[5, i], begin
+    )
+
+
+def is_deep(contacts: Any, q: Any, t: Any) -> Any:
+    """Whether the core of some particle of a block may be in a collider, or behind a thin one."""
+    if isinstance(contacts, Careful) and (
+        contacts.one_by_one is not None or any(crossable(each) for each in contacts.continuous)
+    ):
+        return True
+    colliders = (
+        contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    )
+    deep = False
+    for i in range(q.x.size):
+        deep |= nearest(colliders, core_of(fetch(q, i, t))) < 0
+    return deep
 
 
 def _collide(
@@ -78,16 +109,7 @@ def _collide(
         begin, hi = span(c.clock, i, t, end, h)
         if hi > 0:
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
-            p = moved_to(
-                q,
-                before[0, i],
-                before[1, i],
-                before[2, i],
-                before[3, i],
-                before[4, i],
-                before[5, i],
-                begin,
-            )
+            p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
                 k = q.m / hi
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))

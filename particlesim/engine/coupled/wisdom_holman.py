@@ -66,7 +66,7 @@ class Orbits(NamedTuple):
     def kicking(self, elements: tuple[Any, ...]) -> Orbits:
         """The same with the interactions of a share, gravity among them without Kepler's part."""
         kicks = list(elements)
-        kicks[self.gravity] = kicks[self.gravity]._replace(spans=self.spans)
+        kicks[self.gravity] = kicks[self.gravity]._replace(spans=self.spans, last=None)
         return self._replace(elements=tuple(kicks))
 
 

@@ -17,7 +17,7 @@ from particlesim.engine.diagnosis.strongest_force import strongest
 from particlesim.engine.diagnosis.undefined_paths import astray
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.stability.limits import remedy
+from particlesim.engine.stability.limits import explicit_sets, remedy
 from particlesim.engine.stability.linearised import IslandModel
 from particlesim.engine.state.columns import Columns, fetch
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
@@ -277,7 +277,9 @@ def _report(
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
         structure = world.graph.islands[number]
-        hint += f": {remedy(stable, limited=bool(structure.constraints) or structure.has_pairs)}"
+        hint += (
+            f": {remedy(stable, limited=bool(structure.constraints) or bool(explicit_sets(world, number)))}"
+        )
     return DivergenceError(message, hint, found)
 
 

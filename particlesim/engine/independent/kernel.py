@@ -126,7 +126,7 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
 
 def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
     """The step of the marked particles that lie on colliders, which then are no longer marked. Returns whether others are
-    left; these are back at the beginning of the step."""
+    left."""
     left = False
     for i in range(c.x.size):
         if program.contacts.one_by_one is not None and not room.marks[i]:
@@ -142,7 +142,7 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
         hits = room.marks[i] & (not calm)
         room.marks[i] = hits
         left |= hits
-        store(c, i, chosen(hits, p, chosen(lies, r, q)))
+        store(c, i, chosen(lies, r, q))
         remember(c.memory, i, lies, restart(recall(c.memory, i)))
     return left
 
@@ -152,7 +152,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
     for i in range(c.x.size):
         if room.marks[i]:
             begin, hi = span(c.clock, i, t, end, h)
-            p = fetch_known(c, inverse, i, begin)
+            p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
             q, memory, outcome, hit = trace(
                 program.method,
                 program.dynamics,

@@ -37,9 +37,9 @@ ROOM = 8
 """Pairs for each particle to have room for at first: those of a dense heap, of which some are in two chunks."""
 APART, HOLDS, SLIDES = range(3)
 """In `state`: whether a pair touches, and how."""
-BUILT, WANTED, FRESH = range(3)
-"""In `report`: the number of the neighbour lists that these are made from, the pairs that there would be, and whether forces
-are those of the present state since it was concluded."""
+BUILT, WANTED, FRESH, ROUND = range(4)
+"""In `report`: the number of the neighbour lists that these are made from, the pairs that there would be, whether forces are
+those of the present state since it was concluded, and how often memories have been brought up to date, from 1 on."""
 
 Array = NDArray[Any]
 
@@ -96,7 +96,7 @@ def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> 
     """Lists of nothing."""
     groups = places // GROUP
     report = np.zeros(8, np.int64)
-    report[BUILT] = -1
+    report[BUILT], report[ROUND] = -1, 1
     return Lists(
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),

@@ -13,15 +13,26 @@ import numpy as np
 from particlesim.colliders.moving import MovingRecord, frame_at, into, out_of, ride
 from particlesim.colliders.response import belt_along
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.contact_lists import APART, Memory, new_memory
+from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
 from particlesim.engine.interactions.interaction import Site
+from particlesim.engine.interactions.neighbours.record import FAR
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
 from particlesim.engine.state.columns import fetch, presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.interactions import PairSet
 from particlesim.laws.pair import Pair
-from particlesim.laws.registry import gap, gap_and_normal
+from particlesim.laws.registry import Particle, gap, gap_and_normal
 from particlesim.scenario.reach import held_back
+
+
+class Marks(NamedTuple):
+    """What particles remember of a wall, by their rows: `state` [n], twice the round (`contact_lists.ROUND`) in which they
+    touched it last, and 1 more if they slid; `anchor` and `rolled` [3, n] as in `contact_lists.Memory`."""
+
+    state: Any
+    anchor: Any
+    rolled: Any
+
 
 ENDLESS = 1e30
 """The radius of a wall [m], beside which that of a grain is nothing, also in single precision."""
@@ -61,9 +72,11 @@ def wall_gap(wall: Any, c: Any, row: Any, t: Any) -> Any:
 
 
 @outlined
-def press_wall(wall: Any, memory: Any, c: Any, inverse: Any, row: Any, t: Any, ago: Any, settles: Any) -> Any:
-    """A particle that overlaps a wall, in a step that began `ago` [s]; what it remembers is brought up to date if it
-    `settles`."""
+def press_wall(
+    wall: Any, memory: Any, c: Any, inverse: Any, row: Any, t: Any, ago: Any, turn: Any, settles: Any
+) -> Any:
+    """A particle that overlaps a wall, in a step that began `ago` [s] after a round; what it remembers is brought up to date
+    if it `settles`."""
     p = fetch(c, row, t)
     shape, q = local(wall, p)
     g, axes = gap_and_normal(shape, q)
@@ -101,12 +114,13 @@ def press_wall(wall: Any, memory: Any, c: Any, inverse: Any, row: Any, t: Any, a
         turning = Turning(arm, tuple(p.r * u for u in w), tuple(p.r * u for u in a))
     if memory is not None:
         k = (memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row])
-        held = Held(type_of(g, memory.state[row]), *k)
+        slid = type_of(g, SLIDES if (memory.state[row] & 1) != 0 else HOLDS)
+        held = Held(slid if memory.state[row] >> 1 == turn else zero, *k)
         if memory.rolled is not None:
             rolling = Rolling(w, a, (memory.rolled[0, row], memory.rolled[1, row], memory.rolled[2, row]))
     found = press(wall.law, pair, n, -g, held, turning, rolling)
     if settles & (memory is not None):
-        memory.state[row] = int(found.held.state)
+        memory.state[row] = 2 * (turn + 1) + (1 if found.held.state == SLIDES else 0)
         memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row] = (
             found.held.x,
             found.held.y,
@@ -125,13 +139,37 @@ def is_held_back(wall: Any, c: Any, row: Any) -> Any:
     return there if wall.members is None else there & (wall.members[row] != 0)
 
 
-def parted(memory: Any, row: Any) -> None:
-    """A particle does not touch a wall any more."""
-    if memory is not None:
-        memory.state[row] = APART
+def surrounding(each: Any, first: Any, last: Any) -> Any:
+    """A ball around all members in some places, as a particle [m]: its centre and radius; the radius is negative where there
+    is none."""
+    near, r = each.near, each.seen.r
+    low = tuple(type_of(r[first], np.inf) for _ in range(3))
+    x0, y0, z0 = low
+    x1, y1, z1, largest = -x0, -y0, -z0, r[first] - r[first]
+    for k in range(first, last):
+        x, y, z = near.x[0, k], near.x[1, k], near.x[2, k]
+        if near.wrap is not None:
+            x, y, z = x - near.wrap[0, k], y - near.wrap[1, k], z - near.wrap[2, k]
+        there = near.x[0, k] < FAR
+        x0, x1 = x if there & (x < x0) else x0, x if there & (x > x1) else x1
+        y0, y1 = y if there & (y < y0) else y0, y if there & (y > y1) else y1
+        z0, z1 = z if there & (z < z0) else z0, z if there & (z > z1) else z1
+        largest = r[k] if there & (r[k] > largest) else largest
+    half, one = type_of(largest, 0.5), type_of(largest, 1)
+    dx, dy, dz = half * (x1 - x0), half * (y1 - y0), half * (z1 - z0)
+    wide = np.sqrt(dx * dx + dy * dy + dz * dz)
+    return half * (x0 + x1), half * (y0 + y1), half * (z0 + z1), largest + wide if x0 <= x1 else -one
 
 
-def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Memory | None, ...]]:
+def is_clear(wall: Any, ball: Any, t: Any) -> Any:
+    """Whether nothing in a ball can touch a wall: gaps do not change faster than places."""
+    x, y, z, radius = ball
+    none = x - x
+    p = Particle(x, y, z, none, none, none, none + type_of(none, 1), radius, none, t, none)
+    return (radius < 0) | (gap(wall.shape, p) > 0)
+
+
+def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Marks | None, ...]]:
     """The colliders that the particles of a contact law meet, and what they remember of each."""
     law: Any = pairs.law
     names = list(pairs.groups)
@@ -152,6 +190,8 @@ def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Memory
         )
         memory = None
         if record.friction is not None:
-            memory = new_memory(site.whole.count, site.dtype, rolls=record.rolling is not None)
+            n, rolls = site.whole.count, record.rolling is not None
+            rolled = np.zeros((3, n), site.dtype) if rolls else None
+            memory = Marks(np.zeros(n, np.int64), np.zeros((3, n), site.dtype), rolled)
         memories.append(memory)
     return tuple(walls), tuple(memories)

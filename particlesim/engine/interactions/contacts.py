@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from particlesim.compiler import kernel, lanes, on_stack, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contact_lists import (
-    APART,
     BUILT,
     CHUNK,
     FRESH,
     ROOM,
+    ROUND,
     WANTED,
     Draft,
     Lists,
@@ -40,10 +40,12 @@ from particlesim.engine.interactions.contact_lists import (
     new_memory,
 )
 from particlesim.engine.interactions.contact_walls import (
+    Marks,
     Wall,
+    is_clear,
     is_held_back,
-    parted,
     press_wall,
+    surrounding,
     wall_gap,
     walls_of,
 )
@@ -96,7 +98,7 @@ class ContactColumns(NamedTuple):
     draft: Draft
     spin: Any
     walls: tuple[Wall, ...]
-    marks: tuple[Memory | None, ...]
+    marks: tuple[Marks | None, ...]
 
 
 class Contacts(NearLists, ContactColumns):
@@ -129,6 +131,7 @@ class Contacts(NearLists, ContactColumns):
                 self.lists.time[0] = t
                 self.near.report[DUE] = 0
                 self.lists.report[FRESH] = 1
+                self.lists.report[ROUND] += 1
             meet(share.gate, share.threads)
 
     def leave(self) -> None:
@@ -175,6 +178,7 @@ class Contacts(NearLists, ContactColumns):
             )
             draft = draft_for(lists)
         lists.time[:] = before.lists.time
+        lists.report[ROUND] = before.lists.report[ROUND]
         there = np.flatnonzero(place >= 0)
         for mine, theirs in zip(marks, before.marks, strict=True):
             for now, then in zip(mine or (), theirs or (), strict=True):
@@ -206,10 +210,10 @@ class Contacts(NearLists, ContactColumns):
             return self
         rest = iter(arrays)
 
-        def again(memory: Memory | None) -> Memory | None:
-            return (
-                None if memory is None else Memory(*(None if each is None else next(rest) for each in memory))
-            )
+        def again(memory: Any) -> Any:
+            if memory is None:
+                return None
+            return type(memory)(*(None if each is None else next(rest) for each in memory))
 
         lists = Lists(*[next(rest) for _ in range(8)], memory=None)  # type: ignore[misc]
         lists = lists._replace(memory=again(self.lists.memory))
@@ -279,8 +283,11 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
         total += take_pairs(each, first, last, what, False)
     else:
         total += take_pairs(each, first, last, what, True)
-    for wall, memory in zip(each.walls, each.marks, strict=True):
-        total += take_wall(each, c, wall, memory, first, last, t, what)
+    if len(each.walls) > 0:
+        ball = surrounding(each, first, last)
+        for wall, memory in zip(each.walls, each.marks, strict=True):
+            if not is_clear(wall, ball, t):
+                total += take_wall(each, c, wall, memory, first, last, t, what)
     return total
 
 
@@ -321,11 +328,13 @@ def take_pairs(each: Any, first: Any, last: Any, what: Any, shifted: Any) -> Any
             at[count] = e
             count += 1 if hit else 0
             if isinstance(what, Settle) and memory is not None:
-                memory.state[e] = memory.state[e] if hit else APART
+                memory.state[e] *= 1 if hit else 0  # APART, without a branch
+        column = 0
         for k in range(count):
             e = at[k]
-            i, q = lists.first[e], lists.second[e] & (MOST - 1)
-            gather(each, given, k, e, i, q)
+            gather(each, given, column, e, lists.first[e], lists.second[e] & (MOST - 1))
+            # k in other words, or this would be a loop over vectors: processors gather slower than they load
+            column += 1 if e >= 0 else 0
         for b in range((count + GROUP - 1) // GROUP):
             part, out = given[:, GROUP * b : GROUP * b + GROUP], found[:, GROUP * b : GROUP * b + GROUP]
             for i in lanes(GROUP):
@@ -445,7 +454,8 @@ def take_wall(each: Any, c: Any, wall: Any, memory: Any, first: Any, last: Any, 
             if is_held_back(wall, c, row):
                 touches = wall_gap(wall, c, row, t) < 0
             if touches:
-                at = press_wall(wall, memory, c, each.a[row], row, t, since(each, t), settles)
+                turn = each.lists.report[ROUND]
+                at = press_wall(wall, memory, c, each.a[row], row, t, since(each, t), turn, settles)
                 if isinstance(what, Energies):
                     total += float(at.energy)
                 elif isinstance(what, Powers):
@@ -454,8 +464,6 @@ def take_wall(each: Any, c: Any, wall: Any, memory: Any, first: Any, last: Any, 
                     for axis in range(3):
                         each.pull[k, axis] += at.force[axis]
                         each.pull[k, 3 + axis] += at.torque[axis]
-            elif settles:
-                parted(memory, row)
     return total
 
 

@@ -6,9 +6,10 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
 and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. Surfaces go past each other at
-u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and u/((1 + 5 s²/2) (w₁ + w₂)) stops them, 2/7 of it where spheres just
-touch; both are turned by it. So momentum and angular momentum are kept, and energy never grows, pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles
-lie on take part in the turns, so that what lies on a floor holds what lies on it.
+u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and u/((1 + 5 s²/2) (w₁ + w₂)) stops them, 2/7 of it where spheres
+just touch; both are turned by it. So momentum and angular momentum are kept, and energy never grows, pair by pair. An
+approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on take part in
+the turns, so that what lies on a floor holds what lies on it.
 
 Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as
 they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not
@@ -59,9 +60,9 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add to
-    the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there and
-    such speeds [4, n], and where those at each collider of each group end."""
+    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add
+    to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there
+    and such speeds [4, n], and where those at each collider of each group end."""
 
     rows: Any
     normal: Any

@@ -128,9 +128,11 @@ class CoupledIsland(BaseIsland):
     # ---- an interval: births, motion, deaths
 
     def begin(self, team: Team) -> None:
+        found = []
         for name, each in zip(self.names, self.interactions, strict=True):
             with self._scenario.at_interaction(name):
-                each.calibrate(self.island_columns(), team)
+                found.append(each.calibrate(self.island_columns(), team))
+        self.layout.take(tuple(found))
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None

@@ -16,6 +16,7 @@ from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.sums import measure
+from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     NOBODY,
@@ -51,7 +52,9 @@ from particlesim.engine.rigid.kernel import (
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
+from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
@@ -98,7 +101,10 @@ class RigidIsland(BaseIsland):
         self._made = made_joints(scenario, offset, self.bodies())
         self._springs = body_springs(scenario, offset, self.bodies())
         given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
-        self._scene, self._order = _scene(*given, scenario, self._made, tuple(s for _, s in self._springs))
+        springs, names = (
+            (tuple(part) for part in zip(*self._springs, strict=True)) if self._springs else ((), ())
+        )
+        self._scene, self._order = _scene(*given, scenario, self._made, names, self.books, springs)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -106,6 +112,10 @@ class RigidIsland(BaseIsland):
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
+        self.visitors: Visitors | None = None
+        """Particles that make the next step among the bodies."""
+        self.left: Left
+        """What became of them."""
         if self._made:
             self._close()
 
@@ -114,11 +124,6 @@ class RigidIsland(BaseIsland):
         whole = self._joined.whole
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
-
-    def rows_of(self, group: str) -> tuple[int, int]:
-        """The first body of a group, and the first after it."""
-        k = next(k for k, state in enumerate(self.states) if state.name == group)
-        return self._joined.bounds[k], self._joined.bounds[k + 1]
 
     def ids(self) -> NDArray[np.int64]:
         """Ids of all bodies."""
@@ -136,10 +141,12 @@ class RigidIsland(BaseIsland):
             close_joints(self._scene, self.bodies(), self._motion)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
-        done, report = first, np.zeros(2)
+        if self.visitors is not None:
+            return None, None, self._receive(first, self.visitors)
+        done, report, scene = first, np.zeros(2), self._booking()
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
-            done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
+            done += step_bodies(scene, *now, done, last - done, self.dt, report)
             if done < last and report[0] != FULL:
                 fault = self._fault(done, opened=report[0] == UNHELD)
                 self.go_back()
@@ -147,6 +154,31 @@ class RigidIsland(BaseIsland):
             if done < last:
                 self._make_room(2 * int(report[1]))
         return None, None, None
+
+    def _receive(self, step: int, visitors: Visitors) -> Fault | None:
+        """A step with particles among the bodies."""
+        b = self.bodies()
+        n, report = b.w.size, np.zeros(2)
+        whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
+        scene, motion = self._booking()._replace(guests=guests), new_motion(whole.w.size)
+        if scene.joints is not None:
+            scene = scene._replace(
+                joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
+            )
+        while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
+            if report[0] != FULL:
+                return self._fault(step, opened=report[0] == UNHELD)
+            self._make_room(2 * int(report[1]))
+            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, :n]
+        self.left = left(whole, guests, visitors, self.dt)
+        return None
+
+    def _booking(self) -> Scene:
+        """What acts on the bodies, and the books of it."""
+        books, work = self.books, self._scene.work
+        return self._scene if books is None else self._scene._replace(work=work._replace(totals=books.totals))
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
@@ -210,10 +242,11 @@ class RigidIsland(BaseIsland):
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
+        scene = self._scene._replace(work=None)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
-            done += step_bodies(self._scene, *given, first + done, steps - done, self.dt, report)
+            done += step_bodies(scene, *given, first + done, steps - done, self.dt, report)
             if done < steps and report[0] == FULL:
                 self._make_room(2 * int(report[1]))
         there = copied(self.island_columns())
@@ -291,6 +324,8 @@ def _scene(
     scenario: Scenario,
     made: Sequence[Made],
     springs: tuple[BodySprings, ...],
+    books: Books | None,
+    names: Sequence[str],
 ) -> tuple[Scene, NDArray[np.int64]]:
     """What acts on the bodies, and which of the joints that were made each one of it is."""
     stretches = tuple(
@@ -323,6 +358,7 @@ def _scene(
         joined,
         partners,
         partner_from,
+        None if books is None else _work(books, names),
     )
     return scene, order
 
@@ -336,6 +372,15 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
         tuple(record for record, other in zip(records, others, strict=True) if other is None),
         tuple(other for other in others if other is not None),
     )
+
+
+def _work(books: Books, names: Sequence[str]) -> Work:
+    """How the work on bodies is booked; `names` are those of their springs."""
+    spent = tuple(records for _, records in books.spent)
+    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
+    stored = tuple(records for _, records in books.stored)
+    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
+    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:

@@ -43,6 +43,16 @@ class Books:
         self._spent = [_chosen(named, mine, dtype, conservative=False) for mine in structure.forces]
         self._stored = [_chosen(named, mine, dtype, conservative=True) for mine in structure.forces]
 
+    @property
+    def spent(self) -> list[tuple[tuple[str, ...], tuple[Any, ...]]]:
+        """For every group, labels and records of the forces without a potential."""
+        return self._spent
+
+    @property
+    def stored(self) -> list[tuple[tuple[str, ...], tuple[Any, ...]]]:
+        """The same of those with one."""
+        return self._stored
+
     def add(self, name: str, joule: float) -> None:
         """Book an amount of energy [J]."""
         self.totals[self.names.index(name)] += joule

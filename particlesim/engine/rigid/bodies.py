@@ -76,7 +76,7 @@ class Motion(NamedTuple):
     sweeps go on [n, 9]; the body that stands for those that touch it, and their energies [n]; the cluster of each body, the
     bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with
     in each [n], and how many there are; forces and torques [n, 6]; the first of the components of joints in each cluster
-    [n], −1 for none."""
+    [n], −1 for none; velocities before a kick, and those with which its forces are summed, where work is booked [n, 6]."""
 
     now: Any
     inverse: Any
@@ -99,6 +99,8 @@ class Motion(NamedTuple):
     clusters: Any
     pull: Any
     first_component: Any
+    came: Any
+    stage: Any
 
 
 class Memory(NamedTuple):
@@ -140,7 +142,7 @@ def new_motion(bodies: int) -> Motion:
     return Motion(
         *(now, inverse, apart, gained, margin, start, other, before, onward),
         *(parent, gain, low, bend, cluster, ordered, *begins, np.zeros(bodies), np.zeros(1, np.int64)),
-        *(np.zeros((bodies, 6)), np.zeros(bodies, np.int64)),
+        *(np.zeros((bodies, 6)), np.zeros(bodies, np.int64), np.zeros((bodies, 6)), np.zeros((bodies, 6))),
     )
 
 

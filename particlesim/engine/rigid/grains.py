@@ -1,15 +1,14 @@
-"""Particles that touch rigid bodies: impulses between steps.
+"""Particles that touch rigid bodies.
 
-At the beginning of a step the way of every particle, as a body sees it, is followed up to the end of the step. The distance
-from a convex piece is a convex function of the time on a straight way, so Newton's method comes to where it touches, and
-never beyond; thin bodies hold back fast particles. There the impulse P at the place of contact is as between bodies,
+Those that may touch a body in a step are its guests: spheres among the bodies for that step, whose impulses are found
+together with those of all bodies and colliders (`solver`). So a grain on a box on a floor lies as still as another box
+would. What does not turn has an infinite moment of inertia.
 
-    u·n ≥ s,  P·n ≥ 0,  (u·n − s) P·n = 0,   |P_t| ≤ μ P·n,
-
-with u the velocity of the particle relative to the surface, and s = −e u·n for an impact, or the approach that the gap
-leaves room for where the two have touched in the step before: what lies does not rebound. Both get opposite impulses, which
-are found together (projected Gauss and Seidel). As between particles friction acts on the centre of a particle, which does
-not turn.
+The way of a guest, as a body sees it, is followed to where it touches. The distance from a convex piece is a convex function
+of the time on a straight way, so Newton's method comes there, and never beyond; thin bodies hold back fast particles. An
+impact at the time t is that of the two as they are then. As impulses are given in the middle of a step, both are moved
+afterwards to where they would be if they had been given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), which its own
+method moves with its new velocity from the beginning of the step on. So momentum and angular momentum are kept to rounding.
 """
 
 from __future__ import annotations
@@ -20,70 +19,39 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.engine.rigid.bodies import orientation, place, row
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
-from particlesim.engine.rigid.rotation import (
-    angular_velocity,
-    cross,
-    dot,
-    matrix,
-    to_body,
-    to_world,
-    turned_by,
-    world_inverse,
-)
+from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
 
 HOPS = 48
 """Steps of Newton's method at most."""
 NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
-SWEEPS = 40
-SETTLED = 1e-10
-"""Sweeps over all contacts at most; relative change of a speed below which nothing changes any more."""
-PART = 0.2
-"""Part of an overlap that is taken away in a step."""
+GRAINS = 1 << 48
+"""First number for the features of guests, which are their ids."""
 
 
-class Grains(NamedTuple):
-    """Particles that may touch bodies [n]: places and velocities [3, n], radii, 1/m, 0 for those that are held, ids."""
+class Guests(NamedTuple):
+    """Particles among bodies for a step: number of the first; their kinds, radii and ids [n]; by kind and group of bodies
+    whether they touch, restitution, static and kinetic friction [kinds, groups].
 
-    x: Any
-    v: Any
+    Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
+    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n].
+    """
+
+    first: int
+    kind: Any
     radius: Any
-    w: Any
     id: Any
-
-
-class Touches(NamedTuple):
-    """Contacts of particles and bodies [k]: which; the normal from the body to the particle, the way from the centre of the
-    body to the place of contact [3, k]; the gap now; speed to be reached; impulses [k, 3]; number, and how many found no
-    room [2]."""
-
-    grain: Any
-    body: Any
-    normal: Any
-    arm: Any
-    gap: Any
-    target: Any
-    impulse: Any
-    number: Any
-
-
-def new_touches(room: int) -> Touches:
-    """Room for contacts."""
-    grain, body = np.zeros(room, np.int64), np.zeros(room, np.int64)
-    return Touches(
-        grain,
-        body,
-        np.zeros((3, room)),
-        np.zeros((3, room)),
-        np.zeros(room),
-        np.zeros(room),
-        np.zeros((room, 3)),
-        np.zeros(2, np.int64),
-    )
+    touch: Any
+    restitution: Any
+    static: Any
+    kinetic: Any
+    when: Any
+    at: Any
+    shift: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
@@ -135,28 +103,64 @@ def inside(p: Any, s: Any, a: Any) -> Any:
 
 
 @kernel
-def find_touches(b: Any, first: Any, last: Any, g: Any, k: Any, h: Any) -> None:
-    """Note the contacts that particles have with bodies [first, last) now, or would come to within a time h."""
-    found, best = on_stack(1, 9, np.float64), on_stack(1, 8, np.float64)
+def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: Any) -> None:
+    """Which particles may come to bodies within a time h, into near [n]; `touch` [groups]: bodies that they touch."""
+    for i in range(b.w.size):
+        if touch[b.group[i]] > 0:
+            for m in range(radius.size):
+                d = (x[0, m] - b.x[0, i], x[1, m] - b.x[1, i], x[2, m] - b.x[2, i])
+                u = (v[0, m] - b.v[0, i], v[1, m] - b.v[1, i], v[2, m] - b.v[2, i])
+                reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
+                if dot(d, d) < reach * reach:
+                    near[m] = 1
+
+
+@outlined
+def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
+    """Note the contacts that guests have with bodies in a step of length h, of which half is over."""
+    found, best = on_stack(1, 9, np.float64), on_stack(1, 7, np.float64)
     p = b.pieces
-    for i in range(first, last):
-        x, r = place(b, i), matrix(orientation(b, i))
-        omega = angular_velocity(orientation(b, i), row(b.spin, i), row(b.inertia, i))
-        drift = (b.v[0, i], b.v[1, i], b.v[2, i])
-        group = b.group[i]
-        for m in range(g.w.size):
-            at = (g.x[0, m], g.x[1, m], g.x[2, m])
-            d = minus(at, x)
-            u = minus((g.v[0, m], g.v[1, m], g.v[2, m]), drift)
-            far = np.sqrt(dot(d, d)) - b.reach[i] - g.radius[m]
-            if far < h * np.sqrt(dot(u, u)):
-                u = minus(u, cross(omega, d))
-                best[0, 0] = np.inf
-                for number in range(p.first[group], p.first[group + 1]):
-                    follow(p, solid_of(p, number, x, r), k, i, m, x, at, u, g.radius[m], h, found, best)
-                if 0 < best[0, 0] <= h:
-                    n, arm = (best[0, 1], best[0, 2], best[0, 3]), (best[0, 4], best[0, 5], best[0, 6])
-                    note(k, m, i, n, arm, best[0, 7])
+    for m in range(guests.radius.size):
+        guest, which = guests.first + m, -1
+        at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
+        best[0, 0] = np.inf
+        for axis in range(3):
+            guests.shift[axis, m] = 0.0
+        for i in range(guests.first):
+            group = b.group[i]
+            if guests.touch[kind, group] > 0:
+                x, now, other = place(b, i), motion.now[i], motion.now[guest]
+                d = minus(at, x)
+                u = (other[0] - now[0], other[1] - now[1], other[2] - now[2])
+                far = np.sqrt(dot(d, d)) - b.reach[i] - radius
+                if far < h * np.sqrt(dot(u, u)) + slop:
+                    u = minus(u, cross((now[3], now[4], now[5]), d))
+                    r, had = matrix(orientation(b, i)), best[0, 0]
+                    begin = k.number[0]
+                    for number in range(p.first[group], p.first[group + 1]):
+                        s = solid_of(p, number, x, r)
+                        follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
+                    meet(guests, k, begin, kind, group)
+                    if best[0, 0] < had:
+                        which = i
+        guests.when[m] = 0.0
+        if 0 < best[0, 0] <= h:
+            n, group = (best[0, 1], best[0, 2], best[0, 3]), b.group[which]
+            where, begin = (best[0, 4], best[0, 5], best[0, 6]), k.number[0]
+            add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
+            meet(guests, k, begin, kind, group)
+            # It is where the body sees it as they touch.
+            guests.when[m] = best[0, 0] - 0.5 * h
+            b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(where, radius, n)
+        for axis in range(3):
+            guests.at[axis, m] = b.x[axis, guest]
+
+
+def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
+    """What the contacts of a guest do."""
+    for number in range(begin, k.number[0]):
+        e, static = guests.restitution[kind, group], guests.static[kind, group]
+        set_surface(k, number, e, static, guests.kinetic[kind, group])
 
 
 @outlined
@@ -165,149 +169,58 @@ def follow(
     s: Any,
     k: Any,
     i: Any,
-    m: Any,
-    center: Any,
+    guest: Any,
+    id: Any,
     at: Any,
     u: Any,
     radius: Any,
+    slop: Any,
     h: Any,
     found: Any,
     best: Any,
 ) -> None:
-    """Follow the way of particle m, which moves with u as body i sees it, to a piece.
+    """Follow the way of a guest, which moves with u as body i sees it, from the beginning of the step to a piece.
 
-    All pieces that it touches now are noted; of those that it would come to, the first one is kept in `best` [1, 8]: when,
-    the normal, the way from the centre of the body, the gap now.
+    All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 7]: when,
+    the normal, the place of contact.
     """
-    close = NEAR * p.fine[s.number]
-    now, n = away_from(p, s, at, found)
+    x = plus(at, -0.5 * h, u)
+    now, n = away_from(p, s, x, found)
     now -= radius
-    gap, t, x = now, 0.0, at
+    if now <= max(NEAR * p.fine[s.number], slop):
+        where = plus(at, -(radius + 0.5 * now), n)
+        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), now)
+        best[0, 0] = -np.inf
+        return
+    gap, t = now, 0.0
     falls = -dot(u, n)
     for _ in range(HOPS):
-        if gap <= close or not falls > 0 or t > h:
+        if gap <= NEAR * p.fine[s.number] or not falls > 0 or t > h:
             break
         t += gap / falls
-        x = plus(at, t, u)
+        x = plus(at, t - 0.5 * h, u)
         gap, n = away_from(p, s, x, found)
         gap -= radius
         falls = -dot(u, n)
-    arm = plus(minus(x, center), -(radius + gap), n)
-    if now <= close:
-        if falls > 0 or now < 0:  # what overlaps and moves apart is still to be moved apart
-            note(k, m, i, n, arm, now)
-            best[0, 0] = -np.inf
-    elif falls > 0 and t <= h and t < best[0, 0]:
-        best[0, 0], best[0, 7] = t, now
+    if falls > 0 and t <= h and t < best[0, 0]:
+        best[0, 0] = t
         best[0, 1], best[0, 2], best[0, 3] = n
-        best[0, 4], best[0, 5], best[0, 6] = arm
-
-
-def note(k: Any, m: Any, i: Any, n: Any, arm: Any, gap: Any) -> None:
-    """Note a contact."""
-    number = k.number[0]
-    if number >= k.grain.size:
-        k.number[1] += 1
-        return
-    k.grain[number], k.body[number], k.gap[number] = m, i, gap
-    for axis in range(3):
-        k.impulse[number, axis] = 0.0
-    k.normal[0, number], k.normal[1, number], k.normal[2, number] = n
-    k.arm[0, number], k.arm[1, number], k.arm[2, number] = arm
-    k.number[0] = number + 1
-
-
-@kernel
-def exchange(b: Any, g: Any, k: Any, known: Any, e: Any, static: Any, kinetic: Any, h: Any) -> None:
-    """Find and give the impulses of all contacts; `known` [k]: whether the two have touched in the step before."""
-    inverse = on_stack(1, 6, np.float64)
-    largest = 0.0
-    for c in range(k.number[0]):
-        m, i = k.grain[c], k.body[c]
-        u = dot(meeting(b, g, k, c, m, i), row(k.normal, c))
-        k.target[c] = -max(k.gap[c], 0.0) / h if known[c] or not u < 0 else -e * u
-        largest = max(largest, abs(u))
-    for _ in range(SWEEPS):
-        worst = 0.0
-        for c in range(k.number[0]):
-            m, i = k.grain[c], k.body[c]
-            world_inverse(orientation(b, i), row(b.inertia, i), inverse[0])
-            n = row(k.normal, c)
-            u = meeting(b, g, k, c, m, i)
-            had = dot((k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]), n)
-            give = yields(b, g, k, c, m, i, n, inverse[0])
-            press = max(had - (dot(u, n) - k.target[c]) / give, 0.0)
-            add(b, g, k, c, m, i, (n[0] * (press - had), n[1] * (press - had), n[2] * (press - had)))
-            worst = max(worst, abs(press - had) * give)
-            if static > 0:
-                worst = max(worst, rub(b, g, k, c, m, i, n, press, static, kinetic, inverse[0]))
-        if not worst > SETTLED * largest:
-            break
-    for c in range(k.number[0]):
-        m, i = k.grain[c], k.body[c]
-        both = g.w[m] + b.w[i]
-        if k.gap[c] < 0 and both > 0:
-            n, out = row(k.normal, c), -PART * k.gap[c] / both
-            for axis in range(3):
-                g.x[axis, m] += out * g.w[m] * k.normal[axis, c]
-                b.x[axis, i] -= out * b.w[i] * k.normal[axis, c]
-
-
-def meeting(b: Any, g: Any, k: Any, c: Any, m: Any, i: Any) -> Any:
-    """Velocity of the particle of a contact relative to the surface of its body."""
-    omega = angular_velocity(orientation(b, i), row(b.spin, i), row(b.inertia, i))
-    surface = plus((b.v[0, i], b.v[1, i], b.v[2, i]), 1.0, cross(omega, row(k.arm, c)))
-    return minus((g.v[0, m], g.v[1, m], g.v[2, m]), surface)
-
-
-def yields(b: Any, g: Any, k: Any, c: Any, m: Any, i: Any, n: Any, inverse: Any) -> Any:
-    """Change of the relative velocity along a direction by an impulse of 1 N s along it [1/kg]."""
-    arm = cross(row(k.arm, c), n)
-    return g.w[m] + b.w[i] + dot(arm, turned_by(inverse, arm))
-
-
-def add(b: Any, g: Any, k: Any, c: Any, m: Any, i: Any, impulse: Any) -> None:
-    """Give a particle an impulse, and its body the opposite one."""
-    twist = cross(row(k.arm, c), impulse)
-    for axis in range(3):
-        part = impulse[0] if axis == 0 else (impulse[1] if axis == 1 else impulse[2])
-        turn = twist[0] if axis == 0 else (twist[1] if axis == 1 else twist[2])
-        k.impulse[c, axis] += part
-        g.v[axis, m] += g.w[m] * part
-        b.v[axis, i] -= b.w[i] * part
-        b.spin[axis, i] -= turn
+        best[0, 4], best[0, 5], best[0, 6] = plus(x, -radius, n)
 
 
 @outlined
-def rub(
-    b: Any,
-    g: Any,
-    k: Any,
-    c: Any,
-    m: Any,
-    i: Any,
-    n: Any,
-    press: Any,
-    static: Any,
-    kinetic: Any,
-    inverse: Any,
-) -> float:
-    """Bring the friction of a contact nearer to what it is; returns the change of the speed along the surface."""
-    u = meeting(b, g, k, c, m, i)
-    u = plus(u, -dot(u, n), n)
-    speed = np.sqrt(dot(u, u))
-    had = (k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2])
-    had = plus(had, -dot(had, n), n)
-    wish = had
-    give = 1.0
-    if speed > 0:
-        along = (u[0] / speed, u[1] / speed, u[2] / speed)
-        give = yields(b, g, k, c, m, i, along, inverse)
-        wish = plus(had, -speed / give, along)
-    size = np.sqrt(dot(wish, wish))
-    if size > static * press:
-        part = kinetic * press / size
-        wish = (wish[0] * part, wish[1] * part, wish[2] * part)
-    change = minus(wish, had)
-    add(b, g, k, c, m, i, change)
-    return float(np.sqrt(dot(change, change)) * give)
+def settle_guests(scene: Any, b: Any, k: Any) -> None:
+    """Move bodies, but for those that joints hold, to where they would be if impacts of guests had been at their times; note
+    the same for guests."""
+    guests = scene.guests
+    for c in range(k.number[0]):
+        guest = k.second[c]
+        if guest >= guests.first:
+            m = guest - guests.first
+            for axis in range(3):
+                total = 0.0
+                for d in range(3):
+                    total += k.rows[c, d, axis] * k.impulse[c, d]
+                if scene.joints is None or scene.joined[k.first[c]] == 0:
+                    b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
+                guests.shift[axis, m] += guests.when[m] * b.w[guest] * total

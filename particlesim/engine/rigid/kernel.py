@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.fluids import Wetted, Whole, act, stored
+from particlesim.engine.rigid.grains import find_guests, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus, touch
 from particlesim.engine.rigid.rotation import (
@@ -32,6 +33,13 @@ from particlesim.engine.rigid.rotation import (
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
 from particlesim.engine.rigid.springs import pull
 from particlesim.engine.rigid.walls import touch_wall
+from particlesim.engine.rigid.work import (
+    copy_velocities,
+    damped_work,
+    kinetic,
+    stored_in,
+    take_means,
+)
 from particlesim.laws.registry import Particle, force, potential
 from particlesim.model.quaternions import times
 
@@ -54,7 +62,8 @@ class Scene(NamedTuple):
     """What acts on bodies: forces, springs, colliders, contact between groups; `arms` of the six points [3, n], mass, radius
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
     depend on velocities, else 1. Joints, None without; which bodies have one [n], and the bodies that each is joined to and
-    does not touch (`partners`, from `partner_from` on)."""
+    does not touch (`partners`, from `partner_from` on). What is booked, None where nothing is. Particles that may touch
+    bodies (`guests`), which are the last bodies then, None where there are none."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -70,6 +79,8 @@ class Scene(NamedTuple):
     joined: Any
     partners: Any
     partner_from: Any
+    work: Any
+    guests: Any = None
 
 
 def point_of(scene: Any, b: Any, i: Any, r: Any, now: Any, point: Any, t: Any) -> Any:
@@ -156,6 +167,9 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
     """Forces and torques of a step on all bodies. Where they depend on velocities, those are taken that bodies have after
     half of the kick (the midpoint rule)."""
     sum_all_forces(scene, b, motion, t)
+    if scene.work is not None:
+        copy_velocities(motion.now, motion.came)
+        copy_velocities(motion.now, motion.stage)
     if scene.stages == 2:
         for i in range(b.w.size):
             f, now = motion.pull[i], motion.now[i]
@@ -169,12 +183,60 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
             for component in range(scene.joints.next.size):
                 level(scene.joints, b, motion.now, motion.other, component)
         sum_all_forces(scene, b, motion, t)
+        if scene.work is not None:
+            copy_velocities(motion.now, motion.stage)
         for i in range(b.w.size):
             for axis in range(6):
                 motion.now[i, axis] = motion.before[i, axis]
     for i in range(b.w.size):
         f = motion.pull[i]
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
+
+
+@outlined
+def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
+    """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
+    `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
+    work, totals = scene.work, scene.work.totals
+    given = take_means(b, motion, h)
+    for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
+        for number, each in enumerate(laws):
+            for i in range(stretch.first, stretch.last):
+                totals[cause[number]] += h * power(scene, each, b, motion, i, t)
+    for number, springs in enumerate(scene.springs):
+        if work.damper[number] >= 0:
+            totals[work.damper[number]] += h * damped_work(springs, b, motion.stage, motion.other)
+    if touched:
+        totals[work.contact] += given
+
+
+@outlined
+def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
+    """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
+    r, total = matrix(orientation(b, i)), 0.0
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, motion.stage[i], point, t)
+        q, _ = point_of(scene, b, i, r, motion.other[i], point, t)
+        f = force((law,), p)
+        total += f[0] * q.vx + f[1] * q.vy + f[2] * q.vz
+    return total / POINTS
+
+
+@outlined
+def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
+    """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
+    total = kinetic(b, motion)
+    for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
+        for each in laws:
+            for i in range(stretch.first, stretch.last):
+                r, part = matrix(orientation(b, i)), 0.0
+                for point in range(POINTS):
+                    p, _ = point_of(scene, b, i, r, motion.now[i], point, t)
+                    part += potential(each, p)
+                total += part / POINTS
+    for springs in scene.springs:
+        total += stored_in(springs, b, motion.now)
+    return total
 
 
 def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
@@ -223,7 +285,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     Bodies are sorted along x by where they begin, which changes little from step to step; those whose balls overlap are
     looked at.
     """
-    n, order, margin = b.w.size, memory.order, motion.margin
+    n = b.w.size if scene.guests is None else scene.guests.first
+    order, margin = memory.order, motion.margin
     k.number[0] = k.number[1] = 0
     for i in range(n):
         m = motion.now[i]
@@ -253,6 +316,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
                 near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
                 if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
                     touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+    if scene.guests is not None:
+        find_guests(scene.guests, b, k, motion, scene.slop, h)
 
 
 def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
@@ -322,7 +387,16 @@ def step_bodies(
         held = True
         if k.number[0] > 0 or scene.joints is not None:
             solve(b, k, motion, memory, scene.joints, dt)
+        if scene.work is not None:
+            book_step(scene, b, motion, k.number[0] > 0, middle, dt)
+        if k.number[0] > 0:
+            before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)
+            if scene.guests is not None:
+                settle_guests(scene, b, k)
+            if scene.work is not None:
+                velocities(b, motion)
+                scene.work.totals[scene.work.contact] += energy_of(scene, b, motion, middle) - before
         if not (held and drift(scene, b, motion, 0.5 * dt)):
             report[0] = UNHELD
             return step

@@ -21,13 +21,14 @@ from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
-from particlesim.integrators import METHODS, Method
+from particlesim.integrators import METHODS, ImplicitMethod, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
     amplification,
     eigenvalues,
     growth,
     has_function,
+    judged,
     largest_step,
 )
 
@@ -62,7 +63,7 @@ class IslandStability:
     rods: bool = False
     """Whether there are rods, which methods without a limit cannot hold."""
     pairs: bool = False
-    """Whether there are interactions of pairs, which have a limit with implicit methods, too: they are not in the matrix."""
+    """Whether there are interactions that have a limit with implicit methods, too: they are not in the matrix."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
@@ -152,7 +153,7 @@ def suspects(world: World) -> Stability:
 def remedy(step: float, *, limited: bool) -> str:
     """What to try when steps are longer than the largest stable one [s].
 
-    `limited`: with rods, which methods without a limit cannot hold, or interactions of pairs, which those leave explicit.
+    `limited`: with rods, which methods without a limit cannot hold, or interactions that those leave explicit.
     """
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
     names = () if limited else unlimited()
@@ -223,18 +224,48 @@ def _judged(world: World, number: int) -> IslandStability:
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
+    excluded = explicit_sets(world, number)
+    left_out = excluded if isinstance(method, ImplicitMethod) else ()
+    forces = {label: largest_step(method, system) for label, system in found.forces.items()}
+    forces |= {label: _explicit_step(method, spectra[label]) for label in left_out if label in forces}
+    step = min(
+        largest_step(method, found.together), *(forces[each] for each in left_out if each in forces), math.inf
+    )
+    if left_out and grid.dt > step:
+        total = math.inf
     return IslandStability(
         names,
         method,
-        {label: largest_step(method, system) for label, system in found.forces.items()},
-        largest_step(method, found.together),
+        forces,
+        step,
         total,
         found.how,
         values,
         spectra,
         bool(structure.constraints),
-        structure.has_pairs,
+        bool(excluded),
     )
+
+
+def explicit_sets(world: World, number: int) -> tuple[str, ...]:
+    """Names of the interactions of an island that implicit methods have in the forces and not in the matrix."""
+    island = world.islands[number]
+    return tuple(
+        name
+        for name, each in zip(island.names, island.interactions, strict=False)
+        if not each.by_chunks and not each.numbers
+    )
+
+
+def _explicit_step(method: Method, values: NDArray[np.complex128]) -> float:
+    """The largest step of an implicit method under forces that are not in its matrix [s].
+
+    A single solve takes them at the beginning of the step, as symplectic Euler does: h ω < 2. Newton's iterations go on with
+    γ² h² ω² of their error, which must be less than 1.
+    """
+    assert isinstance(method, ImplicitMethod)
+    fastest = float(np.abs(judged(values)).max(initial=0.0))
+    return (1 / method.gamma if method.iterates else 2.0) / fastest if fastest > 0 else math.inf
 
 
 def _surely_stable(world: World, number: int) -> bool:
@@ -245,6 +276,8 @@ def _surely_stable(world: World, number: int) -> bool:
     method, grid = model.structure.method, world.scenario.grid
     if not method.by_modes:
         return grid.dt <= _by_orbits(world, number)
+    if isinstance(method, ImplicitMethod) and explicit_sets(world, number):
+        return False
     limits = model.box()
     if limits is None:
         if model.structure.coupled:

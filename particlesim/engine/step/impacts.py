@@ -499,6 +499,23 @@ def _reached(
 
 
 @outlined
+def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as what slides over an
+    edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if none."""
+    half = type_of(h, 0.5)
+    part, found, r = h, h - h, p
+    for _ in range(MAX_HALVINGS):
+        part = part * half
+        q, _, on, turn = _glide(method, dynamics, forces, contacts, p, part, memory, SURE)
+        if any(on) and turn >= 1 and ahead(contacts.continuous, on, q) >= 0:
+            late, _ = _crossing(contacts, on, p, q, part)
+            if late >= part:
+                found, r = part, q
+                break
+    return found, r
+
+
+@outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome, and the first impact
     that somebody hears of (None where nobody would).
@@ -508,12 +525,14 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     if isinstance(contacts, Simple):
         return p, memory, PASS, None
     left = h
+    end = p.t + h
     hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
     if len(contacts.continuous) > 0:
         impacts = 0
         stalls = 0
+        early = False
         calm = CALM
         p, outcome = _separate(contacts.continuous, p, p, contacts)
         legal = p
@@ -537,7 +556,15 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
+                early = outcome == PASS
                 break
+            if calm == SURE and not any(on):
+                tau, r = _lying(method, dynamics, forces, contacts, p, left, memory)
+                if tau > 0:
+                    p, memory = r, restart(memory)
+                    left = left - tau
+                    impacts += 1
+                    continue
             if stalls == MAX_STALLS:
                 # From now on it lies where it touches.
                 calm, stalls = SURE, 0
@@ -558,6 +585,9 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             memory = restart(memory)
             left = left - tau
             calm = LIVELY
+        if early:  # what moves has gone on meanwhile
+            p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+            p, outcome = _separate(contacts.resting, p, p, contacts)
         if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
             p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
     else:

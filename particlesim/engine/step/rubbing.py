@@ -1,9 +1,9 @@
 """Friction of colliders on spheres that turn: after impacts and rest without it, whose normal impulses it goes by.
 
 The surface of a sphere goes past a collider at u = v_t − r ω × n, less the velocity of the collider's surface. A tangential
-impulse over mass of 2/7 |u| ends that, as a sphere has I = 2/5 m r²; friction gives it up to μ_s J, with J the normal impulse
-over mass, else μ_k J. What rolls has u = 0 and is left alone; on a slope it rolls with 5/7 of what pulls it, while that takes
-no more than μ_s J.
+impulse over mass of 2/7 |u| ends that, as a sphere has I = 2/5 m r²; friction gives it up to μ_s J, with J the normal
+impulse over mass, else μ_k J. What rolls has u = 0 and is left alone; on a slope it rolls with 5/7 of what pulls it, while
+that takes no more than μ_s J.
 
 Source: the collision of a sphere with a rough wall, O. R. Walton, in Particulate Two-Phase Flow (1993), with a tangential
 restitution of −1 or 0.
@@ -53,8 +53,8 @@ def rub(c: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
 
 
 def rubbed(colliders: Any, c: Any, i: Any, q: Any, r: Any, h: Any) -> Any:
-    """Particle i at the end r of a step of h that colliders without friction have made of q, with the friction that goes with
-    their impulses: those of colliders that it may have touched, one after the other."""
+    """Particle i at the end r of a step of h that colliders without friction have made of q, with the friction that goes
+    with their impulses: those of colliders that it may have touched, one after the other."""
     left = (r.vx - q.vx, r.vy - q.vy, r.vz - q.vz)
     if left[0] != 0 or left[1] != 0 or left[2] != 0:
         far = h * (_size(q) + _size(r)) + type_of(h, NEAR) * r.r

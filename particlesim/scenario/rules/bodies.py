@@ -103,7 +103,7 @@ def jointed(scenario: Tables) -> Iterator[Invalid]:
 
 
 def kept(scenario: Tables) -> Iterator[Invalid]:
-    """Bodies need double precision, their work is not booked, and only they turn."""
+    """Bodies need double precision, and only they turn."""
     output = scenario.output
     if not scenario.bodies:
         for j, name in enumerate(output.fields or ()):
@@ -122,8 +122,6 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
             here,
             allowed='"double"',
         )
-    if output.work:
-        yield Invalid("the work on rigid bodies cannot be booked", ("output", "work"), here)
 
 
 def held(scenario: Tables) -> Iterator[Invalid]:
