@@ -9,6 +9,7 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.formula import PairFormula
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
@@ -39,6 +40,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_jumping(scenario),
         *_unrepeated(scenario),
         *contact_doubts(scenario),
         *penalty_doubts(scenario),
@@ -148,6 +150,24 @@ def _explicit(scenario: Scenario) -> list[str]:
             found.append(
                 f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
                 "those of an explicit method, or equations will not be solved"
+            )
+    return found
+
+
+def _jumping(scenario: Scenario) -> list[str]:
+    """Formulas of pairs whose energy or force jumps at a distance."""
+    found = []
+    for each in pair_sets(scenario):
+        jump = each.law.jump() if isinstance(each.law, PairFormula) else None
+        if jump is not None and jump.of == "energy":
+            found.append(
+                f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "
+                "does that work: energy is not kept where pairs pass there"
+            )
+        elif jump is not None:
+            found.append(
+                f"the force of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} N for some pair: methods lose "
+                "their order where pairs pass there"
             )
     return found
 
