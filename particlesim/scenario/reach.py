@@ -108,10 +108,9 @@ def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -
 
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     """All interactions between particles, each with its name in the ledger and its groups."""
-    labels = scenario.force_labels()[-len(scenario.interactions) :]
     return tuple(
         PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
-        for label, each in zip(labels, scenario.interactions, strict=False)
+        for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if each.between is None or len(interacting(each, scenario.groups)) == 2
     )
 

@@ -193,12 +193,17 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def own(scene: Any, b: Any) -> int:
+    """How many bodies there are without guests."""
+    return int(b.w.size if scene.guests is None else scene.guests.first)
+
+
 @outlined
 def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
     """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
     `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
-    given = take_means(b, motion, h)
+    given = take_means(b, motion, own(scene, b), h)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -214,7 +219,7 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
 def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
     """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
     r, total = matrix(orientation(b, i)), 0.0
-    if isinstance(law, Swept | Whole | Wetted):
+    if isinstance(law, Whole | Wetted | Swept):
         now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
         for part in range(6):
             out[0, part] = 0.0
@@ -232,27 +237,28 @@ def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
 
 
 @outlined
+def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
+    """Potential energy of body i in a law [J]."""
+    r, m, total = matrix(orientation(b, i)), motion.now[i], 0.0
+    if isinstance(law, Whole | Wetted):
+        return float(stored(law, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r))
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, m, point, t)
+        total += potential(law, p)
+    return total / POINTS
+
+
+@outlined
 def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
-    total = kinetic(b, motion)
+    total = kinetic(b, motion, own(scene, b))
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
-                total += energy_in(scene, each, b, i, motion.now[i], t)
+                total += potential_of(scene, each, b, motion, i, t)
     for springs in scene.springs:
         total += stored_in(springs, b, motion.now)
     return total
-
-
-def energy_in(scene: Any, law: Any, b: Any, i: Any, now: Any, t: Any) -> float:
-    """Potential energy of body i under a law [J]."""
-    r, total = matrix(orientation(b, i)), 0.0
-    if isinstance(law, Whole | Wetted):
-        return float(stored(law, as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t), r))
-    for point in range(POINTS):
-        p, _ = point_of(scene, b, i, r, now, point, t)
-        total += potential(law, p)
-    return total / POINTS
 
 
 def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
@@ -462,4 +468,4 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
         for axis in range(3):
             out[1 + axis] += b.spin[axis, i]
         for number, each in enumerate(laws):
-            out[4 + number] += energy_in(scene, each, b, i, m, t)
+            out[4 + number] += potential_of(scene, each, b, motion, i, t)
