@@ -182,6 +182,20 @@ def test_a_sheet_does_not_fall_through_another_and_gains_nothing(speed: float) -
     simulation.close()
 
 
+def test_implicit_steps_let_nothing_through_and_gain_nothing() -> None:
+    scene = falling(dt=5e-3, speed=4.0, n=5)
+    scene["simulation"]["integrator"] = "backward_euler"
+    simulation, highest = Simulation(ps.from_table(scene), threads=1), np.inf
+    for step in range(0, 61, 10):
+        simulation.advance_to(step)
+        assert not crossings(*features(simulation))
+        now = energy(simulation)
+        assert now < highest
+        highest = now
+    assert contacts_of(simulation).report[3] > 0  # they lie on each other
+    simulation.close()
+
+
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
