@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import orientation, place, row
-from particlesim.engine.rigid.fluids import Wetted, Whole, act, stored
+from particlesim.engine.rigid.fluids import Swept, Wetted, Whole, act, stored
 from particlesim.engine.rigid.grains import find_guests, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus, touch
@@ -193,12 +193,17 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def own(scene: Any, b: Any) -> int:
+    """How many bodies there are without guests."""
+    return int(b.w.size if scene.guests is None else scene.guests.first)
+
+
 @outlined
 def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
     """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
     `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
-    given = take_means(b, motion, h)
+    given = take_means(b, motion, own(scene, b), h)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -214,6 +219,15 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
 def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
     """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
     r, total = matrix(orientation(b, i)), 0.0
+    if isinstance(law, Whole | Wetted | Swept):
+        now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
+        for part in range(6):
+            out[0, part] = 0.0
+        p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
+        act(law, p, r, (now[3], now[4], now[5]), out)
+        for part in range(6):
+            total += out[0, part] * mean[part]
+        return total
     for point in range(POINTS):
         p, _ = point_of(scene, b, i, r, motion.stage[i], point, t)
         q, _ = point_of(scene, b, i, r, motion.other[i], point, t)
@@ -223,17 +237,25 @@ def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
 
 
 @outlined
+def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
+    """Potential energy of body i in a law [J]."""
+    r, m, total = matrix(orientation(b, i)), motion.now[i], 0.0
+    if isinstance(law, Whole | Wetted):
+        return float(stored(law, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r))
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, m, point, t)
+        total += potential(law, p)
+    return total / POINTS
+
+
+@outlined
 def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
-    total = kinetic(b, motion)
+    total = kinetic(b, motion, own(scene, b))
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
-                r, part = matrix(orientation(b, i)), 0.0
-                for point in range(POINTS):
-                    p, _ = point_of(scene, b, i, r, motion.now[i], point, t)
-                    part += potential(each, p)
-                total += part / POINTS
+                total += potential_of(scene, each, b, motion, i, t)
     for springs in scene.springs:
         total += stored_in(springs, b, motion.now)
     return total
@@ -445,13 +467,5 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
         out[0] += 0.5 * dot(row(b.spin, i), (m[3], m[4], m[5]))
         for axis in range(3):
             out[1 + axis] += b.spin[axis, i]
-        r = matrix(orientation(b, i))
         for number, each in enumerate(laws):
-            if isinstance(each, Whole | Wetted):
-                out[4 + number] += stored(each, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r)
-            else:
-                total = 0.0
-                for point in range(POINTS):
-                    p, _ = point_of(scene, b, i, r, m, point, t)
-                    total += potential(each, p)
-                out[4 + number] += total / POINTS
+            out[4 + number] += potential_of(scene, each, b, motion, i, t)

@@ -187,7 +187,8 @@ def _within_numbers(world: World, number: int) -> Iterator[None]:
         with np.errstate(over="raise", invalid="raise"):  # too large, and infinite from the beginning
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
-        structure = world.graph.islands[number]
+        structure, island = world.graph.islands[number], world.islands[number]
+        island.refuse_wild(world.time)
         names = " and ".join(repr(group.name) for group in structure.groups)
         masses = [state.mass[: state.count] for state in world.islands[number].states if state.count]
         least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
