@@ -253,7 +253,7 @@ def _reasons(scenario: Scenario, name: str) -> Iterator[str]:
             f"particles of {name!r} can meet {' and '.join(met)}: a path with a kink has no order "
             "above the first, and bounces amplify differences"
         )
-    for label, force in zip(scenario.force_labels(), scenario.forces, strict=False):
+    for label, force in zip(scenario.labels.forces, scenario.forces, strict=True):
         if acts_on(force, group) and (kink := force.kink()) is not None:
             yield f"{label} is not smooth: {kink}"
     if any(kick.on is None or name in kick.on for kick in scenario.impulses):

@@ -17,13 +17,17 @@ from particlesim.integrators.whfast import WisdomHolmanMethod
 
 
 class Part(NamedTuple):
-    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last)."""
+    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last). `cores`: contacts that
+    particles of half the radius have, where a softer law acts before; None where there are none. `rubbing`: colliders with
+    the friction that those in `contacts` lack, as particles spin."""
 
     dynamics: tuple[Any, ...]
     forces: tuple[Any, ...]
     contacts: tuple[Any, ...]
     first: int
     last: int
+    cores: Any = None
+    rubbing: tuple[Any, ...] = ()
 
 
 class StagedComposition(NamedTuple):
@@ -63,9 +67,9 @@ class StagedEmbedded(NamedTuple):
 
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
-    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other
-    methods."""
+    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk]. Where
+    particles spin there are as many rows again of the first three: torques, angles and angular velocities. `system`: the
+    equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods."""
 
     force: Any
     before: Any
@@ -135,15 +139,18 @@ NO_LOOK_BACK = Composition | Verlet | WisdomHolmanMethod
 """Methods that do not need the state at the beginning of a step."""
 
 
-def scratch(method: Method, count: int, chunk: int, dtype: Any, *, looks_back: bool) -> Work:
+def scratch(
+    method: Method, count: int, chunk: int, dtype: Any, *, looks_back: bool, spins: bool = False
+) -> Work:
     """Scratch arrays for an island in chunks of some size; without `looks_back`, contacts and rods do not need the beginning
     of a step."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
+    rows = 12 if spins else 6
     return Work(
-        np.zeros((3, count), dtype),
-        np.zeros((6, count), dtype) if looks_back or not isinstance(method, NO_LOOK_BACK) else None,
-        np.zeros((stages, 6, count), dtype),
+        np.zeros((rows // 2, count), dtype),
+        np.zeros((rows, count), dtype) if looks_back or not isinstance(method, NO_LOOK_BACK) else None,
+        np.zeros((stages, rows, count), dtype),
         np.zeros((3, chunk), dtype),
         np.zeros((estimates, 6, chunk), dtype),
     )

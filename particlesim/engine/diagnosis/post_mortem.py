@@ -48,6 +48,8 @@ WHY = {
 }
 """What is told of a particle whose own steps could not go on, and what to do about it."""
 
+UNCLOSED = "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step"
+"""What to do about joints of bodies."""
 UNHELD = (
     "try a smaller dt; where rods leave no way to move, as a straight chain between two pins or a braced square that is "
     "bent out of its plane, no step is small enough: leave a rod out, or use springs"
@@ -104,6 +106,11 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
             f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
         )
         return _report(world, number, sign, "not held", time, text, UNHELD)
+    if (joint := fault.unclosed) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
+        text = f"joint {joint.name!r} could not be held in the step from t = {time:.9g} s; body {{who}} was"
+        return _report(world, number, sign, "not held", time, text, UNCLOSED)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(world, number, row, first, fault.step)
     if early is None:

@@ -104,8 +104,12 @@ class Interaction:
         state at the beginning of the step, where it `looks_back`. It ends with a `meet`.
         """
 
+    def leave(self) -> None:
+        """Forget what held only since the last `conclude`: others may change the state before the next step."""
+
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        """Add its forces on particles [first, last) at time t to total [3, n].
+        """Add its forces on particles [first, last) at time t to total [3, n], and torques on them to rows 3 to 5 where
+        particles spin.
 
         Where particles may be born or die, what particle j does to others counts `presence(c.clock, j)` times; whether those
         are there themselves makes no difference here.
@@ -156,11 +160,12 @@ class Interaction:
         """The same with room for so many threads to work at it together."""
         return self
 
-    def calibrate(self, c: Any, team: Team) -> None:
-        """Find out once, before the first step, what steps need to know; what is found is among `changing`.
+    def calibrate(self, c: Any, team: Team) -> Self:
+        """The same after it has found out once, before the first step, what steps need to know, which is among `changing`.
 
         Raises UsageError where it cannot be as was asked for.
         """
+        return self
 
     def summary(self) -> str | None:
         """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
@@ -302,6 +307,15 @@ def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t:
     for each in sets:
         if type(each).concludes:
             conclude_set(each, parts, c, before, share, t, h)
+    if sum([type(each).concludes for each in sets]) > 1:  # one may have changed what another has seen
+        leave_elements(sets)
+
+
+def leave_elements(sets: Any) -> None:
+    """Let sets forget what held only since they were concluded."""
+    for each in sets:
+        if type(each).concludes:
+            type(each).leave(each)
 
 
 @outlined

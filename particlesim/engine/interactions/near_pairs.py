@@ -205,11 +205,12 @@ class NearPairs(NearLists, NearColumns):
 # What laws see of particles in the lists
 
 
-def bring_up(each: Any, c: Any, share: Any, t: Any) -> Any:
-    """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed."""
+def bring_up(each: Any, c: Any, share: Any, t: Any, further: Any = (), quiet: Any = ()) -> Any:
+    """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed. So with
+    `further` columns and where they go; those that are `quiet` go there too, and whether they change does not matter."""
     columns, seen = columns_read(each, c), each.seen
     moving, fixed = _read(columns[3:6], seen[3:6]), _read(columns[6:], seen[6:])
-    return refresh(each.near, c, share, t, moving, fixed)
+    return refresh(each.near, c, share, t, (*moving, *further), fixed, quiet)
 
 
 def _read(columns: Any, rows: Any) -> Any:

@@ -116,7 +116,7 @@ class CoupledIsland(BaseIsland):
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         ((bonds, work, share),) = self.layout.shares(1)
         island_forces(self.layout.parts, bonds, self.island_columns(), work, share, time)
-        return np.array(work.force)
+        return np.array(work.force[:3])
 
     def fit(self) -> None:
         if self.constraint is not None:
@@ -129,9 +129,11 @@ class CoupledIsland(BaseIsland):
     # ---- an interval: births, motion, deaths
 
     def begin(self, team: Team) -> None:
+        found = []
         for name, each in zip(self.names, self.interactions, strict=True):
             with self._scenario.at_interaction(name):
-                each.calibrate(self.island_columns(), team)
+                found.append(each.calibrate(self.island_columns(), team))
+        self.layout.take(tuple(found))
 
     def refuse_wild(self, time: float) -> None:
         for name, each in zip(self.names, self.interactions, strict=True):
@@ -141,6 +143,7 @@ class CoupledIsland(BaseIsland):
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
         fault = self._move(first, last, team) if self.layout.count else None
+        self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         return born, deaths, fault
 

@@ -16,6 +16,7 @@ from particlesim.engine.interactions.bond_layout import FINEST, LEAST, chunk_siz
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.table import SPIN
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
@@ -57,7 +58,14 @@ class Layout:
         pieces = any(each.by_chunks for each in interactions) or constraint is not None
         pieces = pieces or isinstance(self._method, ImplicitMethod)
         self._chunk = chunk_size(self.count, LEAST if pieces else FINEST)
-        self.work = scratch(self._method, self.count, self._chunk, self.dtype, looks_back=looks_back)
+        self.work = scratch(
+            self._method,
+            self.count,
+            self._chunk,
+            self.dtype,
+            looks_back=looks_back,
+            spins=SPIN in whole.parts,
+        )
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         if isinstance(self._method, WisdomHolmanMethod):
@@ -77,9 +85,12 @@ class Layout:
 
     def renew(self) -> None:
         """Let interactions begin an interval anew, so that it does not depend on those before."""
-        renewed = tuple(each.renewed() for each in self.interactions)
-        if any(new is not old for new, old in zip(renewed, self.interactions, strict=True)):
-            self.interactions = renewed
+        self.take(tuple(each.renewed() for each in self.interactions))
+
+    def take(self, interactions: Interactions) -> None:
+        """Have the same interactions with other arrays."""
+        if any(new is not old for new, old in zip(interactions, self.interactions, strict=True)):
+            self.interactions = interactions
             self._shares.clear()
 
     def cooled(self, columns: Columns) -> Columns:
@@ -147,19 +158,22 @@ def _own(work: Work, share: Share, forms: tuple[Any, ...], dtype: Any) -> Work:
 
 def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:
     """The groups of an island as kernels take them; `bounds` are the borders of their rows."""
-    return tuple(
-        as_precision(
-            Part(
-                dynamics_record(group),
-                tuple(force.record() for force in island.forces[k]),
-                contacts_record(island.colliders[k], group, dtype),
-                bounds[k],
-                bounds[k + 1],
-            ),
-            dtype,
-        )
-        for k, group in enumerate(island.groups)
-    )
+    parts = []
+    for k, group in enumerate(island.groups):
+        colliders, cores = island.colliders[k], None
+        heard = dict(zip(map(id, colliders), island.heard[k], strict=True)) if island.heard else {}
+        if island.touched_softly(group.name):
+            bouncing = [each for each in colliders if each.contact == "bounce"]
+            colliders = tuple(each for each in colliders if each.contact != "bounce")
+            cores = contacts_record(bouncing, group, dtype) if bouncing else None
+        forces = tuple(force.record() for force in island.forces[k])
+        turns = island.spins(group.name) and any(each.rubs for each in colliders)
+        rubbing = tuple(each.record() for each in colliders) if turns else ()
+        numbers = [heard.get(id(each)) for each in colliders]
+        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns)
+        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
+        parts.append(as_precision(part, dtype))
+    return tuple(parts)
 
 
 def _cooling(groups: Sequence[Group], bounds: Sequence[int]) -> tuple[Floats, Floats] | None:

@@ -42,8 +42,7 @@ def undifferentiable(scenario: Tables) -> Iterator[Invalid]:
 
 def _without_derivatives(scenario: Tables) -> Iterator[tuple[Path, str, str, list[str]]]:
     """Every force without derivatives: its place, its name, why it has none, and the groups that it acts on."""
-    labels = scenario.force_labels()
-    for k, (label, force) in enumerate(zip(labels, scenario.forces, strict=False)):
+    for k, (label, force) in enumerate(zip(scenario.labels.forces, scenario.forces, strict=True)):
         groups = [group.name for group in scenario.groups if acts_on(force, group)]
         needed = (triangle_force_dv,) if force.on_surfaces else (force_dx, force_dv)
         if not all(has_law(derivative, force.record()) for derivative in needed):
