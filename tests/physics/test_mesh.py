@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -352,6 +353,46 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had() -> None:
 def test_two_in_one_place_are_told() -> None:
     with pytest.raises(PsimError, match="particles 0 and 1 of 'bodies' are at the same place"):
         begun(told([[0.25, 0.1, 0.1], [1.25, 0.1, 0.1]], {}))
+
+
+def waves(n: int, **given: Any) -> dict[str, Any]:
+    layout = {"type": "waves", "counts": [n, n, n], "size": [2.0, 2.0, 2.0], **given}
+    scenario = told([[0.0, 0.0, 0.0]], {"accuracy": 1e-2, "softening": 0.02}, (2, 2, 2), mass=8 / n**3)
+    scenario["particles"][0]["layout"] = layout
+    return scenario
+
+
+def test_a_wave_grows_as_jeans_says() -> None:
+    # γ² = 4π G ρ in a medium; a lattice of 16 bodies in the wave differs by (k d)²/12 in the sines of its own waves, 1 %
+    rate = math.sqrt(4 * math.pi)
+    scenario = waves(12, contrast=0.01, wave=(0, 1, 0), rate=rate)
+    scenario["simulation"] |= {"duration": 0.3, "dt": 0.01}
+    scenario["output"] |= {"every": 30}
+    with closing(Simulation(ps.from_table(scenario), threads=1)) as simulation:
+        k = np.array([0.0, np.pi, 0.0])
+        state = simulation.states[0]
+        before = np.exp(-1j * state.position @ k).mean()
+        simulation.advance_to(30)
+        after = np.exp(-1j * state.position @ k).mean()
+        assert abs(before) == pytest.approx(0.01 / math.sqrt(2), rel=1e-3)  # √2 · contrast · cos has ±k
+        assert after / before == pytest.approx(math.exp(0.3 * rate), rel=0.02)
+        assert np.abs(state.velocity[:, [0, 2]]).max() < 1e-2 * np.abs(state.velocity[:, 1]).max()
+
+
+def test_random_waves_have_the_contrast_and_the_slope_asked_for() -> None:
+    with closing(
+        Simulation(ps.from_table(waves(16, contrast=1e-3, slope=-2, shortest=3)), threads=1)
+    ) as simulation:
+        x = simulation.states[0].position
+    numbers = np.array(list(itertools.product(range(-3, 4), repeat=3)))
+    found = np.abs(np.exp(-1j * np.pi * x @ numbers.T).mean(axis=0)) ** 2
+    square = (numbers**2).sum(axis=1)
+    some = square > 0
+    assert found[some].sum() == pytest.approx(1e-6, rel=2e-2)
+    # power times k² is the same for all; means of so many squares of Gauss's numbers differ by 11 %, three times
+    flat = found[some] * square[some]
+    low, high = square[some] <= 9, square[some] > 9
+    assert flat[low].mean() == pytest.approx(flat[high].mean(), rel=0.35)
 
 
 # The parts
