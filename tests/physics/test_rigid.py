@@ -272,7 +272,7 @@ def test_all_bodies_that_touch_are_found(large: float) -> None:
     place = rng.uniform(0, 3, (300, 3)) * [2.0, 1.0, 3.0]
     balls = [
         ball(0.15, layout={"type": "points", "position": place.tolist()}),
-        ball(0.05, layout={"type": "points", "position": (place[::2] + [0.1, 0, 0.12]).tolist()}),
+        ball(0.05, layout={"type": "points", "position": (place[::2] + np.array([0.1, 0.0, 0.12])).tolist()}),
     ]
     if large:
         balls.append(ball(large, position=[3.0, 1.0, 4.0]))
