@@ -22,7 +22,7 @@ from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
-from particlesim.emitters.emitter import Burst, Die
+from particlesim.emitters.emitter import Burst, Die, OnImpact
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
 from particlesim.expressions.parser import MAX_DEPTH, MAX_LENGTH
 from particlesim.flows import FLOWS
@@ -103,6 +103,8 @@ def parts() -> Iterator[str]:
     yield table(Emitter)
     yield "### Burst"
     yield summary(Burst) + "\n\n" + table(Burst)
+    yield "### Births of impacts"
+    yield summary(OnImpact) + "\n\n" + table(OnImpact)
     yield "### Die"
     yield summary(Die) + "\n\n" + table(Die)
     yield "## Shapes"

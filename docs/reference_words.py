@@ -18,7 +18,7 @@ from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
 from particlesim.colliders.solid import Solid
 from particlesim.emitters import Emitter
-from particlesim.emitters.emitter import Burst, Die
+from particlesim.emitters.emitter import Burst, Die, OnImpact
 from particlesim.flows import Flow
 from particlesim.flows.fluids import FluidName
 from particlesim.forces import Force
@@ -76,6 +76,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Friction, "[friction](#friction)"),
     (FallingRestitution, "[restitution](#restitution)"),
     (Burst, "[burst](#burst)"),
+    (OnImpact, "[births of impacts](#births-of-impacts)"),
     (Die, "[die](#die)"),
     (Atmosphere, "[standard_atmosphere](#standard_atmosphere)"),
     (Distribution, "[distribution](#distributions)"),

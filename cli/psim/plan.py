@@ -51,7 +51,7 @@ def plan(
     return {
         "title": scenario.title,
         "groups": [group.name for group in scenario.groups],
-        "forces": list(scenario.force_labels()),
+        "forces": list(scenario.labels.all),
         "particles": required.particles,
         "births": required.births,
         "duration": grid.duration,

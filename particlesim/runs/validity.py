@@ -46,6 +46,8 @@ def check_ledger(simulation: Simulation) -> None:
     if not simulation.scenario.output.ledger:
         return
     if (name := infinite(simulation.ledger())) is not None:
+        for island in simulation.islands:
+            island.refuse_wild(simulation.time)
         raise UsageError(
             f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
         )
@@ -226,7 +228,7 @@ class Watch:
         self._overflowed: dict[str, float] = {}
         self._laws = [
             (label, force)
-            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+            for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
             if isinstance(force, StokesDrag) and force.rho is not None
         ]
 

@@ -2,11 +2,11 @@
 
     python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0] [--particles 1024] [--only mesh]
 
-Every round draws a scene: a room of six walls with one of them twice (coincident planes), a wall across a corner and a ball, or
-one of all other shapes, at rest or led and turned, once or twice in the same place, in a hollow sphere about it. All have some
-restitution, loss, and friction; there is gravity or none, a step, and many particles at speeds from 10⁻³ to 10⁵ m/s: anywhere,
-in corners, on edges, grazing along walls, or at rest on them. Prints the particles that break a rule and, at the end,
-particle-steps of each scene; exit code 1 if a rule is broken.
+Every round draws a scene: a room of six walls with one of them twice (coincident planes), a wall across a corner and a ball,
+or one of all other shapes, at rest or led and turned, once or twice in the same place, in a hollow sphere about it. All have
+some restitution, loss, and friction; there is gravity or none, a step, and many particles at speeds from 10⁻³ to 10⁵ m/s:
+anywhere, in corners, on edges, grazing along walls, or at rest on them. Prints the particles that break a rule and, at the
+end, particle-steps of each scene; exit code 1 if a rule is broken.
 """
 
 from __future__ import annotations
@@ -212,7 +212,9 @@ def main() -> None:
         for each in found:
             print(each, flush=True)
     for name, (number, took, bad) in sorted(table.items()):
-        print(f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken")
+        print(
+            f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken"
+        )
     print(f"{done:,} particle-steps, {wrong} broken rules; next seed {seed}")
     sys.exit(1 if wrong else 0)
 

@@ -293,3 +293,24 @@ def test_the_dead_leave_and_others_go_on_touching() -> None:
     assert found.rows.size == found.rows.max() + 1 == cloth.count + balls.count
     one.close()
     two.close()
+
+
+@pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
+def test_balls_and_ropes_rebound_by_the_closed_form(e: float) -> None:
+    # a ball hits another one, and a rope falls across another one: both relative velocities are turned around, times e
+    groups = [
+        points((-0.11, 0, 0), (0.0, 0, 0), name="balls", mass=[0.1, 0.3], radius=0.05),
+        rope("lower", [-0.5, 1.0, 0], [0.5, 1.0, 0], 2),
+        rope("upper", [0, 1.02, -0.5], [0, 1.02, 0.5], 2),
+    ]
+    law = {**TOUCH, "restitution": e, "friction": 0.3}
+    simulation = Simulation(ps.from_table(table(1.0, 1e-3, particles=groups, interactions=[law])), threads=1)
+    velocity = np.zeros((6, 3))
+    velocity[0, 0], velocity[4:, 1] = 1.0, -3.0
+    start, v = after_moving(simulation, velocity, 0.05)
+    assert np.abs(v[:2, 0] - (0.25 - 0.75 * e, 0.25 + 0.25 * e)).max() < 8 * EPS
+    assert abs((v[4:, 1].mean() - v[2:4, 1].mean()) - 3 * e) < 32 * EPS
+    x = np.stack([simulation.islands[0].island_columns().y])[0]
+    assert x[4:].mean() - x[2:4].mean() > THIN * (1 - 1e-9)
+    assert np.abs(start[4:, 1] - 1.02).max() == 0
+    simulation.close()

@@ -64,7 +64,7 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
 from particlesim.engine.interactions.touching import normal_of, touching
-from particlesim.engine.state.columns import Spin, type_of
+from particlesim.engine.state.columns import Spin, in_step, type_of
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.laws.contact import touch
@@ -124,8 +124,9 @@ class Contacts(NearLists, ContactColumns):
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         if remembers(self):
-            look_at(self, c, share, t)
-            take_chunks(self, c, share, t, Settle())
+            ahead = in_step(c, t, t + float(h))  # who is there in the next step, as forces will be asked for
+            look_at(self, ahead, share, t)
+            take_chunks(self, ahead, share, t, Settle())
             meet(share.gate, share.threads)
             if share.number == 0:
                 self.lists.time[0] = t
@@ -162,20 +163,14 @@ class Contacts(NearLists, ContactColumns):
 
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Contacts)
-        lists, draft, marks = self.lists, self.draft, self.marks
+        near, lists, draft, marks = self.near, self.lists, self.draft, self.marks
         if lists.memory is not None:
             i, j, at = contacts_in(before.lists)
             i, j = place[i], place[j]
             left = (i >= 0) & (j >= 0)
             room = max(lists.first.size, before.lists.first.size)
-            lists = lists_of(
-                self.near.order.size,
-                self.near.place.size,
-                room,
-                (i[left], j[left]),
-                before.lists.memory,
-                at[left],
-            )
+            found = (i[left], j[left]), before.lists.memory, at[left]
+            lists = lists_of(near.members, near.order.size, near.place.size, room, *found)
             draft = draft_for(lists)
         lists.time[:] = before.lists.time
         lists.report[ROUND] = before.lists.report[ROUND]

@@ -46,7 +46,8 @@ def take_means(b: Any, motion: Any, bodies: Any, h: Any) -> float:
         for axis in range(6):
             mean[axis] = 0.5 * (was[axis] + now[axis])
         for axis in range(3):
-            total += ((now[axis] - was[axis]) / b.w[i] - h * f[axis]) * mean[axis]
+            if b.w[i] > 0:  # a guest that is held does not move
+                total += ((now[axis] - was[axis]) / b.w[i] - h * f[axis]) * mean[axis]
             total += motion.gained[i, axis] * mean[3 + axis]
     return total
 
@@ -80,6 +81,7 @@ def kinetic(b: Any, motion: Any, bodies: Any) -> float:
     total = 0.0
     for i in range(bodies):
         m, spin = motion.now[i], row(b.spin, i)
-        total += 0.5 / b.w[i] * (m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
+        if b.w[i] > 0:  # a guest that is held does not move
+            total += 0.5 / b.w[i] * (m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
         total += 0.5 * (m[3] * spin[0] + m[4] * spin[1] + m[5] * spin[2])
     return total

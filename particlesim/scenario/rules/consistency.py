@@ -10,7 +10,7 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
-from particlesim.scenario.rules import bodies, impacts, interactions, joints, periodic
+from particlesim.scenario.rules import bodies, impacts, interactions, joints, periodic, walls
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
@@ -232,6 +232,7 @@ CHECKS = (
     joints.motions,
     led_colliders,
     impacts.heard,
+    walls.room,
     joints.pairs,
     joints.pulled,
     joints.joined,
