@@ -87,6 +87,10 @@ class World:
         """For every set of springs that can break: how many are broken, and how many there were."""
         return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
 
+    def missed_crossings(self) -> int:
+        """How often particles have passed a collider that looks at the end of steps alone without being seen."""
+        return sum(state.missed_crossings() for state in self.states)
+
     def methods(self) -> dict[str, str]:
         """How the forces of interactions are summed, by their names in the ledger, where there is something to tell."""
         return {

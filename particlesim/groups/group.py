@@ -213,6 +213,19 @@ class Particles(Group):
         return self
 
     @model_validator(mode="after")
+    def _given_once(self) -> Particles:
+        for name in sorted(self.layout.attributes()):
+            for own in (name, "density") if name == "mass" else (name,):
+                if getattr(self, own) is not None:
+                    raise invalid(
+                        f"a {self.layout.type} layout gives its particles their {name}",
+                        at=(own,),
+                        also=[(("layout", name), "here")],
+                        hint=f"leave {own} out, or place the particles by another layout",
+                    )
+        return self
+
+    @model_validator(mode="after")
     def _turning(self) -> Particles:
         values, number = self.angular_velocity, self.layout.number()
         if (

@@ -20,7 +20,7 @@ from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 from particlesim.model.vectors import square
 
-PairMethod = Literal["auto", "direct", "neighbours", "tree"]
+PairMethod = Literal["auto", "direct", "neighbours", "tree", "mesh"]
 """How forces of pairs may be summed."""
 Shift = Literal["none", "energy", "force"]
 
@@ -41,7 +41,7 @@ class PairInteraction(Model):
     `force`, so that both energy and force end at 0."""
     method: PairMethod = "auto"
     """How forces are summed: `direct` takes every pair, `neighbours` only those within the cutoff, by lists, `tree` lets far
-    particles act by multipoles, and `auto` takes what is fastest."""
+    particles act by multipoles, `mesh` takes all images of a periodic box, and `auto` takes what is fastest."""
 
     formula: ClassVar[str]
     """The law in one line, with the symbols of the parameters."""
@@ -86,6 +86,16 @@ class PairInteraction(Model):
         return self
 
     @model_validator(mode="after")
+    def _has_waves(self) -> PairInteraction:
+        if self.method == "mesh" and (why := self.lacks_a_mesh()):
+            raise invalid(
+                f"{self.type} cannot be summed with a mesh: {why}",
+                at=("method",),
+                allowed='"auto", "direct", "neighbours"',
+            )
+        return self
+
+    @model_validator(mode="after")
     def _ends(self) -> PairInteraction:
         if self.method == "neighbours" and self.reach() is None and not self.touching():
             raise invalid(
@@ -119,8 +129,16 @@ class PairInteraction(Model):
         """Why far particles cannot act by multipoles; None if they can."""
         return "its law is not that of 1/r, so it has no multipoles"
 
+    def lacks_a_mesh(self) -> str | None:
+        """Why its sum over all images of a periodic box cannot be found with a mesh; None if it can."""
+        return "its law is not that of 1/r, whose images have a sum by Ewald"
+
     def random(self) -> bool:
         """Whether its forces are random, and read the ids of particles."""
+        return False
+
+    def changes(self) -> bool:
+        """Whether forces between particles at rest change with time."""
         return False
 
     def reach(self) -> float | None:

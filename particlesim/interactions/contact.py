@@ -18,7 +18,8 @@ Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technol. 206, 269 (20
 dashpot); S. Luding, Granul. Matter 10, 235 (2008) for ρ; B. V. Derjaguin, V. M. Muller, Yu. P. Toporov, J. Colloid
 Interface Sci. 53, 314 (1975).
 
-`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`.
+`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`; and surfaces and strands, which
+never pass through each other: see `engine.interactions.surfaces`.
 """
 
 from __future__ import annotations
@@ -57,6 +58,10 @@ class Contact(PairInteraction):
     model: Literal["impulse", "linear", "hertz"] = "impulse"
     """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
     `hertz`: the same with the elasticity of spheres."""
+    surfaces: bool | None = None
+    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets and hair with their edges, as thick as
+    twice the radius of their particles; `impulse` alone can, and does unless this is false. Else particles touch as
+    spheres."""
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
     """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
@@ -119,6 +124,21 @@ class Contact(PairInteraction):
                 allowed="friction = 0.5, say",
             )
         return self
+
+    @model_validator(mode="after")
+    def _touches(self) -> Contact:
+        if self.surfaces and self.model != "impulse":
+            raise invalid(
+                'surfaces touch by impulses: this belongs to model = "impulse"',
+                at=("surfaces",),
+                also=[(("model",), f"{self.model} here")],
+            )
+        return self
+
+    @property
+    def by_surfaces(self) -> bool:
+        """Whether layouts that have triangles or edges touch with them."""
+        return self.model == "impulse" and self.surfaces is not False
 
     @model_validator(mode="after")
     def _ends_by_itself(self) -> Contact:

@@ -1,4 +1,4 @@
-"""Interactions with the potential Σ w/√(r² + ε²), of which far particles act by multipoles."""
+"""Interactions with the potential Σ w/√(r² + ε²), of which far particles act by multipoles, or by a mesh."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class FarInteraction(PairInteraction):
     """An interaction by mass or charge that has no end, with U = −c w₁ w₂/√(r² + ε²)."""
 
     accuracy: Annotated[Number, Ge(LEAST_ACCURACY), Le(MOST_ACCURACY)] = 1e-3
-    """Root of the mean square of the relative errors of forces that is allowed where far particles act by multipoles."""
+    """Root of the mean square of the relative errors of forces that is allowed where far particles act by multipoles or by a
+    mesh."""
 
     by: ClassVar[str]
     """The attribute w."""
@@ -30,6 +31,21 @@ class FarInteraction(PairInteraction):
     def softening_length(self) -> float:
         """ε [m]."""
         return float(getattr(self, "softening", 0.0))
+
+    def far_softening(self) -> float:
+        """The ε [m] that far particles see, also where near ones see another law."""
+        return self.softening_length()
+
+    def near_reach(self) -> float:
+        """Distance up to which the law is another one than that of far particles [m]."""
+        return 0.0
+
+    def lacks_a_mesh(self) -> str | None:
+        if self.cutoff is not None:
+            return "all images act on each other, and with a cutoff they do not"
+        if self.between is not None:
+            return "pairs between two groups are summed one by one"
+        return None
 
     def lacks_multipoles(self) -> str | None:
         if self.cutoff is not None:
@@ -45,6 +61,8 @@ class FarInteraction(PairInteraction):
             raise invalid(
                 "direct sums have no error to allow", at=("accuracy",), also=[(("method",), "here")]
             )
-        if given and (why := self.lacks_multipoles()):
+        by_tree, by_mesh = self.lacks_multipoles(), self.lacks_a_mesh()
+        why = {"tree": by_tree, "mesh": by_mesh}.get(self.method, by_tree if by_mesh else None)
+        if given and why:
             raise invalid(f"there is no error to allow: {why}", at=("accuracy",))
         return self

@@ -58,6 +58,12 @@ class MutualGravity(FarInteraction):
     def everywhere(self) -> bool:
         return self.softening > 0
 
+    def far_softening(self) -> float:
+        return 0.0 if self.softened == "spline" else self.softening
+
+    def near_reach(self) -> float:
+        return SPLINE_REACH * self.softening if self.softened == "spline" else 0.0
+
     def lacks_multipoles(self) -> str | None:
         if self.softened == "spline":
             return "far particles act as Plummer spheres there, not as splines"

@@ -76,6 +76,24 @@ def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum(law: 
     )  # equal masses part at a right angle, as contacts take time
 
 
+@pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
+def test_the_books_of_a_contact_balance_in_its_middle_too(law: dict[str, Any]) -> None:
+    """At the turn all energy relative to the centre, m v²/4, is in the contact; what dampers and friction take is booked."""
+    kept = meeting(law, 2e-5, duration=0.02, output={"every": 5, "ledger": True}).ledger
+    stored, start = kept["potential.contact"], kept["kinetic"][0]
+    assert start == pytest.approx(M / 2)
+    assert stored.max() == pytest.approx(start / 2, rel=1e-3)
+    assert kept["kinetic"] + stored == pytest.approx(np.full(len(stored), start), rel=1e-3)
+    lossy = {**law, "restitution": 0.5, "friction": 0.4}
+    output = {"every": 5, "ledger": True, "work": True}
+    books = meeting(lossy, 1e-5, duration=0.02, beside=0.8 * R, output=output).ledger
+    lost = -books["work.contact"][-1]
+    assert lost > 0.1 * start
+    assert (
+        np.abs(books["balance"]).max() < 3e-3 * lost
+    )  # the contact begins and ends within steps: an error of first order
+
+
 def test_friction_takes_what_coulomb_allows() -> None:
     # a quick glancing impact slides all the time: Δv_t = μ Δv_n
     mu, beside = 0.1, 1.4 * R

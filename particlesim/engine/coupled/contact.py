@@ -6,7 +6,18 @@ from typing import Any, NamedTuple
 
 from particlesim.colliders.response import crossable
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import Careful, Simple, nearest, overlapped, respond, trace
+from particlesim.engine.step.impacts import (
+    Careful,
+    Simple,
+    crossings,
+    nearest,
+    overlapped,
+    passable,
+    pushed,
+    respond,
+    tell,
+    trace,
+)
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
@@ -39,7 +50,8 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
     """
     for part in parts:
-        if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
+        hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
+        if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
             _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
         if part.cores is not None:
@@ -103,13 +115,21 @@ def _collide(
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 half, whole = type_of(h, 0.5), type_of(h, 1)
                 parabola = CompositionRecord((half, half), (whole, None))
-                r, _, outcome = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
+                r, _, outcome, hit = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)
+                tell(c.hit, i, hit)
             else:
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
             if len(rubbing) > 0 and c.spin is not None:
                 r = rubbed(rubbing, c, i, q, r, hi)
+            if len(contacts.soft) > 0:
+                free = r
+                r = pushed(contacts.soft, free, hi)
+                if r.vx != free.vx or r.vy != free.vy or r.vz != free.vz:
+                    forget(c.memory, i)
+            if c.missed is not None and len(passable(contacts)) > 0:
+                c.missed[i] += crossings(contacts, p, r, hi)
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

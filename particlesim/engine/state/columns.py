@@ -54,7 +54,9 @@ class Spin(NamedTuple):
 
 class Columns(NamedTuple):
     """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
-    each None where no law reads it; `spin` is None where particles do not turn."""
+    each None where no law reads it; `spin` is None where particles do not turn; `missed` how many colliders a particle has
+    passed unseen, None where none can be; `hit` the first impact of the present step, in the order of `HIT`, empty where
+    nobody hears of it."""
 
     x: Any
     y: Any
@@ -69,6 +71,8 @@ class Columns(NamedTuple):
     memory: tuple[Any, ...]
     further: tuple[Any, ...] = ()
     spin: Any = None
+    missed: Any = None
+    hit: tuple[Any, ...] = ()
 
 
 def cut(column: Any, first: Any, last: Any) -> Any:
@@ -250,7 +254,23 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
     if c.clock is None:
         return c
     clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
-    return Columns(c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further, c.spin)
+    return Columns(
+        c.x,
+        c.y,
+        c.z,
+        c.vx,
+        c.vy,
+        c.vz,
+        c.m,
+        c.r,
+        c.thermal,
+        clock,
+        c.memory,
+        c.further,
+        c.spin,
+        c.missed,
+        c.hit,
+    )
 
 
 def presence(clock: Any, i: Any) -> Any:

@@ -38,7 +38,8 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
         for key, name in strangers(each, [group.name for group in groups]):
             yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
         if not groups:
-            yield Invalid(f"no group can feel {each.label}", ("interactions", k))
+            hint = "rigid bodies touch each other without it" if scenario.bodies else None
+            yield Invalid(f"no group of particles can feel {each.label}", ("interactions", k), hint=hint)
         for group in groups:
             path, _ = tables[group.name]
             if missing := each.lacks(group.name):

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from particlesim.colliders import Collider, Plane
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.far import FarInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.vectors import unit
 from particlesim.scenario.box import PeriodicBox
@@ -19,6 +20,7 @@ def repeated(scenario: Tables) -> Iterator[Invalid]:
     """Everything in a periodic box makes sense in all of its images."""
     box = scenario.simulation.box
     if box is None:
+        yield from _unboxed(scenario)
         return
     yield from _reaches(scenario, box)
     for path, collider in collider_tables(scenario):
@@ -40,19 +42,42 @@ def repeated(scenario: Tables) -> Iterator[Invalid]:
             )
 
 
+def _unboxed(scenario: Tables) -> Iterator[Invalid]:
+    """What says something of a mesh where nothing repeats."""
+    for k, each in enumerate(scenario.interactions):
+        if each.method == "mesh":
+            yield Invalid(
+                "a mesh sums over all images of a box that is periodic along all axes, and there is none",
+                ("interactions", k, "method"),
+                allowed='"auto", "direct", "tree"',
+                hint="[simulation] box = { size = [10, 10, 10] } (m) makes one",
+            )
+        elif (
+            isinstance(each, FarInteraction)
+            and each.method == "auto"
+            and "accuracy" in each.model_fields_set
+            and (why := each.lacks_multipoles())
+        ):
+            yield Invalid(f"there is no error to allow: {why}", ("interactions", k, "accuracy"))
+
+
 def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
-    """Interactions end within half of the box, so that one image of every particle is enough."""
+    """Interactions end within half of the box, so that one image of every particle is enough; or all images act."""
     axis, shortest = min(
         ((k, size) for k, size in enumerate(box.size) if box.periodic[k]), key=lambda each: each[1]
     )
     for k, each in enumerate(scenario.interactions):
         here: Path = ("interactions", k)
-        if each.method == "tree":
+        summed = isinstance(each, FarInteraction) and each.lacks_a_mesh() is None
+        if summed and each.method in ("auto", "mesh"):
+            assert isinstance(each, FarInteraction)
+            yield from _images(each, here, box, shortest)
+        elif each.method == "tree":
             yield Invalid(
                 "a tree does not see the images of a periodic box",
                 (*here, "method"),
                 ((BOX, "here"),),
-                allowed='"auto", "direct", "neighbours"',
+                allowed='"auto", "mesh"' if summed else '"auto", "direct", "neighbours"',
             )
         elif isinstance(each, Contact) and not each.soft:
             yield Invalid(
@@ -66,10 +91,14 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
         elif (reach := each.reach()) is None:
             yield Invalid(
                 f"{each.label} has no end, and in a periodic box every image of every particle would act; "
-                "sums over all images are not supported",
+                + (
+                    "only a mesh sums over all images" if summed else "there is no sum over all images for it"
+                ),
                 here,
                 ((BOX, "a periodic box"),),
-                hint=f'cutoff = {shortest / 2:g} (m) or less, best with shift = "force", ends it',
+                hint='method = "mesh"'
+                if summed
+                else f'cutoff = {shortest / 2:g} (m) or less, best with shift = "force", ends it',
             )
         elif reach > shortest / 2:
             key = ("cutoff",) if each.cutoff is not None else ()
@@ -79,6 +108,28 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
                 (((*BOX, "size", axis), f"half of it is {shortest / 2:g} m"),),
                 allowed=f"up to {shortest / 2:g} m, or a larger box",
             )
+
+
+def _images(each: FarInteraction, here: Path, box: PeriodicBox, shortest: float) -> Iterator[Invalid]:
+    """Sums over all images, by a mesh."""
+    if not all(box.periodic):
+        axes = " and ".join("xyz"[k] for k in range(3) if not box.periodic[k])
+        yield Invalid(
+            f"{each.label} has no end, and sums over all images are there for boxes that are periodic along all axes; "
+            f"this one is not along {axes}",
+            (*here, "method") if each.method == "mesh" else here,
+            (((*BOX, "periodic"), "here"),),
+            hint="periodic = [true, true, true] and a box with much room along the other axes, "
+            f"or cutoff = {shortest / 2:g} (m) or less",
+        )
+    elif each.near_reach() > shortest / 2:
+        yield Invalid(
+            f"the spline of {each.label} reaches {each.near_reach():g} m, beyond half of the box, where it would meet two "
+            "images of a particle",
+            (*here, "softening"),
+            (((*BOX, "size"), f"half of its shortest side is {shortest / 2:g} m"),),
+            hint='a smaller softening, or softened = "plummer"',
+        )
 
 
 def _cut_by(collider: Collider, box: PeriodicBox) -> str | None:

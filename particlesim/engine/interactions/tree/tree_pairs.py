@@ -90,10 +90,11 @@ class TreePairs(Interaction, TreeColumns):
     def in_team(self, threads: int) -> Self:
         return self._replace(tree=for_threads(self.tree, threads))
 
-    def calibrate(self, c: Any, team: Team) -> None:
+    def calibrate(self, c: Any, team: Team) -> Self:
         if self.limits[calibration.ERROR] == 0:
             self.w[:] = source_of(self, c)
             calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
+        return self
 
     def energy(self, c: Any) -> float:
         w = source_of(self, c)
@@ -163,7 +164,7 @@ def tree_of(site: Site, pairs: PairSet) -> TreePairs:
     """
     law = pairs.law
     assert isinstance(law, FarInteraction)
-    direct = pairs_of(site, pairs)
+    direct = pairs_of(site, pairs, again=False)
     count = site.whole.count
     member = np.zeros(count, np.int8)
     for name in pairs.groups:
