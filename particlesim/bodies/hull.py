@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
@@ -32,6 +31,8 @@ class Hull(NamedTuple):
 
 def hull_of(points: Floats, name: str) -> Hull:
     """The convex hull of places [n, 3]. Raises UsageError where they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         found = ConvexHull(points)
     except QhullError:

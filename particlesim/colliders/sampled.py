@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
-from scipy.ndimage import maximum_filter
 
 from particlesim.compiler import kernel, outlined
 from particlesim.model.arrays import Floats
@@ -38,6 +36,8 @@ def spline(numbers: Floats) -> Floats:
 
 def _along(s: Floats) -> Floats:
     """Coefficients along the first axis: (c₋ + 4 c + c₊)/6 = s, and c₋ − 2 c + c₊ = 0 at both ends."""
+    from scipy.linalg import solve_banded
+
     n = len(s)
     inner = 6.0 * s[1:-1].reshape(n - 2, -1)
     c = np.empty((n + 2, *s.shape[1:]))
@@ -53,6 +53,8 @@ def _along(s: Floats) -> Floats:
 
 def steepest(coefficients: Floats, spacing: Vector3) -> float:
     """A bound of the gradient's length: a derivative of B-splines is a mean of differences of their coefficients."""
+    from scipy.ndimage import maximum_filter
+
     square: Floats = np.zeros(1)
     for axis in range(3):
         slope = np.abs(np.diff(coefficients, axis=axis)) / spacing[axis]

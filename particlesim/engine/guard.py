@@ -184,7 +184,7 @@ def _has_zero(world: World, column: str) -> bool:
     """Whether a potential of the ledger has a zero of its own: springs and hinges at rest, and some forces."""
     label = column.removeprefix("potential.")
     scenario = world.scenario
-    forces = dict(zip(scenario.force_labels(), scenario.forces, strict=False))
+    forces = dict(zip(scenario.labels.forces, scenario.forces, strict=True))
     return forces[label].has_zero() if label in forces else True
 
 

@@ -63,7 +63,7 @@ class Simulation(World):
         )
         self._heard = any(island.listens_to for island in self.islands)
         self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
-        self._labels = scenario.force_labels()
+        self._labels = scenario.labels
         self._sources = self._ledger_sources()
         self._pressures = pressures(self.scenario)
         self._ledger_columns = self._name_columns()
@@ -159,8 +159,7 @@ class Simulation(World):
 
     def _name_columns(self) -> tuple[str, ...]:
         forces = sorted({k for here, _ in self._sources for k in here})
-        bonds = range(len(self.scenario.forces), len(self._labels) - len(self.scenario.interactions))
-        names = [self._labels[k] for k in (*forces, *bonds)]
+        names = [*(self._labels.forces[k] for k in forces), *self._labels.joints]
         names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
@@ -233,7 +232,7 @@ class Simulation(World):
                 for key, value in zip(MOTION[1:], sums[1:], strict=False):
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
-                label = f"potential.{self._labels[k]}"
+                label = f"potential.{self._labels.forces[k]}"
                 found[label] = found.get(label, 0.0) + value
         for name, energy in island.stored().items():
             found[f"potential.{name}"] = energy

@@ -149,7 +149,7 @@ def build_graph(scenario: Scenario) -> Graph:
     """The graph of a scenario, whose colliders read their files. Raises UsageError when that cannot be done."""
     open_colliders(scenario)
     groups = {group.name: _group_node(group) for group in scenario.groups}
-    labels = scenario.force_labels()
+    labels = scenario.labels.forces
     nodes: list[Node] = list(groups.values())
     edges: list[Edge] = []
 
@@ -157,7 +157,7 @@ def build_graph(scenario: Scenario) -> Graph:
         nodes.append(node)
         edges.extend(Edge(node, groups[name], verb) for name in targets)
 
-    for label, force in zip(labels, scenario.forces, strict=False):
+    for label, force in zip(labels, scenario.forces, strict=True):
         act(
             Node("force", label, force.formula),
             "acts on",
@@ -212,11 +212,11 @@ def build_graph(scenario: Scenario) -> Graph:
 def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
     """All sets of interactions of a scenario in the order in which they are added: springs, hinges, forces on surfaces, and
     what acts between any two particles."""
-    labels = scenario.force_labels()
+    labels = scenario.labels.forces
     surfaces = (
         SurfaceSet(label, group.name, force)
         for group in scenario.groups
-        for label, force in zip(labels, scenario.forces, strict=False)
+        for label, force in zip(labels, scenario.forces, strict=True)
         if isinstance(force, SheetDrag) and isinstance(group, Particles) and acts_on(force, group)
     )
     return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))

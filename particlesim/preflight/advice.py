@@ -9,12 +9,13 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.formula import PairFormula
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.preflight.penalty_steps import penalty_doubts
-from particlesim.scenario.reach import acts_on, held_back, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, meetings_of, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 PAIR_RATE = 1e9
@@ -39,10 +40,30 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_jumping(scenario),
         *_unrepeated(scenario),
+        *_through_bodies(scenario),
         *contact_doubts(scenario),
         *penalty_doubts(scenario),
     )
+
+
+def _through_bodies(scenario: Scenario) -> list[str]:
+    """Particles with a radius that pass through rigid bodies."""
+    bodies = [body.name for body in scenario.bodies]
+    met = {each.particles for each in meetings_of(scenario)}
+    sized = [
+        group.name
+        for group in scenario.groups
+        if group.name not in bodies and group.radius is not None and group.name not in met
+    ]
+    if not bodies or not sized:
+        return []
+    names = ", ".join(map(repr, (sized[0], *bodies)))
+    return [
+        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: nothing says that they touch; "
+        f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
+    ]
 
 
 def _format(scenario: Scenario) -> list[str]:
@@ -64,7 +85,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         return ()
     depends = [
         label
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
@@ -152,13 +173,31 @@ def _explicit(scenario: Scenario) -> list[str]:
     return found
 
 
+def _jumping(scenario: Scenario) -> list[str]:
+    """Formulas of pairs whose energy or force jumps at a distance."""
+    found = []
+    for each in pair_sets(scenario):
+        jump = each.law.jump() if isinstance(each.law, PairFormula) else None
+        if jump is not None and jump.of == "energy":
+            found.append(
+                f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "
+                "does that work: energy is not kept where pairs pass there"
+            )
+        elif jump is not None:
+            found.append(
+                f"the force of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} N for some pair: methods lose "
+                "their order where pairs pass there"
+            )
+    return found
+
+
 def _unrepeated(scenario: Scenario) -> list[str]:
     """Forces that depend on the place, in a periodic box."""
     if scenario.simulation.box is None:
         return []
     return [
         f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if force.type in BY_PLACE
     ]
 
@@ -213,7 +252,7 @@ def _twice(scenario: Scenario) -> list[str]:
     found = []
     labels = [
         (label, force)
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if isinstance(force, Gravity)
     ]
     for group in scenario.groups:
@@ -269,9 +308,7 @@ def _joined_twice(scenario: Scenario) -> list[str]:
     """Pairs in two lists of springs of the same kind, as after copying a block."""
     seen: dict[tuple[bool, bool, frozenset[tuple[str, int]]], str] = {}
     found: dict[tuple[str, str], list[str]] = {}
-    for springs, label in zip(
-        scenario.springs, scenario.force_labels()[len(scenario.forces) :], strict=False
-    ):
+    for springs, label in zip(scenario.springs, scenario.labels.springs, strict=True):
         if not springs.stiffness and springs.frequency is None:
             continue  # dampers beside springs
         first, second = springs.groups()

@@ -16,10 +16,11 @@ from particlesim.scenario.tables import Tables
 
 def totals(scenario: Tables) -> tuple[str, ...]:
     """Quantities of the whole simulation that a scenario has."""
-    labels = scenario.force_labels()
+    labels = scenario.labels
     stored = [
-        label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
-    ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
+        label for label, force in zip(labels.forces, scenario.forces, strict=True) if has_potential(force)
+    ]
+    stored += labels.joints
     stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.stores()]
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
@@ -71,7 +72,7 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
     reaching = [
         (label, force)
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if any(acts_on(force, group) for group in groups)
     ]
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]

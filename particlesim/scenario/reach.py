@@ -108,10 +108,9 @@ def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -
 
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     """All interactions between particles, each with its name in the ledger and its groups."""
-    labels = scenario.force_labels()[-len(scenario.interactions) :]
     return tuple(
         PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
-        for label, each in zip(labels, scenario.interactions, strict=False)
+        for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if each.between is None or len(interacting(each, scenario.groups)) == 2
     )
 
@@ -134,6 +133,8 @@ def spins(scenario: Tables, group: Group) -> bool:
     for each in scenario.interactions:
         if isinstance(each, Contact) and each.rubs:
             groups = interacting(each, scenario.groups)
+            if each.between is not None and len(groups) < 2:
+                continue  # with bodies alone
             if any(group.name == other.name for other in groups) and not touches_by_surfaces(each, groups):
                 return True
     return False

@@ -103,12 +103,11 @@ class Scenario(Tables):
     def at_springs(self, label: str) -> AbstractContextManager[None]:
         """What is wrong with a set of springs, by its name in the ledger, once particles have their places: told with its
         place in the text where that is known."""
-        labels = self.force_labels()[len(self.forces) :][: len(self.springs)]
-        return self._at("springs", labels, label)
+        return self._at("springs", self.labels.springs, label)
 
     def at_interaction(self, label: str) -> AbstractContextManager[None]:
         """The same for an interaction between particles."""
-        return self._at("interactions", self.force_labels()[-len(self.interactions) :], label)
+        return self._at("interactions", self.labels.interactions, label)
 
     @contextmanager
     def _at(self, section: str, labels: tuple[str, ...], label: str) -> Iterator[None]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain, islice
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import PrivateAttr
 
@@ -25,6 +26,28 @@ from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
+
+
+class Labels(NamedTuple):
+    """Names in the ledger, no two the same: of forces, listed springs, springs of groups, listed angles and dihedrals, those
+    of groups, and interactions between particles; each in the order of the scenario."""
+
+    forces: tuple[str, ...]
+    springs: tuple[str, ...]
+    springs_of_groups: tuple[str, ...]
+    hinges: tuple[str, ...]
+    hinges_of_groups: tuple[str, ...]
+    interactions: tuple[str, ...]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All springs, angles and dihedrals."""
+        return (*self.springs, *self.springs_of_groups, *self.hinges, *self.hinges_of_groups)
+
+    @property
+    def all(self) -> tuple[str, ...]:
+        """Everything, in this order."""
+        return tuple(chain(*self))
 
 
 class Tables(Model):
@@ -94,14 +117,19 @@ class Tables(Model):
         """The random streams of a group."""
         return Streams(self.simulation.seed, group.name)
 
-    def force_labels(self) -> tuple[str, ...]:
+    @property
+    def labels(self) -> Labels:
         """A name of its own for every force, set of springs and interaction, as in the ledger: 'gravity', 'drag' ..."""
-        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
-        names += [bonds.name for group in self.particles for bonds in group.bonds()]
-        names += [hinges.name for hinges in (*self.angles, *self.dihedrals)]
-        names += [hinges.name for group in self.particles for hinges in group.hinges()]
-        names += [each.label for each in self.interactions]
-        return distinct(names)
+        sorts = (
+            [force.label for force in self.forces],
+            [springs.name for springs in self.springs],
+            [bonds.name for group in self.particles for bonds in group.bonds()],
+            [hinges.name for hinges in (*self.angles, *self.dihedrals)],
+            [hinges.name for group in self.particles for hinges in group.hinges()],
+            [each.label for each in self.interactions],
+        )
+        names = iter(distinct(chain(*sorts)))
+        return Labels(*(tuple(islice(names, len(sort))) for sort in sorts))
 
     @property
     def bonds(self) -> tuple[BondSet, ...]:
@@ -113,7 +141,7 @@ class Tables(Model):
 
     @property
     def _labelled_springs(self) -> Iterator[tuple[Springs, str]]:
-        return zip(self.springs, self.force_labels()[len(self.forces) :], strict=False)
+        return zip(self.springs, self.labels.springs, strict=True)
 
     @property
     def body_springs(self) -> tuple[tuple[str, Springs], ...]:
@@ -128,7 +156,7 @@ class Tables(Model):
     @property
     def rod_sets(self) -> tuple[RodSet, ...]:
         """All sets of rods, each with a name of its own."""
-        labels = distinct([rods.name for rods in self.rods], self.force_labels())
+        labels = distinct([rods.name for rods in self.rods], self.labels.all)
         listed = (
             rods.rods(label, ("rods", k))
             for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
@@ -145,9 +173,7 @@ class Tables(Model):
     def hinges(self) -> tuple[HingeSet, ...]:
         """All angles and dihedrals, each set with its name in the ledger."""
         listed = (*self.angles, *self.dihedrals)
-        springs = len(self.bonds) + len(self.body_springs)
-        labels = self.force_labels()[len(self.forces) + springs :]
-        made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
+        made = tuple(each.hinges(label) for each, label in zip(listed, self.labels.hinges, strict=True))
         return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
 
     @property

@@ -124,33 +124,31 @@ def draft_for(lists: Lists) -> Draft:
 
 
 def lists_of(
-    places: int, particles: int, room: int, pairs: tuple[Ints, Ints], memory: Memory, at: Ints
+    members: Ints, places: int, particles: int, room: int, pairs: tuple[Ints, Ints], memory: Memory, at: Ints
 ) -> Lists:
-    """Lists of particles in the order of their rows, that hold what pairs of rows (i, j) have at places `at` of a memory,
+    """Lists of members in the order of their rows, that hold what pairs of rows (i, j) have at places `at` of a memory,
     from which the lists of a next step are made. A pair may be among them once or twice."""
-    i, j = pairs
+    place = np.full(particles, -1)
+    place[members] = np.arange(len(members))
+    i, j = (place[each] for each in pairs)
     once = (i // CHUNK == j // CHUNK) & (i > j)  # is listed with the smaller one there
-    swapped = np.where(once, -1, 1)
+    sign = np.where(once, -1, 1)
     i, j = np.where(once, j, i), np.where(once, i, j)
-    _, kept = np.unique(i.astype(np.int64) * (particles + 1) + j, return_index=True)
-    i, j, at, swapped = i[kept], j[kept], at[kept], swapped[kept]
-    lists = new_lists(
-        places,
-        particles,
-        max(room, len(i)),
-        new_memory(max(room, len(i)), memory.anchor.dtype, rolls=memory.rolled is not None),
-    )
-    n = min(places, particles)
-    lists.order[:n] = np.arange(n)
-    lists.place[:n] = np.arange(n)
+    _, kept = np.unique(i * (particles + 1) + j, return_index=True)
+    i, j, at, sign = i[kept], j[kept], at[kept], sign[kept]
+    room = max(room, len(i))
+    remembered = new_memory(room, memory.anchor.dtype, rolls=memory.rolled is not None)
+    lists = new_lists(places, particles, room, remembered)
+    lists.order[: len(members)] = members
+    lists.place[:] = place
     count = np.bincount(i // GROUP, minlength=len(lists.count))
     lists.count[:] = count
     lists.begin[:] = np.cumsum(count) - count
     lists.first[: len(i)], lists.second[: len(i)] = i, j
-    lists.memory.state[: len(i)] = memory.state[at]
-    lists.memory.anchor[:, : len(i)] = swapped * memory.anchor[:, at]
+    remembered.state[: len(i)] = memory.state[at]
+    remembered.anchor[:, : len(i)] = sign * memory.anchor[:, at]
     if memory.rolled is not None:
-        lists.memory.rolled[:, : len(i)] = swapped * memory.rolled[:, at]
+        remembered.rolled[:, : len(i)] = sign * memory.rolled[:, at]
     return lists
 
 

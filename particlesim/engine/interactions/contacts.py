@@ -64,7 +64,7 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
 from particlesim.engine.interactions.touching import normal_of, touching
-from particlesim.engine.state.columns import Spin, type_of
+from particlesim.engine.state.columns import Spin, in_step, type_of
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.laws.contact import touch
@@ -124,8 +124,9 @@ class Contacts(NearLists, ContactColumns):
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         if remembers(self):
-            look_at(self, c, share, t)
-            take_chunks(self, c, share, t, Settle())
+            ahead = in_step(c, t, t + float(h))  # who is there in the next step, as forces will be asked for
+            look_at(self, ahead, share, t)
+            take_chunks(self, ahead, share, t, Settle())
             meet(share.gate, share.threads)
             if share.number == 0:
                 self.lists.time[0] = t
@@ -162,20 +163,14 @@ class Contacts(NearLists, ContactColumns):
 
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Contacts)
-        lists, draft, marks = self.lists, self.draft, self.marks
+        near, lists, draft, marks = self.near, self.lists, self.draft, self.marks
         if lists.memory is not None:
             i, j, at = contacts_in(before.lists)
             i, j = place[i], place[j]
             left = (i >= 0) & (j >= 0)
             room = max(lists.first.size, before.lists.first.size)
-            lists = lists_of(
-                self.near.order.size,
-                self.near.place.size,
-                room,
-                (i[left], j[left]),
-                before.lists.memory,
-                at[left],
-            )
+            found = (i[left], j[left]), before.lists.memory, at[left]
+            lists = lists_of(near.members, near.order.size, near.place.size, room, *found)
             draft = draft_for(lists)
         lists.time[:] = before.lists.time
         lists.report[ROUND] = before.lists.report[ROUND]
@@ -197,6 +192,12 @@ class Contacts(NearLists, ContactColumns):
 
     def power(self, c: Any, t: float) -> float:
         return float(contact_sum(self, c, lone(c.x.size), t, Powers()))
+
+    def virial(self, c: Any, t: float) -> NDArray[np.float64]:
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]."""
+        out = np.zeros(9)
+        contact_sum(self, c._replace(clock=None), lone(c.x.size), t, Virial(out))
+        return out.reshape(3, 3)
 
     def changing(self) -> tuple[NDArray[Any], ...]:
         if not remembers(self):
@@ -257,6 +258,18 @@ class Powers(NamedTuple):
     """Powers of all forces but the elastic push, half to each of a pair."""
 
 
+class Virial(NamedTuple):
+    """l ⊗ f, half for each of a pair, added to `out` [9]."""
+
+    out: Any
+
+    def add(self, part: Any, way: Any, force: Any) -> None:
+        """A part of a pair's."""
+        for i in range(3):
+            for j in range(3):
+                self.out[3 * i + j] += part * float(way[i]) * float(force[j])
+
+
 def take_chunks(each: Any, c: Any, share: Any, t: Any, what: Any) -> None:
     """All chunks, by threads in turn."""
     for chunk in range(share.number, each.draft.slow.size, share.threads):
@@ -285,7 +298,8 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
         total += take_pairs(each, first, last, what, True)
     if len(each.walls) > 0:
         ball = surrounding(each, first, last)
-        for wall, memory in zip(each.walls, each.marks, strict=True):
+        walls = () if isinstance(what, Virial) else each.walls
+        for wall, memory in zip(walls, each.marks[: len(walls)], strict=True):
             if not is_clear(wall, ball, t):
                 total += take_wall(each, c, wall, memory, first, last, t, what)
     return total
@@ -357,6 +371,8 @@ def take_pairs(each: Any, first: Any, last: Any, what: Any, shifted: Any) -> Any
                             pull[q, 3 + axis] -= r[q] * found[TWIST + axis, k]
                             if each.law.rolling is not None:
                                 pull[q, 3 + axis] -= found[MOMENT + axis, k]
+            elif isinstance(what, Virial):
+                Virial.add(what, 1.0 if inside else 0.5, three(given, LENGTH, k), three(found, FORCE, k))
             else:
                 total += (1.0 if inside else 0.5) * float(found[PUSH, k])
             if isinstance(what, Settle) and memory is not None:
@@ -495,6 +511,8 @@ class Slowly(NamedTuple):
         self.sums[1, i] += push * n.y
         self.sums[2, i] += push * n.z
         half = type_of(rate, 0.5)
+        if isinstance(self.what, Virial):
+            Virial.add(self.what, 0.5, (p.x, p.y, p.z), (push * n.x, push * n.y, push * n.z))
         if isinstance(self.what, Energies):
             self.sums[3, i] += half * at.energy
         else:
@@ -511,7 +529,7 @@ def take_slowly(each: Any, first: Any, last: Any, t: Any, what: Any) -> Any:
         for i in range(GROUP):
             if isinstance(what, Energies | Powers):
                 total += float(sums[3, i])
-            else:
+            elif isinstance(what, Sum | Settle):
                 for axis in range(3):
                     each.pull[GROUP * g + i, axis] = sums[axis, i]
     return total

@@ -16,6 +16,7 @@ from particlesim.engine.coupled.forces import island_forces
 from particlesim.engine.coupled.wisdom_holman import gravity_among
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
+from particlesim.engine.interactions.beginnings import refuse_wild
 from particlesim.engine.interactions.interaction import Site
 from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
@@ -134,6 +135,11 @@ class CoupledIsland(BaseIsland):
                 found.append(each.calibrate(self.island_columns(), team))
         self.layout.take(tuple(found))
 
+    def refuse_wild(self, time: float) -> None:
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                refuse_wild(each, name, self.states, self.island_columns(), time)
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
         fault = self._move(first, last, team) if self.layout.count else None
@@ -159,7 +165,7 @@ class CoupledIsland(BaseIsland):
         return born
 
     def _deaths(self, last: int) -> Deaths | None:
-        """Take out who has died by the end of step last − 1."""
+        """Take out the particles that have died by the end of step last − 1."""
         whole, end = self._joined.whole, last * self.dt
         dead = whole.stop[: whole.count] <= end
         if not dead.any():

@@ -52,6 +52,7 @@ from particlesim.engine.rigid.kernel import (
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
@@ -265,6 +266,10 @@ class RigidIsland(BaseIsland):
         sum_forces_on(self._scene, self.bodies(), self._motion, time)
         return np.ascontiguousarray(self._motion.pull[:, :3].T)
 
+    def longest_step(self) -> float:
+        """The longest stable step under springs at bodies [s]."""
+        return longest_step([springs for _, springs in self._springs], self.bodies())
+
     def stored(self) -> dict[str, float]:
         if not self._springs:
             return {}
@@ -358,9 +363,22 @@ def _scene(
         joined,
         partners,
         partner_from,
-        None if books is None else _work(books, names),
+        None if books is None else _work(books, names, groups),
     )
     return scene, order
+
+
+def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
+    """How the work on bodies is booked; `names` are those of their springs."""
+
+    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
+        return tuple(through_surface(record, group.shape) or record for record in records)
+
+    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
+    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
+    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
+    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
+    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
 
 
 def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
@@ -372,15 +390,6 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
         tuple(record for record, other in zip(records, others, strict=True) if other is None),
         tuple(other for other in others if other is not None),
     )
-
-
-def _work(books: Books, names: Sequence[str]) -> Work:
-    """How the work on bodies is booked; `names` are those of their springs."""
-    spent = tuple(records for _, records in books.spent)
-    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    stored = tuple(records for _, records in books.stored)
-    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
-    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:

@@ -38,8 +38,7 @@ class Books:
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
         self.names = causes(scenario, [group.name for group in structure.groups])
         self.totals = np.zeros(len(self.names))
-        labels = scenario.force_labels()
-        named = list(zip(labels, scenario.forces, strict=False))
+        named = list(zip(scenario.labels.forces, scenario.forces, strict=True))
         self._spent = [_chosen(named, mine, dtype, conservative=False) for mine in structure.forces]
         self._stored = [_chosen(named, mine, dtype, conservative=True) for mine in structure.forces]
 
