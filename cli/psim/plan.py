@@ -78,13 +78,13 @@ def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[st
     from particlesim.compiler import compiled, uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import misplaced, squeezed
+    from particlesim.runs.validity import misplaced, squeezed, stiff
 
     crowded = scenario.interactions and particles > MOST_IN_PYTHON
     with uncompiled(), compiled(bool(crowded)):
         world = World(scenario)
         found = stability(world)
-        return found, (*found.warnings, *misplaced(world), *squeezed(world))
+        return found, (*found.warnings, *misplaced(world), *squeezed(world), *stiff(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

@@ -16,6 +16,7 @@ from particlesim.layouts.points import Points
 from particlesim.layouts.random import Random
 from particlesim.layouts.rope import Rope
 from particlesim.layouts.surface import SurfaceFile
+from particlesim.layouts.waves import Waves
 from particlesim.model.variants import Tagged
 
 AnyLayout = Annotated[
@@ -31,6 +32,7 @@ AnyLayout = Annotated[
     | SurfaceFile
     | Plummer
     | Disc
+    | Waves
     | File,
     Tagged("type"),
 ]
@@ -47,6 +49,7 @@ LAYOUTS: tuple[type[Layout], ...] = (
     SurfaceFile,
     Plummer,
     Disc,
+    Waves,
     File,
 )
 

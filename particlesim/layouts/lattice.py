@@ -17,7 +17,7 @@ Count = Annotated[int, Field(ge=1, le=10**7, strict=True)]
 
 
 class Lattice(Layout):
-    """A rectangular lattice; x runs fastest, then y, then z."""
+    """A rectangular lattice; x runs fastest, then y, then z. With a basis of several places it is a crystal."""
 
     type: Literal["lattice"] = "lattice"
     origin: Vector[Metres] = (0.0, 0.0, 0.0)
@@ -25,19 +25,25 @@ class Lattice(Layout):
     counts: tuple[Count, Count, Count]
     """Number of particles along x, y and z."""
     spacing: Annotated[Metres, Gt(0)] | Vector[Annotated[Metres, Gt(0)]]
-    """Distance of neighbours, one for all axes or one for each."""
+    """Distance of neighbours, or edge of the cells, one for all axes or one for each."""
+    basis: tuple[Vector[float], ...] = Field(default=((0.0, 0.0, 0.0),), min_length=1, max_length=64)
+    """Places in every cell, in parts of its edges: [[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]] is centred on
+    its faces. Those of a cell follow each other."""
     jitter: Annotated[Metres, Ge(0)] = 0.0
     """Largest random shift of each coordinate."""
     velocity: Vector[Sampled[MetresPerSecond]] = (0.0, 0.0, 0.0)
     """Velocity; each component a number or a distribution."""
 
     def number(self) -> int:
-        return self.counts[0] * self.counts[1] * self.counts[2]
+        return self.counts[0] * self.counts[1] * self.counts[2] * len(self.basis)
 
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         index = np.arange(first, first + count)
         nx, ny, _ = self.counts
-        cell = np.stack([index % nx, index // nx % ny, index // (nx * ny)])
+        within, index = index % len(self.basis), index // len(self.basis)
+        cell = (
+            np.stack([index % nx, index // nx % ny, index // (nx * ny)]) + np.array(self.basis).T[:, within]
+        )
         step = np.broadcast_to(np.asarray(self.spacing, dtype=float), 3)
         position = np.asarray(self.origin)[:, None] + cell * step[:, None]
         if self.jitter > 0:

@@ -9,12 +9,13 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.formula import PairFormula
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.preflight.penalty_steps import penalty_doubts
-from particlesim.scenario.reach import acts_on, held_back, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, meetings_of, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 PAIR_RATE = 1e9
@@ -39,10 +40,30 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_jumping(scenario),
         *_unrepeated(scenario),
+        *_through_bodies(scenario),
         *contact_doubts(scenario),
         *penalty_doubts(scenario),
     )
+
+
+def _through_bodies(scenario: Scenario) -> list[str]:
+    """Particles with a radius that pass through rigid bodies."""
+    bodies = [body.name for body in scenario.bodies]
+    met = {each.particles for each in meetings_of(scenario)}
+    sized = [
+        group.name
+        for group in scenario.groups
+        if group.name not in bodies and group.radius is not None and group.name not in met
+    ]
+    if not bodies or not sized:
+        return []
+    names = ", ".join(map(repr, (sized[0], *bodies)))
+    return [
+        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: nothing says that they touch; "
+        f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
+    ]
 
 
 def _format(scenario: Scenario) -> list[str]:
@@ -148,6 +169,24 @@ def _explicit(scenario: Scenario) -> list[str]:
             found.append(
                 f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
                 "those of an explicit method, or equations will not be solved"
+            )
+    return found
+
+
+def _jumping(scenario: Scenario) -> list[str]:
+    """Formulas of pairs whose energy or force jumps at a distance."""
+    found = []
+    for each in pair_sets(scenario):
+        jump = each.law.jump() if isinstance(each.law, PairFormula) else None
+        if jump is not None and jump.of == "energy":
+            found.append(
+                f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "
+                "does that work: energy is not kept where pairs pass there"
+            )
+        elif jump is not None:
+            found.append(
+                f"the force of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} N for some pair: methods lose "
+                "their order where pairs pass there"
             )
     return found
 

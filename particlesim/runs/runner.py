@@ -36,6 +36,7 @@ from particlesim.runs.validity import (
     missed,
     shapes_of_bodies,
     squeezed,
+    stiff,
 )
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
@@ -180,6 +181,7 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *suspects(simulation).warnings,
         *misplaced(simulation),
         *squeezed(simulation),
+        *stiff(simulation),
         *knotted(simulation),
         *chords(simulation),
         *flat_triangles(scenario),

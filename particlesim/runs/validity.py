@@ -15,6 +15,7 @@ from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.tangles import tangled
 from particlesim.engine.islands.rigid import Intrusion, RigidIsland
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability.limits import remedy
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
@@ -45,6 +46,8 @@ def check_ledger(simulation: Simulation) -> None:
     if not simulation.scenario.output.ledger:
         return
     if (name := infinite(simulation.ledger())) is not None:
+        for island in simulation.islands:
+            island.refuse_wild(simulation.time)
         raise UsageError(
             f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
         )
@@ -109,6 +112,18 @@ def _intruding(world: World, intrusions: list[Intrusion]) -> str:
     return (
         f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
         f"{depth:.3g} m; the first steps push them apart, which may change their energy"
+    )
+
+
+def stiff(world: World) -> tuple[str, ...]:
+    """A sentence where steps are too long for springs at rigid bodies."""
+    dt = world.scenario.grid.dt
+    limits = (island.longest_step() for island in world.islands if isinstance(island, RigidIsland))
+    return tuple(
+        f"dt = {dt:.6g} s is beyond the largest stable step under springs at rigid bodies, {limit:.3g} s: "
+        f"{remedy(limit, limited=True)}"
+        for limit in limits
+        if dt > limit
     )
 
 

@@ -43,6 +43,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("slope", "stairs", "conveyor"),
         *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
         *("cold_collapse", "galaxies"),
+        *("cloth_over_sphere", "folding_cloth", "balls_on_a_trampoline", "jelly_on_stairs"),
         *("tumbling_box", "dominoes", "wall_hit_by_a_ball", "balls_and_boxes"),
         *("spinning_top", "wrecking_ball"),
         *("argon_melt", "flock"),

@@ -14,6 +14,10 @@ from simulate import EPS, G, record, simulate, table
 
 import particlesim as ps
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
+from particlesim.engine.world import World
+from particlesim.runs.validity import stiff
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]
@@ -320,6 +324,35 @@ def test_a_damped_spring_is_of_second_order() -> None:
     assert 3.7 < errors[0] / errors[1] < 4.3
 
 
+@pytest.mark.parametrize(("k", "c"), [(5e3, 0.0), (0.0, 500.0), (5e3, 200.0)])
+def test_steps_too_long_for_springs_are_told(k: float, c: float) -> None:
+    # Two springs at the ends of a rod of mass m turn it: 1/μ = 1/m + r² m/(m² (4 r²)/12) = 4/m for each of them.
+    def scene(h: float, steps: int = 400) -> ps.Scenario:
+        bar = {"name": "bar", "shape": {"type": "box", "size": [1e-3, 1.0, 1e-3]}, "mass": 2.0}
+        springs = [
+            {
+                "between": ["bar", "world"],
+                "points": [[0, y, 0], [1, y + 1e-3, 0]],
+                "stiffness": k,
+                "damping": c,
+                "rest_length": 1.0,
+            }
+            for y in (-0.5, 0.5)
+        ]
+        bar["angular_velocity"] = [0, 0, 1e-4]
+        return ps.from_table(table(steps * h, h, bodies=[bar], springs=springs, output={"every": steps}))
+
+    # Both ends together turn it, 12/m, or move it, 2/m: the larger ones count, ω² = 6 k/m and γ = 6 c/m.
+    square, rate = 6 * k / 2.0, 6 * c / 2.0
+    limit = 2 * (math.sqrt(rate**2 / 4 + square) - rate / 2) / square if k else 2 / rate
+    calm = ps.run(scene(0.95 * limit))
+    assert not any("springs at rigid bodies" in text for text in calm.warnings)
+    assert np.abs(calm.final["position"]).max() < 1e-2
+    assert "stable step under springs at rigid bodies" in stiff(World(scene(1.05 * limit)))[0]
+    with pytest.raises(ps.DivergenceError):
+        ps.run(scene(1.3 * limit, steps=2000))
+
+
 def test_a_string_does_nothing_while_it_is_slack() -> None:
     ball = {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}}
     spring = {
@@ -419,6 +452,24 @@ def test_the_same_bits_for_any_number_of_threads_and_in_any_text() -> None:
     for field in ("position", "orientation", "angular_velocity"):
         assert one.final[field].tobytes() == two.final[field].tobytes()
     assert ps.loads(dump(scenario)) == scenario
+
+
+def test_the_same_bits_after_a_resume() -> None:
+    scenario = ps.from_table(
+        table(0.6, 1e-3, output={"every": 100, "ledger": True, "work": True}, **bridge())
+    )
+    whole, first, second = (Simulation(scenario, threads=1) for _ in range(3))
+    for each in (whole, first):
+        each.ledger()  # from which balances count
+    whole.advance_to(300)  # in pieces that end where the other two part
+    whole.advance_to(600)
+    first.advance_to(300)
+    restore(second, snapshot(first))
+    second.advance_to(600)
+    assert whole.ledger() == second.ledger()
+    for name in ("x", "v", "turn", "spin"):
+        one, two = (getattr(each.islands[0].bodies(), name) for each in (whole, second))  # type: ignore[attr-defined]
+        assert one.tobytes() == two.tobytes()
 
 
 # ---- mistakes

@@ -400,3 +400,51 @@ def test_an_implicit_method_is_proposed_where_pairs_are_in_its_matrix(law: Table
     assert "beyond the largest stable step" in said[0]
     assert "try simulation.dt = " in said[0]
     assert ("backward_euler" in said[0]) == proposed
+
+
+@pytest.mark.parametrize(
+    ("law", "apart"),
+    [
+        ({"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0, "cutoff": 2.5}, 1e-60),
+        ({"type": "morse", "depth": 1.0, "width": 1e3, "distance": 1.0}, 0.1),
+        ({"type": "formula", "potential": "log(r - 1)"}, 0.5),
+    ],
+)
+@pytest.mark.parametrize("method", ["direct", "neighbours"])
+def test_pairs_without_a_number_at_the_start_are_named(law: Table, apart: float, method: str) -> None:
+    groups = [points((5, 0, 0), (0, 0, 0), name="a"), points((0, apart, 0), name="b")]
+    laws = [{"cutoff": 3.0} | law | {"method": method}]
+    scenario = table(0.02, 0.01, particles=groups, interactions=laws, output={"ledger": True})
+    with pytest.raises(
+        ps.UsageError, match=f"particle 1 of 'a' and particle 0 of 'b' are {apart:.4g} m apart"
+    ):
+        ps.run(ps.from_table(scenario))
+
+
+def test_formulas_that_jump_are_told() -> None:
+    def law(text: str) -> Table:
+        return {"type": "formula", "potential": text, "cutoff": 5.0}
+
+    parts: dict[str, Any] = {"particles": [points((0, 0, 0), (1, 0, 0), name="a")]}
+    for text, words in (
+        ("1.0 if r < 1.5 else 2.0", "energy of formula jumps at r = 1.5 m, by 1 J"),
+        ("abs(r - 2)", "force of formula jumps at r = 2 m, by 2 N"),
+        ("max(1 - r, 0)**2 + sin(r)", None),
+    ):
+        said = doubts(0.02, 0.01, "rk4", **parts, interactions=[law(text)])
+        assert (words in said) if words else ("jumps" not in said)
+        if words:
+            with pytest.raises(ps.ScenarioError, match=r"needs the derivatives .* has none at r ="):
+                ps.from_table(table(0.02, 0.01, "bdf2", **parts, interactions=[law(text)]))
+
+
+def test_a_law_that_changes_with_time_is_summed_anew() -> None:
+    # At rest and without a force at the start: only the time makes one, U = t r, a = t/m on each.
+    for method in ("direct", "neighbours"):
+        law = {"type": "formula", "potential": "t*r", "cutoff": 5.0, "method": method}
+        end = simulation_of(
+            100, 0.01, particles=[points((0, 0, 0), (1, 0, 0), name="a", mass=1.0)], interactions=[law]
+        )
+        end.advance_to(100)
+        assert end.states[0].velocity[0, 0] == pytest.approx(0.5, rel=0.02)
+        end.close()

@@ -348,7 +348,7 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
-    again = again and not law.random() and not site.whole.clocked
+    again = again and not (law.random() or law.changes() or site.whole.clocked)
     kept = None if not again else new_last(law, site.whole.count, site.dtype)
     return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
 
@@ -371,7 +371,9 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
         first, count = site.offset[name], site.state[name].count
         own[:, first : first + count] = np.array(law.numbers_of(name))[:, None]
     a, b = own if own.any() else (None, None)
-    return record, spans, least, most, a, b, site.whole.id[: site.whole.count] if law.random() else None
+    # those of laws that are new at every sum, too: the sums of these are never kept
+    ids = site.whole.id[: site.whole.count] if law.random() or law.changes() else None
+    return record, spans, least, most, a, b, ids
 
 
 def periods_of(site: Site, pairs: PairSet) -> tuple[float | None, ...] | None:

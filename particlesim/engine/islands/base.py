@@ -91,6 +91,9 @@ class BaseIsland:
         """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
         was asked for."""
 
+    def refuse_wild(self, time: float) -> None:
+        """Raise UsageError, which names both, for two particles that have no force or energy where they are."""
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         """Steps first … last − 1: births, motion, deaths."""
         raise NotImplementedError

@@ -16,6 +16,7 @@ from particlesim.engine.coupled.forces import island_forces
 from particlesim.engine.coupled.wisdom_holman import gravity_among
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
+from particlesim.engine.interactions.beginnings import refuse_wild
 from particlesim.engine.interactions.interaction import Site
 from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
@@ -133,6 +134,11 @@ class CoupledIsland(BaseIsland):
             with self._scenario.at_interaction(name):
                 found.append(each.calibrate(self.island_columns(), team))
         self.layout.take(tuple(found))
+
+    def refuse_wild(self, time: float) -> None:
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                refuse_wild(each, name, self.states, self.island_columns(), time)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None

@@ -52,6 +52,7 @@ from particlesim.engine.rigid.kernel import (
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
@@ -265,6 +266,10 @@ class RigidIsland(BaseIsland):
         sum_forces_on(self._scene, self.bodies(), self._motion, time)
         return np.ascontiguousarray(self._motion.pull[:, :3].T)
 
+    def longest_step(self) -> float:
+        """The longest stable step under springs at bodies [s]."""
+        return longest_step([springs for _, springs in self._springs], self.bodies())
+
     def stored(self) -> dict[str, float]:
         if not self._springs:
             return {}
@@ -363,6 +368,19 @@ def _scene(
     return scene, order
 
 
+def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
+    """How the work on bodies is booked; `names` are those of their springs."""
+
+    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
+        return tuple(through_surface(record, group.shape) or record for record in records)
+
+    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
+    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
+    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
+    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
+    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
+
+
 def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
     """The forces on the bodies of a group, on points that have their mass and through their surface."""
     others = [through_surface(record, group.shape) for record in records]
@@ -372,20 +390,6 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
         tuple(record for record, other in zip(records, others, strict=True) if other is None),
         tuple(other for other in others if other is not None),
     )
-
-
-def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
-    """How the work on bodies is booked; `names` are those of their springs."""
-    spent, stored = (
-        tuple(
-            tuple(through_surface(record, group.shape) or record for record in records)
-            for (_, records), group in zip(booked, groups, strict=True)
-        )
-        for booked in (books.spent, books.stored)
-    )
-    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
-    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:

@@ -193,12 +193,17 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def own(scene: Any, b: Any) -> int:
+    """How many bodies there are without guests."""
+    return int(b.w.size if scene.guests is None else scene.guests.first)
+
+
 @outlined
 def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
     """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
     `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
-    given = take_means(b, motion, h)
+    given = take_means(b, motion, own(scene, b), h)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -214,7 +219,7 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
 def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
     """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
     r, total = matrix(orientation(b, i)), 0.0
-    if isinstance(law, Swept | Whole | Wetted):
+    if isinstance(law, Whole | Wetted | Swept):
         now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
         for part in range(6):
             out[0, part] = 0.0
@@ -232,27 +237,28 @@ def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
 
 
 @outlined
+def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
+    """Potential energy of body i in a law [J]."""
+    r, m, total = matrix(orientation(b, i)), motion.now[i], 0.0
+    if isinstance(law, Whole | Wetted):
+        return float(stored(law, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r))
+    for point in range(POINTS):
+        p, _ = point_of(scene, b, i, r, m, point, t)
+        total += potential(law, p)
+    return total / POINTS
+
+
+@outlined
 def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
-    total = kinetic(b, motion)
+    total = kinetic(b, motion, own(scene, b))
     for stretch, laws in zip(scene.stretches, scene.work.stored, strict=True):
         for each in laws:
             for i in range(stretch.first, stretch.last):
-                total += energy_in(scene, each, b, i, motion.now[i], t)
+                total += potential_of(scene, each, b, motion, i, t)
     for springs in scene.springs:
         total += stored_in(springs, b, motion.now)
     return total
-
-
-def energy_in(scene: Any, law: Any, b: Any, i: Any, now: Any, t: Any) -> float:
-    """Potential energy of body i under a law [J]."""
-    r, total = matrix(orientation(b, i)), 0.0
-    if isinstance(law, Whole | Wetted):
-        return float(stored(law, as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t), r))
-    for point in range(POINTS):
-        p, _ = point_of(scene, b, i, r, now, point, t)
-        total += potential(law, p)
-    return total / POINTS
 
 
 def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
@@ -298,8 +304,8 @@ def are_joined(scene: Any, i: Any, j: Any) -> bool:
 def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, h: Any) -> None:
     """All contacts of bodies and colliders that a step may meet.
 
-    Bodies are sorted along x by where they begin, which changes little from step to step; those whose balls overlap are
-    looked at.
+    Bodies are sorted along x by where they begin, which changes little from step to step, and into strips across z that
+    are as wide as the largest of them: those of one strip or of neighbours whose balls overlap are looked at.
     """
     n = b.w.size if scene.guests is None else scene.guests.first
     order, margin = memory.order, motion.margin
@@ -320,20 +326,84 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
             order[at] = order[at - 1]
             at -= 1
         order[at] = i
-    for s in range(n):
-        i = order[s]
-        end = b.x[0, i] + b.reach[i] + margin[i]
-        other = s + 1
-        while other < n and b.x[0, order[other]] - b.reach[order[other]] - margin[order[other]] <= end:
-            j = order[other]
-            other += 1
-            if scene.surfaces.touch[b.group[i], b.group[j]] > 0:
-                dx, dy, dz = b.x[0, i] - b.x[0, j], b.x[1, i] - b.x[1, j], b.x[2, i] - b.x[2, j]
-                near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
-                if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
-                    touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+    find_pairs(scene, b, k, motion, order, n)
     if scene.guests is not None:
         find_guests(scene.guests, b, k, motion, scene.slop, h)
+
+
+def begins(b: Any, margin: Any, i: Any) -> Any:
+    """Where a body begins along x."""
+    return b.x[0, i] - b.reach[i] - margin[i]
+
+
+def ends(b: Any, margin: Any, i: Any) -> Any:
+    """Where it ends."""
+    return b.x[0, i] + b.reach[i] + margin[i]
+
+
+def meet(scene: Any, b: Any, k: Any, margin: Any, i: Any, j: Any) -> None:
+    """Look for contacts of two bodies if their balls overlap."""
+    if scene.surfaces.touch[b.group[i], b.group[j]] > 0:
+        dx, dy, dz = b.x[0, i] - b.x[0, j], b.x[1, i] - b.x[1, j], b.x[2, i] - b.x[2, j]
+        near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
+        if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
+            touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+
+
+@outlined
+def find_pairs(scene: Any, b: Any, k: Any, motion: Any, order: Any, n: Any) -> None:
+    """Look at all pairs of bodies that may touch; `order` is that along x. Arrays of clusters serve for strips."""
+    margin, strip, listed, begin = motion.margin, motion.cluster, motion.bodies, motion.body_from
+    low, high, widest = np.inf, -np.inf, 0.0
+    for i in range(n):
+        low, high = min(low, b.x[2, i]), max(high, b.x[2, i])
+        widest = max(widest, b.reach[i] + margin[i])
+    width = max(
+        2.000001 * widest, (high - low) / n
+    )  # neighbours are in strips side by side, also after rounding
+    parts = (high - low) / width
+    number = int(parts) + 1 if parts < n - 1 else n
+    for s in range(number + 1):
+        begin[s] = 0
+    for i in range(n):
+        part = (b.x[2, i] - low) / width
+        strip[i] = min(int(part), number - 1) if part >= 0 and part < n else 0
+        begin[strip[i]] += 1
+    for s in range(1, number):
+        begin[s] += begin[s - 1]
+    begin[number] = n
+    for back in range(n):
+        i = order[n - 1 - back]
+        begin[strip[i]] -= 1
+        listed[begin[strip[i]]] = i
+    for s in range(number):
+        for at in range(begin[s], begin[s + 1]):
+            i, other = listed[at], at + 1
+            while other < begin[s + 1] and begins(b, margin, listed[other]) <= ends(b, margin, i):
+                meet(scene, b, k, margin, i, listed[other])
+                other += 1
+        if s + 1 < number:
+            across(scene, b, k, motion, s, s + 1, True)
+            across(scene, b, k, motion, s + 1, s, False)
+
+
+@outlined
+def across(scene: Any, b: Any, k: Any, motion: Any, s: Any, o: Any, together: Any) -> None:
+    """Look at bodies of strip s and those of strip o that begin while they last, or `together` with them."""
+    margin, listed, begin = motion.margin, motion.bodies, motion.body_from
+    near = begin[o]
+    for at in range(begin[s], begin[s + 1]):
+        i = listed[at]
+        mine = begins(b, margin, i)
+        while near < begin[o + 1] and (
+            begins(b, margin, listed[near]) < mine
+            or (not together and begins(b, margin, listed[near]) == mine)
+        ):
+            near += 1
+        other = near
+        while other < begin[o + 1] and begins(b, margin, listed[other]) <= ends(b, margin, i):
+            meet(scene, b, k, margin, i, listed[other])
+            other += 1
 
 
 def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
@@ -462,4 +532,4 @@ def sum_energies(scene: Any, laws: Any, b: Any, motion: Any, first: Any, last: A
         for axis in range(3):
             out[1 + axis] += b.spin[axis, i]
         for number, each in enumerate(laws):
-            out[4 + number] += energy_in(scene, each, b, i, m, t)
+            out[4 + number] += potential_of(scene, each, b, motion, i, t)

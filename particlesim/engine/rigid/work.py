@@ -37,10 +37,11 @@ def copy_velocities(now: Any, copy: Any) -> None:
 
 
 @outlined
-def take_means(b: Any, motion: Any, h: Any) -> float:
-    """The means of velocities before and after a kick with its impulses, into `other`; what impulses have given [J]."""
+def take_means(b: Any, motion: Any, bodies: Any, h: Any) -> float:
+    """The means of velocities before and after a kick with its impulses, into `other`, and what impulses have given [J], of
+    the first of `b`, the `bodies`; guests have books of their own."""
     total = 0.0
-    for i in range(b.w.size):
+    for i in range(bodies):
         was, now, f, mean = motion.came[i], motion.now[i], motion.pull[i], motion.other[i]
         for axis in range(6):
             mean[axis] = 0.5 * (was[axis] + now[axis])
@@ -75,10 +76,10 @@ def stored_in(springs: Any, b: Any, now: Any) -> float:
 
 
 @outlined
-def kinetic(b: Any, motion: Any) -> float:
-    """Kinetic energy of all bodies with the velocities `now` [J]."""
+def kinetic(b: Any, motion: Any, bodies: Any) -> float:
+    """Kinetic energy of the first `bodies` with the velocities `now` [J]."""
     total = 0.0
-    for i in range(b.w.size):
+    for i in range(bodies):
         m, spin = motion.now[i], row(b.spin, i)
         if b.w[i] > 0:  # a guest that is held does not move
             total += 0.5 / b.w[i] * (m[0] * m[0] + m[1] * m[1] + m[2] * m[2])

@@ -31,8 +31,6 @@ from particlesim.integrators.regions import (
     judged,
     largest_step,
 )
-from particlesim.interactions import PairSet
-from particlesim.scenario.reach import touches_by_surfaces
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
@@ -41,9 +39,6 @@ ORBITS = "bounds: a sixteenth of the shortest passage of a pericentre"
 """What limits the steps of methods that follow orbits."""
 MARGIN = 0.9
 """Part of the largest stable step that is recommended."""
-HARD_MARGIN = 0.6
-"""That part where surfaces touch by impulses: inelastic impacts of particles on stiff springs feed what methods such as
-leapfrog keep instead of the energy, from about 1/√2 of the largest stable step on (measured)."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +49,7 @@ class IslandStability:
     Adaptive methods have no limit: they choose steps that are short enough. WHFast has that of its orbits.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
-    of `Linearised`. Where surfaces touch, `step` is HARD_MARGIN times what it were, and `growth` that with a step as much
-    longer.
+    of `Linearised`.
     """
 
     groups: tuple[str, ...]
@@ -193,7 +187,8 @@ def _within_numbers(world: World, number: int) -> Iterator[None]:
         with np.errstate(over="raise", invalid="raise"):  # too large, and infinite from the beginning
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
-        structure = world.graph.islands[number]
+        structure, island = world.graph.islands[number], world.islands[number]
+        island.refuse_wild(world.time)
         names = " and ".join(repr(group.name) for group in structure.groups)
         masses = [state.mass[: state.count] for state in world.islands[number].states if state.count]
         least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
@@ -226,8 +221,7 @@ def _judged(world: World, number: int) -> IslandStability:
         step = _by_orbits(world, number)
         grown, how = (math.inf, ORBITS) if grid.dt > step else (-math.inf, found.how)
         return IslandStability(names, method, free, step, grown, how, values, spectra)
-    part = _part_allowed(structure)
-    factor = growth(method, found.together, grid.dt / part)
+    factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
@@ -244,7 +238,7 @@ def _judged(world: World, number: int) -> IslandStability:
         names,
         method,
         forces,
-        part * step,
+        step,
         total,
         found.how,
         values,
@@ -293,7 +287,7 @@ def _surely_stable(world: World, number: int) -> bool:
     else:
         k, d = (np.multiply(limit, [0, 0.25, 0.5, 0.75, 1]) for limit in limits)
         system = pairs(np.repeat(k, 5), np.tile(d, 5))
-    factor = growth(method, system, grid.dt / _part_allowed(model.structure))
+    factor = growth(method, system, grid.dt)
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
 
@@ -304,12 +298,6 @@ def _by_orbits(world: World, number: int) -> float:
     if not isinstance(island, CoupledIsland) or island.layout.work.orbits is None:
         return math.inf
     return longest_step(island.layout.work.orbits, island.island_columns())
-
-
-def _part_allowed(structure: Island) -> float:
-    """The part of the largest stable step without contacts that steps may have."""
-    laws = (each.law for each in structure.interactions if isinstance(each, PairSet))
-    return HARD_MARGIN if any(touches_by_surfaces(law, structure.groups) for law in laws) else 1.0
 
 
 def _names(structure: Island) -> tuple[str, ...]:

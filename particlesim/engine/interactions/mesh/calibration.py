@@ -28,7 +28,9 @@ LEAST_NEED = 1e-3
 """Errors are relative to the force, or to this part of the mean force where that is more."""
 EXACT = 0.02
 """The error of Ewald's sums over the accuracy."""
-ROUNDS = 6
+ROUNDS = 8
+TIGHTEST, GAIN = 10.0, 0.7
+"""How much more exact a plan is than the one before at most; and what part of the error must then be left at most."""
 
 
 class Sample(NamedTuple):
@@ -87,7 +89,9 @@ def calibrated(
                 "forces by a mesh are not finite",
                 "places, masses or charges are out of all proportion; give other units",
             )
-        allowed *= AIM * accuracy / max(error, AIM * accuracy / 30)
+        if len(tried) > 1 and error > GAIN * tried[-2][0] and error > accuracy:
+            break  # it is not the cut that makes the error
+        allowed *= min(max(AIM * accuracy / max(error, 1e-300), 1 / TIGHTEST), TIGHTEST)
     good = [each for each in tried if each[0] <= accuracy]
     if not good:
         raise UsageError(

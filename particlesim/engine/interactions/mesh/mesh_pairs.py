@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -39,7 +40,7 @@ from particlesim.engine.interactions.mesh.fourier import (
     new_waves,
     to_waves,
 )
-from particlesim.engine.interactions.mesh.influence import Transform, influence, transform
+from particlesim.engine.interactions.mesh.influence import Influence, Transform, influence, transform
 from particlesim.engine.interactions.mesh.plan import (
     TYPICAL,
     Plan,
@@ -49,7 +50,7 @@ from particlesim.engine.interactions.mesh.plan import (
     planned,
     uniform,
 )
-from particlesim.engine.interactions.mesh.split import ByCharge, ByMass, Near, far_of
+from particlesim.engine.interactions.mesh.split import ByCharge, ByMass, Near, ended, far_of
 from particlesim.engine.interactions.near_pairs import (
     NearLists,
     bring_up,
@@ -81,7 +82,6 @@ SPRINGS = 40
 """About how many springs take as long as a particle with its neighbours and nodes."""
 Made = TypeVar("Made", bound="MeshPairs")
 
-DOUBLE = np.dtype(float)
 WORTH_THREADS = 5_000
 FEWEST = 50
 """For fewer particles than these nothing is typical: a plan without measured errors is made for as many."""
@@ -95,9 +95,11 @@ ALPHA, CUTOFF, NODES, ERROR, TOTAL = 0, 1, 2, 5, 6
 
 
 class Aim(NamedTuple):
-    """What is asked for, and does not change: c of U = −c w₁ w₂/R, the accuracy, the softening of the far part [m], and how
-    far the near part must reach in any case [m]."""
+    """What is asked for, and does not change: the law of pairs in double precision, and what they act by; c of
+    U = −c w₁ w₂/R, the accuracy, the softening of the far part [m], and how far the near part must reach in any case [m]."""
 
+    law: Any
+    by: Any
     strength: float
     accuracy: float
     softening: float
@@ -106,8 +108,9 @@ class Aim(NamedTuple):
 
 class MeshColumns(NamedTuple):
     """The columns of `NearColumns`, of the near part; the order of the splines, as many None; mesh, roots of unity, scratch
-    of every thread, influence function; what is asked for, the plan that all is made for, and the plan as an array of the
-    state [7], which may be another one after a resume, until the next interval begins (`renewed`)."""
+    of every thread, influence function; by how much the energy of a unit particle is too high on it [1/m]; ∫ U of the near
+    part [J m³]; what is asked for, the plan that all is made for, and the plan as an array of the state [7], which may be
+    another one after a resume, until the next interval begins (`renewed`)."""
 
     law: Any
     least: Any
@@ -125,6 +128,7 @@ class MeshColumns(NamedTuple):
     lines: Any
     influence: Any
     excess: float
+    volume: float
     aim: Aim
     made: Plan
     plan: Any
@@ -200,8 +204,9 @@ class MeshPairs(NearLists, MeshColumns):
     def _exact(self) -> Sum:
         """Sums to compare with."""
         error = max(calibration.EXACT * self.aim.accuracy, 1e-13)
-        given = (self.law.by, self.aim.strength, self.box, self.aim.softening, error)
-        return ewald_sum(as_precision(self.law.law, DOUBLE), *given, everywhere=self.least is None)
+        aim = self.aim
+        given = (aim.law, aim.by, aim.strength, self.box, aim.softening, error)
+        return ewald_sum(*given, everywhere=self.least is None)
 
     def bounds(self, c: Any, w: Floats, t: float) -> tuple[Ints, Floats, Floats]:
         """As of the near part, but no less than the square of the plasma frequency, 4π c w ρ/m, that all have together."""
@@ -216,7 +221,8 @@ class MeshPairs(NearLists, MeshColumns):
         weight = weights_of(self, c)
         own = own_height(self.made.alpha, self.aim.softening)
         own = (own + self.excess) * float((weight**2).sum())
-        return near - 0.5 * self.aim.strength * (float(power.sum()) - own) + self._background(weight)
+        far = -0.5 * self.aim.strength * (float(power.sum()) - own)
+        return near + far + self._background(weight) + self._ended(weight)
 
     def virial(self, c: Any, t: float) -> Floats:
         """Σ l ⊗ f over all pairs and images, −∂U/∂strain [J], shape [3, 3]."""
@@ -247,8 +253,15 @@ class MeshPairs(NearLists, MeshColumns):
 
     def _background(self, weight: Floats) -> float:
         """The energy of the near part with the background [J], which the waves do not have."""
-        near = near_volume(as_precision(self.law, DOUBLE), self.made.cutoff) / math.prod(self.box)
-        return -0.5 * near * float(weight.sum()) ** 2
+        return -0.5 * self.volume / math.prod(self.box) * float(weight.sum()) ** 2
+
+    def _ended(self, weight: Floats) -> float:
+        """What the energy lacks as that of pairs ends at 0 [J]. Masses within the reach are the mean of the background,
+        which has it; charges gather the opposite of their own around them (D. Wolf et al., J. Chem. Phys. 110, 8254
+        (1999))."""
+        if isinstance(self.law.by, ByMass):
+            return 0.0
+        return -0.5 * near_law(self.aim, self.made).end * float((weight**2).sum())
 
     def summary(self) -> str:
         plan = self.made
@@ -377,10 +390,10 @@ def fitted(each: Made, plan: Plan) -> Made:
     """The same for another plan; itself where it is made for that one."""
     if plan == each.made:
         return each
-    bare, by, dtype = each.law.law, each.law.by, each.pull.dtype
+    dtype = each.pull.dtype
     each.plan[: len(_numbers(plan))] = _numbers(plan)
     return each._replace(
-        **_parts(bare, by, each.aim, plan, each.box, len(each.spline), len(each.pull), dtype),
+        **_parts(each.aim, plan, each.box, len(each.spline), len(each.pull), dtype),
         near=new_neighbours(
             each.near.members,
             len(each.near.place),
@@ -396,22 +409,33 @@ def _numbers(plan: Plan) -> list[float]:
     return [plan.alpha, plan.cutoff, *plan.shape]
 
 
-def _parts(
-    bare: Any, by: Any, aim: Aim, plan: Plan, box: Any, order: int, room: int, dtype: Any
-) -> dict[str, Any]:
-    """The columns that follow from a plan, but for the lists."""
+@lru_cache(maxsize=8)
+def influence_of(plan: Plan, box: tuple[float, float, float], order: int, softening: float) -> Influence:
+    """The influence function of a plan; kept, since births and deaths ask for it again."""
+    return influence(plan.shape, box, order, transform(plan.alpha, softening))
+
+
+def near_law(aim: Aim, plan: Plan) -> Near:
+    """The near part of a plan: its energy ends at 0, so that energy does not jump where pairs come and go."""
     _, accuracy = class_of(aim.accuracy)
     reach = far_reach(accuracy)
     far = far_of(plan.alpha, square(aim.softening), aim.strength, reach, BY_LAW * accuracy / reach**3)
-    found = influence(plan.shape, box, order, transform(plan.alpha, aim.softening))
+    return ended(Near(aim.law, aim.by, far), plan.cutoff)
+
+
+def _parts(aim: Aim, plan: Plan, box: Any, order: int, room: int, dtype: Any) -> dict[str, Any]:
+    """The columns that follow from a plan, but for the lists."""
+    law = near_law(aim, plan)
+    found = influence_of(plan, box, order, aim.softening)
     return {
-        "law": as_precision(Near(bare, by, far), dtype),
+        "law": as_precision(law, dtype),
         "most": dtype.type(square(plan.cutoff)),
         "bricks": new_bricks(plan.shape, room, 1),
         "waves": new_waves(plan.shape),
         "lines": new_lines(plan.shape, 1),
         "influence": found.function,
         "excess": found.excess,
+        "volume": near_volume(law, plan.cutoff),
         "made": plan,
     }
 
@@ -426,20 +450,21 @@ def mesh_of(site: Site, pairs: PairSet) -> MeshPairs:
     if law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
-    record, _, least, _, a, b, ids = what_acts(site, pairs, None)
+    _, _, least, _, a, b, ids = what_acts(site, pairs, None)
     box = site.scenario.simulation.box
     assert box is not None
     names = sorted(pairs.groups, key=site.offset.__getitem__)
     rows = [np.arange(site.offset[name], site.offset[name] + site.state[name].count) for name in names]
     members = np.concatenate(rows)
-    aim = Aim(law.coupling(), law.accuracy, law.far_softening(), law.near_reach())
+    by = ByMass() if law.by == "mass" else ByCharge()
+    aim = Aim(law.record(), by, law.coupling(), law.accuracy, law.far_softening(), law.near_reach())
     x, y, z = (float(length) for length in box.size)
     size, (order, _) = (x, y, z), class_of(law.accuracy)
     plan = first_plan(task_in(size, aim, order, len(members)), law.accuracy)
     near = new_neighbours(
         members, site.whole.count, plan.cutoff, box=size, clocked=site.whole.clocked, dtype=dtype
     )
-    room, by = near.order.size, ByMass() if law.by == "mass" else ByCharge()
+    room = near.order.size
     charge = np.zeros(room, dtype) if law.by == "charge" else None
     seen = Block(None, None, None, None, None, None, np.zeros(room, dtype), None, charge, None, None, None)
     numbers = np.array([*_numbers(plan), 0.0, 0.0])
@@ -455,7 +480,7 @@ def mesh_of(site: Site, pairs: PairSet) -> MeshPairs:
         spline=(None,) * order,
         aim=aim,
         plan=numbers,
-        **_parts(record, by, aim, plan, size, order, room, dtype),
+        **_parts(aim, plan, size, order, room, dtype),
     )
 
 

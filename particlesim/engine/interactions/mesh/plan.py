@@ -26,6 +26,8 @@ FLOOR = 0.1
 """Errors are relative to the force, or to this part of the force between two neighbours where that is more."""
 TYPICAL = 2.0
 """The force on a particle among others without order, over that between two at the mean distance."""
+FEW_NODES, NODES_EACH = 128**3, 128
+"""A mesh has at most so many nodes, or so many for each particle: the near part does the rest."""
 SPARE = 4.0
 """How much more exact than asked for the near part may become: e^(−x²) by that power of e."""
 WAVE, FAR_WAVE, CACHED, PAIR, LIST = 0.4, 0.8, 4_000_000, 3.3, 50.0
@@ -81,13 +83,17 @@ def uniform(size: Sequence[float], count: int) -> Callable[[float], float]:
 
 
 def planned(task: Task, error: float) -> Plan:
-    """The plan that costs least, for an allowed σ √V^(4/3)... of the field [1/m²]: root of the mean square of the errors of
-    the field of particles with W = 1."""
-    share = error * error / 2
+    """The plan that costs least, for an allowed σ [1/m²]: the root of the mean square of the errors of the field, of
+    particles with W = 1."""
+    share, finest = error * error / 2, (SIZES[0], SIZES[0], SIZES[0])
     found: list[tuple[float, Plan]] = []
     longest = max(task.size)
+    most = max(FEW_NODES, NODES_EACH * task.number)
     for n in SIZES:
         shape = tuple(_at_least(n * length / longest) for length in task.size)
+        if math.prod(shape) > most:
+            break
+        finest = (shape[0], shape[1], shape[2])
         h = max(length / nodes for length, nodes in zip(task.size, shape, strict=True))
         alpha = _alpha(task, h, share)
         cutoff = _cutoff(task, alpha, share)
@@ -96,13 +102,11 @@ def planned(task: Task, error: float) -> Plan:
         if cutoff < task.least:
             cutoff = task.least
             alpha = min(alpha, _least_alpha(task, cutoff, share))
-        plan = Plan(alpha, cutoff, (shape[0], shape[1], shape[2]))
+        plan = Plan(alpha, cutoff, finest)
         found.append((cost(task, plan), plan))
-    if not found:  # the finest mesh, and the near part as far as it goes
-        n = SIZES[-1]
-        shape = tuple(_at_least(n * length / longest) for length in task.size)
+    if not found:  # as exact as it gets: the finest mesh, and the near part as far as it goes
         cutoff = min(task.size) / 2
-        return Plan(_least_alpha(task, cutoff, share), cutoff, (shape[0], shape[1], shape[2]))
+        return Plan(_least_alpha(task, cutoff, share), cutoff, finest)
     return min(found)[1]
 
 

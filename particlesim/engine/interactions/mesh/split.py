@@ -46,11 +46,13 @@ class Far(NamedTuple):
 
 
 class Near(NamedTuple):
-    """A law without its far part; whether particles act by mass or by charge."""
+    """A law without its far part; whether particles act by mass or by charge; and the energy of two unit particles that is
+    taken from it, so that it ends at 0 where pairs do."""
 
     law: Any
     by: Any
     far: Far
+    end: float = 0.0
 
 
 @central_law(Near)
@@ -60,7 +62,7 @@ def near_part(f: Near, p: Pair, s: float) -> Terms:
     w = p.m1 * p.m2 if isinstance(f.by, ByMass) else p.q1 * p.q2
     x = far.scale * (s + far.square) - 1
     return (
-        u - w * far.by_height * polynomial(x, far.height),
+        u - w * (far.by_height * polynomial(x, far.height) + f.end),
         k - w * far.by_slope * polynomial(x, far.slope),
         q - w * far.by_bend * polynomial(x, far.bend),
     )
@@ -72,6 +74,12 @@ def polynomial(x: Any, coefficients: Any) -> Any:
     for c in coefficients[1:]:
         total = total * x + c
     return total
+
+
+def ended(law: Near, reach: float) -> Near:
+    """The same with an energy of 0 at a reach."""
+    unit = Pair(reach, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, q1=1.0, q2=1.0)
+    return law._replace(end=float(central(law._replace(end=0.0), unit, reach * reach)[0]))
 
 
 @lru_cache

@@ -48,10 +48,11 @@ GENTLY = 0.02
 """Part of its thickness by which a contact that is too close is widened in a step."""
 CORE = 0.2
 """Part of its thickness that a contact must keep on the way of a step, or of half of what it has if that is less."""
-TURNS, MORE_TURNS = 12, 40
+TURNS, MORE_TURNS = 12, 20
 """Turns through all contacts of a step at most: for displacements, and for velocities."""
-SETTLED = 1e-3
-"""Turns end when all corrections are smaller than that part of the thickness, or of the fastest approach."""
+SETTLED, CALMED = 1e-3, 1e-2
+"""Turns end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces have
+brought about in the step: what is left goes on in the next."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
 STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)

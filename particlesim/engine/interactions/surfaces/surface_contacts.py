@@ -41,6 +41,7 @@ from particlesim.engine.interactions.surfaces.record import (
     simplices_of,
 )
 from particlesim.engine.interactions.surfaces.response import (
+    CALMED,
     MORE_TURNS,
     SETTLED,
     TURNS,
@@ -184,7 +185,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
             report[CONTACTS] = first
             turn, going = 0, True
             while going & (turn < MORE_TURNS):
-                going = give_impulses(touches, desk, report, v, turn % 2) > SETTLED * most
+                going = give_impulses(touches, desk, report, v, turn % 2) > CALMED * most
                 turn += 1
             lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
