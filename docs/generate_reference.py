@@ -16,14 +16,13 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
-from particlesim.bodies import Bodies
-from particlesim.bodies.shape import BODY_SHAPES
+from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
 from particlesim.emitters import Emitter
-from particlesim.emitters.emitter import Burst, Die
+from particlesim.emitters.emitter import Burst, Die, OnImpact
 from particlesim.expressions.operations import FUNCTIONS, VARIABLES
 from particlesim.expressions.parser import MAX_DEPTH, MAX_LENGTH
 from particlesim.flows import FLOWS
@@ -95,11 +94,17 @@ def parts() -> Iterator[str]:
     yield table(Bodies, without=NOT_FOR_BODIES)
     yield "### Shapes of bodies"
     yield from variants(BODY_SHAPES)
+    yield "## `[[joints]]`"
+    yield prose("joints")
+    yield table(Joint)
+    yield from variants(JOINTS)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)
     yield "### Burst"
     yield summary(Burst) + "\n\n" + table(Burst)
+    yield "### Births of impacts"
+    yield summary(OnImpact) + "\n\n" + table(OnImpact)
     yield "### Die"
     yield summary(Die) + "\n\n" + table(Die)
     yield "## Shapes"

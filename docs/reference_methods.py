@@ -21,7 +21,7 @@ GROWTH = 1e-9
 
 
 def integrators_table() -> str:
-    """One row per method; those that choose their steps have no limit."""
+    """One row per method; those that choose their steps or follow orbits have no such limit."""
     rows = [
         "| name | order | force evaluations | symplectic | reversible | oscillator: h ω up to | damping: h d up to | "
         "without inertia |",
@@ -30,7 +30,7 @@ def integrators_table() -> str:
     for name, method in METHODS.items():
         marks = " | ".join("yes" if flag else "no" for flag in (method.symplectic, method.reversible))
         oscillator, damping = "–", "–"
-        if not method.adaptive:
+        if method.by_modes:
             oscillator, damping = (shown(limit(step, method)) for step in (oscillate, damp))
         other = f"`{method.first_order}`" if method.first_order else f"`{name}`"
         rows.append(

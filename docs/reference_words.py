@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bodies import Bodies, BodyShape
+from particlesim.bodies import Bodies, BodyShape, Joint
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
@@ -18,7 +18,7 @@ from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.pose import Orientation
 from particlesim.colliders.solid import Solid
 from particlesim.emitters import Emitter
-from particlesim.emitters.emitter import Burst, Die
+from particlesim.emitters.emitter import Burst, Die, OnImpact
 from particlesim.flows import Flow
 from particlesim.flows.fluids import FluidName
 from particlesim.forces import Force
@@ -46,6 +46,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (RenderSettings, "[render](#render)"),
     (Camera, "[camera](#camera)"),
     (Bodies, "[bodies](#bodies)"),
+    (Joint, "[joints](#joints)"),
     (BodyShape, "[shape of a body](#shapes-of-bodies)"),
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),
@@ -75,6 +76,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Friction, "[friction](#friction)"),
     (FallingRestitution, "[restitution](#restitution)"),
     (Burst, "[burst](#burst)"),
+    (OnImpact, "[births of impacts](#births-of-impacts)"),
     (Die, "[die](#die)"),
     (Atmosphere, "[standard_atmosphere](#standard_atmosphere)"),
     (Distribution, "[distribution](#distributions)"),

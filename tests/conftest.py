@@ -6,6 +6,7 @@ database here: a test run leaves the working directory as it was.
 """
 
 import atexit
+import gc
 import os
 import shutil
 import signal
@@ -25,3 +26,11 @@ if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_I
 
 settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("psim")
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests live to the end: the collector of garbage, which syntax trees of kernels call often, need not
+    go through them each time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 20)

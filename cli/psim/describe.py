@@ -106,6 +106,7 @@ def _show_word(word: str) -> bool:
 
 def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
     """Titles, and what there is under them by the name that scenarios use: models, or methods."""
+    from particlesim.bodies import BODY_SHAPES
     from particlesim.colliders import COLLIDERS
     from particlesim.flows import OPEN_FLOWS
     from particlesim.forces import OPEN_FORCES
@@ -122,6 +123,7 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
         ("Flows", flows),
         ("Layouts", LAYOUTS),
         ("Colliders", COLLIDERS),
+        ("Shapes of bodies", BODY_SHAPES),
     )
     for title, models in kinds:
         yield title, {model.model_fields["type"].default: model for model in models}

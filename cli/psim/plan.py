@@ -16,6 +16,8 @@ MOST_PARTICLES = 2_000_000
 """Particles up to which they are placed to look for the largest stable step; a run places them anyway."""
 MOST_LED = 50_000
 """The same where particles are led along paths or held by rods: plain Python may have to put them into place."""
+MOST_IN_PYTHON = 300
+"""Particles that act on each other up to which plain Python looks at their pairs; compiled kernels look at those of more."""
 
 
 def default_output(scenario: Path) -> Path:
@@ -42,12 +44,14 @@ def plan(
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
-    found, doubts = _first_look(scenario) if look and required.particles <= most else (None, ())
+    found, doubts = (
+        _first_look(scenario, required.particles) if look and required.particles <= most else (None, ())
+    )
     grid = scenario.grid
     return {
         "title": scenario.title,
         "groups": [group.name for group in scenario.groups],
-        "forces": list(scenario.force_labels()),
+        "forces": list(scenario.labels.all),
         "particles": required.particles,
         "births": required.births,
         "duration": grid.duration,
@@ -68,17 +72,19 @@ def plan(
     }
 
 
-def _first_look(scenario: Scenario) -> tuple[Stability, tuple[str, ...]]:
-    """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it."""
-    from particlesim.compiler import uncompiled
+def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[str, ...]]:
+    """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it, but where many
+    particles act on each other."""
+    from particlesim.compiler import compiled, uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import misplaced, squeezed
+    from particlesim.runs.validity import misplaced, squeezed, stiff
 
-    with uncompiled():
+    crowded = scenario.interactions and particles > MOST_IN_PYTHON
+    with uncompiled(), compiled(bool(crowded)):
         world = World(scenario)
         found = stability(world)
-        return found, (*found.warnings, *misplaced(world), *squeezed(world))
+        return found, (*found.warnings, *misplaced(world), *squeezed(world), *stiff(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

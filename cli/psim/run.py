@@ -24,7 +24,8 @@ from psim.options import (
 from psim.progress import render_progress, run_progress
 
 if TYPE_CHECKING:
-    from particlesim.runs.runner import Result
+    from particlesim.runs.filming import Filming
+    from particlesim.runs.runner import Progress, Result
     from particlesim.scenario.scenario import Scenario
 
 VIDEO_SIZE = [1280, 720]
@@ -102,11 +103,15 @@ def run(
         film = path.with_suffix(".mp4") if video else None
         report.keep_apart(path, film)
         _check_targets(loaded, path, film, force, resume)
-        result = _simulate(loaded, scenario, path, quiet, options, said)
-        report.of_run(result)
-    warnings = list(result.warnings)
-    if film is not None:
-        warnings += _render(loaded, path, film, force or resume, threads, quiet)
+        if film is None:
+            result = _simulate(loaded, scenario, path, quiet, options, said)
+            report.of_run(result)
+            warnings = list(result.warnings)
+        else:
+            with _filming(loaded, film, force or resume, threads) as filming:
+                result = _simulate(loaded, scenario, path, quiet, options, said, filming)
+                report.of_run(result)
+                warnings = [*result.warnings, *_render(path, film, filming, quiet)]
     _tell(result, scenario, film, warnings, said, quiet=quiet, as_json=as_json)
     if bless and result.passed and not quiet:
         _show_blessed(loaded)
@@ -204,8 +209,22 @@ def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool,
         check_film(loaded, film, overwrite=force or resume)
 
 
+def _filming(loaded: Scenario, film: Path, overwrite: bool, threads: int | None) -> Filming:
+    """What makes the video of a run."""
+    from particlesim.runs.filming import Filming, Video
+
+    size = {} if "size" in loaded.render.model_fields_set else {"render.size": VIDEO_SIZE}
+    return Filming(Video(film, size, overwrite, threads))
+
+
 def _simulate(
-    loaded: Scenario, scenario: Path, path: Path, quiet: bool, options: dict[str, Any], said: list[str]
+    loaded: Scenario,
+    scenario: Path,
+    path: Path,
+    quiet: bool,
+    options: dict[str, Any],
+    said: list[str],
+    filming: Filming | None = None,
 ) -> Result:
     """Run with the options of `ps.run`; an error in the middle says where the frames before it are. What is warned of at
     the start goes to `said`."""
@@ -217,7 +236,14 @@ def _simulate(
         said.append(text)
 
     try:
-        with run_progress(scenario.stem, quiet=quiet) as progress:
+        with run_progress(scenario.stem, quiet=quiet) as shown:
+
+            def progress(now: Progress) -> None:
+                if filming is not None:
+                    filming.begin(path)
+                if shown is not None:
+                    shown(now)
+
             return ps.run(loaded, path, progress=progress, warn=None if quiet else tell, **options)
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
@@ -227,15 +253,9 @@ def _simulate(
         raise
 
 
-def _render(
-    loaded: Scenario,
-    path: Path,
-    film: Path,
-    force: bool,
-    threads: int | None,
-    quiet: bool,
-) -> list[Any]:
-    """Render the trajectory; returns what to warn of. An error, or a stop, says that the trajectory is there."""
+def _render(path: Path, film: Path, filming: Filming, quiet: bool) -> list[str]:
+    """Wait for the video of the trajectory; returns what to warn of. An error, or a stop, tells that the latter
+    is there."""
     import shlex
 
     import particlesim as ps
@@ -243,10 +263,9 @@ def _render(
 
     kept = f"the trajectory {path} is complete; its video: psim render {shlex.quote(str(path))}"
     kept += " --force" if film.exists() else ""
-    size = {} if "size" in loaded.render.model_fields_set else {"render.size": VIDEO_SIZE}
     try:
         with render_progress(film.name, quiet=quiet) as progress:
-            report = ps.film(path, film, size, overwrite=force, threads=threads, progress=progress)
+            return list(filming.finish(path, progress).warnings)
     except ps.PsimError as error:
         error.hint = f"{error.hint.rstrip('.')}; {kept}" if error.hint else kept
         raise
@@ -254,4 +273,3 @@ def _render(
         if isinstance(error, KeyboardInterrupt) or requested():
             raise ps.Interrupted("stopped while the video was made", kept) from None
         raise
-    return list(report.warnings)

@@ -59,6 +59,7 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "momentum": _momentum(result),
         "methods": result.methods,
         "broken_springs": {name: {"broken": n, "of": all_} for name, (n, all_) in result.broken.items()},
+        "missed_crossings": result.missed_crossings,
         "checks": [check.as_data() for check in result.checks],
         "physics": physics_digest(result.scenario),
         "state": result.state,
@@ -112,6 +113,7 @@ def show_summary(told: dict[str, Any]) -> None:
         ("momentum", _momentum_text(told["momentum"])),
         ("methods", "\n".join(f"{name}: {how}" for name, how in told["methods"].items())),
         ("springs", _broken(told["broken_springs"])),
+        ("missed", _missed(told["missed_crossings"])),
         ("checks", "\n".join(check_text(check) for check in told["checks"])),
         ("digest", f"physics {told['physics'][:DIGITS]}, final state {told['state'][:DIGITS]}"),
         ("recorded", f"{counted(told['frames'], 'frame')}, {size(told['bytes'])}"),
@@ -161,6 +163,11 @@ def _particles(count: dict[str, Any]) -> str:
 def _broken(sets: dict[str, dict[str, int]]) -> str:
     """'links: 12 of 340 broken'."""
     return ", ".join(f"{name}: {n['broken']:,} of {n['of']:,} broken" for name, n in sets.items())
+
+
+def _missed(number: int) -> str:
+    """'5 crossings of colliders with discrete detection'."""
+    return f"{counted(number, 'crossing')} of colliders with discrete detection" if number else ""
 
 
 def _change(ends: dict[str, float] | None) -> str:

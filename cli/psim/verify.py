@@ -20,6 +20,7 @@ _WORDS = {
     "exact": "exact to rounding",
     "rounding": "rounding hides it",
     "below": "BELOW ITS METHOD",
+    "random": "random kicks have no order",
 }
 _HEAD = ("group", "field", "|dt − dt/2|", "|dt/2 − dt/4|", "order", "method", "error at dt", "verdict")
 

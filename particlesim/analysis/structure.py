@@ -147,11 +147,10 @@ def power_spectrum(
         *(2 * np.pi * n / s for n, s in zip(index, size, strict=True)), indexing="ij", sparse=True
     )
     k = np.sqrt(lattice[0] ** 2 + lattice[1] ** 2 + lattice[2] ** 2)
-    # Waves of the half that is not stored are those that are, but for the planes at both ends of the last axis.
+    # Waves of the half that is not stored are those that are, but for the plane at the beginning of the last axis; that at
+    # its end is beyond the last shell.
     twice = np.full(power.shape, 2)
     twice[..., 0] = 1
-    if mesh % 2 == 0:
-        twice[..., -1] = 1
     width, last = 2 * np.pi / size.max(), np.pi * mesh / size.max()
     edges = np.arange(0.5, last / width) * width
     samples, _ = np.histogram(k, edges, weights=twice)

@@ -1,6 +1,18 @@
 """Rigid bodies: what a scenario says of them. To add a shape, write its class and add it to `AnyBodyShape`."""
 
 from particlesim.bodies.body import Bodies
-from particlesim.bodies.shape import AnyBodyShape, BodyShape
+from particlesim.bodies.joint import JOINTS, AnyJoint, BallJoint, HingeJoint, Joint
+from particlesim.bodies.shape import BodyShape
+from particlesim.bodies.shapes import BODY_SHAPES, AnyBodyShape
 
-__all__ = ["AnyBodyShape", "Bodies", "BodyShape"]
+__all__ = [
+    "BODY_SHAPES",
+    "JOINTS",
+    "AnyBodyShape",
+    "AnyJoint",
+    "BallJoint",
+    "Bodies",
+    "BodyShape",
+    "HingeJoint",
+    "Joint",
+]

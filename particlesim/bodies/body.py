@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from particlesim.bodies.shape import AnyBodyShape
+from particlesim.bodies.shapes import AnyBodyShape
 from particlesim.colliders.friction import Friction
 from particlesim.colliders.pose import UNTURNED, Orientation
 from particlesim.groups.group import Particles, SecondOrder
@@ -22,6 +22,7 @@ from particlesim.layouts.points import Points
 from particlesim.model.arrays import Floats
 from particlesim.model.base import Name
 from particlesim.model.mistakes import invalid
+from particlesim.model.quaternions import quaternion
 from particlesim.model.units import (
     Kilograms,
     KilogramsPerCubicMetre,
@@ -44,7 +45,7 @@ class Bodies(Particles):
     name: Name = "bodies"
     """Name of the group, by which forces, colliders and messages speak of it."""
     shape: AnyBodyShape
-    """Their shape; its centre of mass is their place, its axes are those of its principal moments of inertia."""
+    """Their shape: its centre of mass is their place, and they are turned from the axes of its frame."""
     mass: Annotated[Kilograms, Gt(0)] | None = None
     """Mass of a body; it follows from the density if that is given."""
     density: Annotated[KilogramsPerCubicMetre, Gt(0)] | None = None
@@ -110,6 +111,20 @@ class Bodies(Particles):
         return self
 
     @model_validator(mode="after")
+    def _given_once(self) -> Bodies:
+        if self.layout is not None and (given := self.layout.attributes()):
+            raise invalid(
+                f"a {self.layout.type} layout gives {' and '.join(sorted(given))}, which bodies have from their shape",
+                at=("layout", "type"),
+                allowed="points, random, lattice or file",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _turning(self) -> Bodies:
+        return self  # one angular velocity for all
+
+    @model_validator(mode="after")
     def _body(self) -> Bodies:
         if self.layout is None:
             # One body is a layout of one point, for all that asks where particles are.
@@ -147,8 +162,12 @@ class Bodies(Particles):
         x, y, z = self.shape.spread()
         return np.array([y + z, z + x, x + y]) * (self.weight / self.shape.volume())
 
+    def axes(self) -> Floats:
+        """From the principal axes to those of the shape: a unit quaternion w, x, y, z."""
+        return quaternion(self.shape.frame().axes)
+
     def turns(self, streams: Streams, count: int) -> Floats:
-        """Orientations as unit quaternions w, x, y, z, shape [4, count].
+        """Orientations of the shape's axes as unit quaternions w, x, y, z, shape [4, count].
 
         Random ones are even over all rotations: K. Shoemake, Graphics Gems III (1992), p. 124.
         """
@@ -159,22 +178,3 @@ class Bodies(Particles):
             return np.stack([b * np.cos(q), a * np.sin(p), a * np.cos(p), b * np.sin(q)])
         rows = UNTURNED if self.orientation is None else self.orientation.rotation()
         return np.repeat(quaternion(np.array(rows))[:, None], count, axis=1)
-
-
-def quaternion(rotation: Floats) -> Floats:
-    """The unit quaternion w, x, y, z of a rotation matrix, with w ≥ 0. Source: S. Shepperd, J. Guidance Control 1, 223
-    (1978)."""
-    r = rotation
-    squares = np.array([np.trace(r), r[0, 0], r[1, 1], r[2, 2]])
-    k = int(np.argmax(squares))
-    if k == 0:
-        q = np.array([1 + np.trace(r), r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    else:
-        i, j, m = k - 1, k % 3, (k + 1) % 3
-        q = np.empty(4)
-        q[0] = r[m, j] - r[j, m]
-        q[1 + i] = 1 + r[i, i] - r[j, j] - r[m, m]
-        q[1 + j] = r[i, j] + r[j, i]
-        q[1 + m] = r[i, m] + r[m, i]
-    q = q / np.linalg.norm(q)
-    return q if q[0] >= 0 else -q

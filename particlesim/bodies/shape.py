@@ -1,86 +1,165 @@
-"""Shapes of rigid bodies: volume, moments of inertia and surface, about the centre of mass and along the principal axes.
+"""Shapes of rigid bodies: volume, moments of inertia, surface, and the convex pieces that touch.
 
-With J_k = ∫ x_k² dV the moment of inertia about axis i is ρ (J_j + J_k). Source: Goldstein, Classical Mechanics, chapter 5;
-a capsule is a cylinder of length l with two halves of a ball at its ends:
+A shape is stated in a frame of its own. A body has its origin in the centre of mass and its axes along those of that frame;
+it turns about its principal axes. With J_k = ∫ x_k² dV along these the moment of inertia about axis i is ρ (J_j + J_k).
+Source: Goldstein, Classical Mechanics, chapter 5; a capsule is a cylinder of length l with two halves of a ball at its ends:
 J_z = π r² l³/12 + 2 (2 π r⁵/15 + (2 π r³/3)(l²/4 + 3 l r/8)), J_x = π r⁴ l/4 + 4 π r⁵/15.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal, NamedTuple
 
-from annotated_types import Gt
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import PrivateAttr, model_validator
 
+from particlesim.bodies.mass import Solidity, enclosed_by, principal
+from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, SPHERE, Piece
 from particlesim.colliders.triangulation import Triangles, arc, cuboid, revolved
+from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
+from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
-from particlesim.model.variants import Tagged
-from particlesim.model.vectors import Vector3, norm
+from particlesim.model.vectors import Vector3
 
 Length = Annotated[Metres, Gt(0)]
 
-SPHERE, BOX, CAPSULE = 0, 1, 2
-"""Kinds of shapes, for kernels."""
+NOWHERE = np.zeros(3)
+UNTURNED = np.eye(3)
+
+
+class Frame(NamedTuple):
+    """What a body is, whatever its shape: volume [m³], centre of mass in the frame of the shape [m], J along the principal
+    axes [m⁵], and these as columns of a rotation in that frame."""
+
+    volume: float
+    center: Floats
+    spread: Floats
+    axes: Floats
 
 
 class BodyShape(Model):
     """A shape of a rigid body."""
 
-    kind: ClassVar[int]
-    """Its number for kernels."""
-
     type: str
 
-    def volume(self) -> float:
-        """Volume [m³]."""
+    _frame: Frame | None = PrivateAttr(default=None)
+
+    def __eq__(self, other: object) -> bool:
+        return self.says(other)
+
+    def __hash__(self) -> int:
+        return hash(self.type)
+
+    def solid(self) -> Solidity:
+        """What it encloses, in its own frame."""
         raise NotImplementedError
 
-    def spread(self) -> Vector3:
-        """J = ∫ x² dV, ∫ y² dV, ∫ z² dV [m⁵]."""
+    def pieces(self) -> tuple[Piece, ...]:
+        """The convex pieces that touch, in its own frame."""
         raise NotImplementedError
 
-    def sizes(self) -> Vector3:
-        """The numbers of its kind that kernels take [m] (`engine.rigid.bodies`)."""
-        raise NotImplementedError
-
-    def reach(self) -> float:
-        """Radius of a ball about it [m]."""
-        raise NotImplementedError
-
-    def triangles(self) -> Triangles:
-        """Its surface, for pictures."""
+    def surface(self, sides: int = 48) -> Triangles:
+        """Its surface in its own frame; round ones with so many corners around."""
         raise NotImplementedError
 
     def words(self) -> str:
         """A body of this shape in a few words."""
         raise NotImplementedError
 
+    def remarks(self) -> tuple[str, ...]:
+        """What to tell of it before a run."""
+        return ()
+
+    # ---- of its own
+
+    def frame(self) -> Frame:
+        """Its centre and its principal axes, found once."""
+        if self._frame is None:
+            solid = self.solid()
+            spread, axes = principal(solid.second)
+            self._frame = Frame(solid.volume, solid.center, spread, axes)
+        return self._frame
+
+    def volume(self) -> float:
+        """Volume [m³]."""
+        return self.frame().volume
+
+    def spread(self) -> Vector3:
+        """J = ∫ x² dV along its principal axes [m⁵]."""
+        x, y, z = self.frame().spread
+        return float(x), float(y), float(z)
+
+    def own_pieces(self) -> tuple[Piece, ...]:
+        """The convex pieces that touch, about the centre of mass and along the principal axes."""
+        frame = self.frame()
+        return tuple(piece.seen_from(frame.center, frame.axes) for piece in self.pieces())
+
+    def reach(self) -> float:
+        """Radius of a ball about its centre of mass that holds all of it [m]."""
+        return max(_farthest(piece) for piece in self.own_pieces())
+
+    def fineness(self) -> float:
+        """Its smallest size [m]."""
+        return min(piece.fineness() for piece in self.pieces())
+
+    def triangles(self) -> Triangles:
+        """Its surface about the centre of mass, along the axes of its frame: for pictures."""
+        surface = self.surface()
+        return Triangles(surface.corners - self.frame().center, surface.faces)
+
+    def skin(self) -> Triangles:
+        """A coarser surface about the centre of mass and along the principal axes, which encloses the same volume: fluids
+        act on it."""
+        frame, surface = self.frame(), self.surface(24)
+        corners = (surface.corners - frame.center) @ frame.axes
+        size = enclosed_by(corners, surface.faces).volume
+        return Triangles(corners * (frame.volume / size) ** (1 / 3), surface.faces)
+
+
+def _farthest(piece: Piece) -> float:
+    """How far a piece reaches from the origin [m], at most."""
+    if piece.hull is not None:
+        corners = piece.at + piece.hull.corners @ piece.rotation.T
+        return float(np.linalg.norm(corners, axis=1).max())
+    if piece.kind == BOX:
+        return float(np.linalg.norm(np.abs(piece.rotation.T @ piece.at) + piece.size))
+    return float(np.linalg.norm(piece.at)) + piece.ball()
+
+
+def about_z(profile: list[tuple[float, float]], sides: int, closed: bool = False) -> Triangles:
+    """What a line of points (distance from the z axis, height) sweeps out around that axis: polygons of the area of the
+    circles that they stand for."""
+    turn = 2 * math.pi / sides
+    wide = math.sqrt(turn / math.sin(turn))
+    surface = revolved([(wide * r, z) for r, z in profile], sides, closed)  # about the y axis
+    return Triangles(surface.corners[:, [2, 0, 1]], surface.faces)
+
+
+def symmetric(volume: float, x: float, y: float, z: float) -> Solidity:
+    """A solid about its centre and along its axes, by V and J."""
+    return Solidity(volume, NOWHERE, np.diag([x, y, z]))
+
 
 class BallBody(BodyShape):
     """A ball."""
-
-    kind: ClassVar[int] = SPHERE
 
     type: Literal["sphere"] = "sphere"
     radius: Length
     """Radius of the ball."""
 
-    def volume(self) -> float:
-        return 4 / 3 * math.pi * self.radius**3
-
-    def spread(self) -> Vector3:
+    def solid(self) -> Solidity:
         j = 4 / 15 * math.pi * self.radius**5
-        return j, j, j
+        return symmetric(4 / 3 * math.pi * self.radius**3, j, j, j)
 
-    def sizes(self) -> Vector3:
-        return self.radius, 0.0, 0.0
+    def pieces(self) -> tuple[Piece, ...]:
+        return (Piece(SPHERE, (self.radius, 0.0, 0.0), NOWHERE, UNTURNED),)
 
-    def reach(self) -> float:
-        return self.radius
-
-    def triangles(self) -> Triangles:
-        return revolved(arc((0, 0), self.radius, -math.pi / 2, math.pi / 2, 24), 48)
+    def surface(self, sides: int = 48) -> Triangles:
+        surface = revolved(arc((0, 0), self.radius, -math.pi / 2, math.pi / 2, sides // 2), sides)
+        return Triangles(surface.corners[:, [2, 0, 1]], surface.faces)
 
     def words(self) -> str:
         return f"a ball of radius {self.radius:g} m"
@@ -89,28 +168,20 @@ class BallBody(BodyShape):
 class BoxBody(BodyShape):
     """A cuboid."""
 
-    kind: ClassVar[int] = BOX
-
     type: Literal["box"] = "box"
     size: tuple[Length, Length, Length]
     """Its edges along x, y and z, before it is turned."""
 
-    def volume(self) -> float:
-        return math.prod(self.size)
-
-    def spread(self) -> Vector3:
-        v = self.volume()
+    def solid(self) -> Solidity:
+        v = math.prod(self.size)
         a, b, c = self.size
-        return v * a * a / 12, v * b * b / 12, v * c * c / 12
+        return symmetric(v, v * a * a / 12, v * b * b / 12, v * c * c / 12)
 
-    def sizes(self) -> Vector3:
+    def pieces(self) -> tuple[Piece, ...]:
         a, b, c = self.size
-        return a / 2, b / 2, c / 2
+        return (Piece(BOX, (a / 2, b / 2, c / 2), NOWHERE, UNTURNED),)
 
-    def reach(self) -> float:
-        return norm(self.size) / 2
-
-    def triangles(self) -> Triangles:
+    def surface(self, sides: int = 48) -> Triangles:
         return cuboid(self.size)
 
     def words(self) -> str:
@@ -121,40 +192,129 @@ class BoxBody(BodyShape):
 class CapsuleBody(BodyShape):
     """A cylinder with round ends, along z before it is turned."""
 
-    kind: ClassVar[int] = CAPSULE
-
     type: Literal["capsule"] = "capsule"
     radius: Length
     """Radius of the cylinder and of its ends."""
     length: Length
     """Distance between the centres of the ends."""
 
-    def volume(self) -> float:
-        return math.pi * self.radius**2 * (self.length + 4 / 3 * self.radius)
-
-    def spread(self) -> Vector3:
+    def solid(self) -> Solidity:
         r, l = self.radius, self.length  # noqa: E741
         across = math.pi * r**4 * l / 4 + 4 * math.pi * r**5 / 15
         # A half ball has its volume 2 π r³/3 at l/2 + 3 r/8 in the mean, and ∫ z² dV = 2 π r⁵/15 about its flat side.
         half = 2 * math.pi * r**3 / 3
         ends = 2 * (2 * math.pi * r**5 / 15 + half * (l * l / 4 + 2 * (l / 2) * 3 * r / 8))
-        return across, across, math.pi * r * r * l**3 / 12 + ends
+        volume = math.pi * r**2 * (l + 4 / 3 * r)
+        return symmetric(volume, across, across, math.pi * r * r * l**3 / 12 + ends)
 
-    def sizes(self) -> Vector3:
-        return self.radius, self.length / 2, 0.0
+    def pieces(self) -> tuple[Piece, ...]:
+        return (Piece(CAPSULE, (self.radius, self.length / 2, 0.0), NOWHERE, UNTURNED),)
 
-    def reach(self) -> float:
-        return self.radius + self.length / 2
-
-    def triangles(self) -> Triangles:
-        r, h = self.radius, self.length / 2
-        profile = arc((0, -h), r, -math.pi / 2, 0, 12) + arc((0, h), r, 0, math.pi / 2, 12)
-        surface = revolved(profile, 48)  # about the y axis
+    def surface(self, sides: int = 48) -> Triangles:
+        r, h, parts = self.radius, self.length / 2, sides // 4
+        profile = arc((0, -h), r, -math.pi / 2, 0, parts) + arc((0, h), r, 0, math.pi / 2, parts)
+        surface = revolved(profile, sides)  # about the y axis
         return Triangles(surface.corners[:, [2, 0, 1]], surface.faces)
 
     def words(self) -> str:
         return f"a capsule of radius {self.radius:g} m and length {self.length:g} m"
 
 
-AnyBodyShape = Annotated[BallBody | BoxBody | CapsuleBody, Tagged("type")]
-BODY_SHAPES: tuple[type[BodyShape], ...] = (BallBody, BoxBody, CapsuleBody)
+class CylinderBody(BodyShape):
+    """A cylinder with flat ends, along z before it is turned."""
+
+    type: Literal["cylinder"] = "cylinder"
+    radius: Length
+    """Radius of the cylinder."""
+    length: Length
+    """Distance between its ends."""
+
+    def solid(self) -> Solidity:
+        r, l = self.radius, self.length  # noqa: E741
+        v = math.pi * r * r * l
+        return symmetric(v, v * r * r / 4, v * r * r / 4, v * l * l / 12)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        return (Piece(CYLINDER, (self.radius, self.length / 2, 0.0), NOWHERE, UNTURNED),)
+
+    def surface(self, sides: int = 48) -> Triangles:
+        r, h = self.radius, self.length / 2
+        return about_z([(0.0, -h), (r, -h), (r, h), (0.0, h)], sides)
+
+    def words(self) -> str:
+        return f"a cylinder of radius {self.radius:g} m and length {self.length:g} m"
+
+
+class ConeBody(BodyShape):
+    """A cone, its tip towards z before it is turned; its centre of mass is a quarter of its length above its base."""
+
+    type: Literal["cone"] = "cone"
+    radius: Length
+    """Radius of its base."""
+    length: Length
+    """From its base to its tip."""
+
+    def solid(self) -> Solidity:
+        r, l = self.radius, self.length  # noqa: E741
+        v = math.pi * r * r * l / 3
+        return symmetric(v, v * 3 * r * r / 20, v * 3 * r * r / 20, v * 3 * l * l / 80)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        return (Piece(CONE, (self.radius, self.length, 0.0), NOWHERE, UNTURNED),)
+
+    def surface(self, sides: int = 48) -> Triangles:
+        return about_z(
+            [(0.0, -self.length / 4), (self.radius, -self.length / 4), (0.0, 0.75 * self.length)], sides
+        )
+
+    def words(self) -> str:
+        return f"a cone of radius {self.radius:g} m and length {self.length:g} m"
+
+
+class TorusBody(BodyShape):
+    """A ring of round wire about the z axis, before it is turned. It touches as a chain of capsules."""
+
+    type: Literal["torus"] = "torus"
+    radius: Length
+    """Radius of the ring, to the middle of its wire."""
+    tube: Length
+    """Radius of its wire."""
+    segments: Annotated[int, Ge(6), Le(96)] = 16
+    """Capsules that it touches as; their axes go by the middle of the wire within radius · (1 − cos(π/segments))/2."""
+
+    @model_validator(mode="after")
+    def _has_a_hole(self) -> TorusBody:
+        if self.tube >= self.radius:
+            raise invalid(
+                "the wire of a ring is thinner than its radius",
+                at=("tube",),
+                also=[(("radius",), "the ring")],
+            )
+        return self
+
+    def solid(self) -> Solidity:
+        a, r = self.radius, self.tube
+        v = 2 * math.pi**2 * a * r * r
+        across = v * (a * a / 2 + 3 * r * r / 8)
+        return symmetric(v, across, across, v * r * r / 4)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        half = math.pi / self.segments
+        corner = (
+            2 * self.radius / (1 + math.cos(half))
+        )  # as far outside of the circle as their middles are inside
+        found = []
+        for k in range(self.segments):
+            c, s = math.cos(2 * half * k), math.sin(2 * half * k)
+            at = corner * math.cos(half) * np.array([c, s, 0.0])
+            rotation = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])  # z along the ring
+            found.append(Piece(CAPSULE, (self.tube, corner * math.sin(half), 0.0), at, rotation))
+        return tuple(found)
+
+    def surface(self, sides: int = 48) -> Triangles:
+        ring = arc((self.radius, 0), self.tube, -math.pi, math.pi, sides // 2)[:-1]
+        surface = revolved(ring, sides, closed=True)
+        return Triangles(surface.corners[:, [2, 0, 1]], surface.faces)
+
+    def words(self) -> str:
+        return f"a ring of radius {self.radius:g} m, its wire of radius {self.tube:g} m"

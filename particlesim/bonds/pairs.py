@@ -11,6 +11,10 @@ from particlesim.model.mistakes import invalid
 
 Index = Annotated[int, Field(ge=0, strict=True)]
 Pairs = tuple[tuple[Index, Index], ...]
+WORLD = "world"
+"""What stands for the world where groups of bodies are named."""
+SINGLE: Pairs = ((0, 0),)
+"""The first body of both groups."""
 
 
 def joined_groups(on: str | None, between: tuple[str, str] | None) -> tuple[str, str]:
@@ -34,3 +38,21 @@ def check_pairs(pairs: Sequence[tuple[int, int]], *, inside: bool) -> None:
                 "this pair is already joined", at=("pairs", k), also=[(("pairs", seen[key]), "here")]
             )
         seen[key] = k
+
+
+def check_points(points: object, groups: tuple[str, str], pairs: Sequence[tuple[int, int]] | None) -> None:
+    """Raises a mistake where both ends of what `points` and the world describe cannot be."""
+    first, second = groups
+    if first == WORLD:
+        raise invalid("the world comes second", at=("between", 0), allowed=f'between = ["{second}", "world"]')
+    if second == WORLD and points is None:
+        raise invalid(
+            "where in the world?", allowed="points = [[0, 0, 0], [0, 2, 0]]: at the body, and in the world"
+        )
+    if points is not None and pairs is None and first == second:
+        raise invalid(
+            "which bodies are joined?", allowed="pairs = [[0, 1]], or two groups with between = [...]"
+        )
+    for k, pair in enumerate(pairs or ()):
+        if second == WORLD and pair[1] != 0:
+            raise invalid("there is one world only", at=("pairs", k, 1), allowed="0")

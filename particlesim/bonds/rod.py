@@ -17,11 +17,11 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
+from particlesim.bonds.pairs import Pairs, check_pairs, check_points, joined_groups
 from particlesim.model.arrays import Ints
 from particlesim.model.base import Model, Name
-from particlesim.model.mistakes import Path
-from particlesim.model.units import Metres
+from particlesim.model.mistakes import Path, invalid
+from particlesim.model.units import Metres, Vector
 
 LENGTH_TOLERANCE = 1e-4
 """Part of a given length by which particles may be too near or too far at the start."""
@@ -38,8 +38,12 @@ class Rods(Model):
     """The group whose particles are joined."""
     between: tuple[Name, Name] | None = None
     """Two groups instead of one: the first index of a pair is in the first, the second in the second."""
-    pairs: Pairs = Field(min_length=1)
+    pairs: Pairs | None = Field(default=None, min_length=1)
     """Indices of the joined particles, a pair for every rod."""
+    points: tuple[Vector[Metres], Vector[Metres]] | None = None
+    """Rods at rigid bodies: where both ends are, from the centres of their bodies along the axes that these have before they
+    are turned, and for "world", which may be the second of `between`, the place. The centres unless given. With points,
+    `pairs` are the first bodies of both groups unless given."""
     length: Annotated[Metres, Gt(0)] | None = None
     """Length of every rod; the distance at the start unless given. Particles must be this far apart at the start, to one
     part in ten thousand; what is missing is corrected before the first step."""
@@ -47,7 +51,10 @@ class Rods(Model):
     @model_validator(mode="after")
     def _joins(self) -> Rods:
         first, second = self.groups()
-        check_pairs(self.pairs, inside=first == second)
+        if self.pairs is None and self.points is None:
+            raise invalid("which particles are joined?", allowed="pairs = [[0, 1]]")
+        check_pairs(self.pairs or (), inside=first == second)
+        check_points(self.points, self.groups(), self.pairs)
         return self
 
     def groups(self) -> tuple[Name, Name]:
@@ -56,7 +63,7 @@ class Rods(Model):
 
     def rods(self, label: str, at: Path) -> RodSet:
         """The rods as the engine takes them; `at` is their place in the scenario."""
-        listed = np.array(self.pairs, dtype=np.int64)
+        listed = np.array(self.pairs or (), dtype=np.int64)
         return RodSet(label, self.groups(), self.length, len(listed), partial(_listed, listed), at)
 
 

@@ -17,12 +17,20 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.near import near_pairs
-from particlesim.bonds.pairs import Pairs, check_pairs, joined_groups
+from particlesim.bonds.pairs import Pairs, check_pairs, check_points, joined_groups
 from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import Hertz, KilogramsPerSecond, Metres, Newtons, NewtonsPerMetre, Number
+from particlesim.model.units import (
+    Hertz,
+    KilogramsPerSecond,
+    Metres,
+    Newtons,
+    NewtonsPerMetre,
+    Number,
+    Vector,
+)
 
 
 class Springs(Model):
@@ -38,6 +46,10 @@ class Springs(Model):
     """Indices of the joined particles, a pair for every spring."""
     within: Annotated[Metres, Gt(0)] | None = None
     """Instead of `pairs`: join all that are at most this far apart at the start."""
+    points: tuple[Vector[Metres], Vector[Metres]] | None = None
+    """Springs at rigid bodies: where both ends are, from the centres of their bodies along the axes that these have before
+    they are turned, and for "world", which may be the second of `between`, the place. The centres unless given. With points,
+    `pairs` are the first bodies of both groups unless given."""
     stiffness: Annotated[NewtonsPerMetre, Ge(0)] | None = None
     """Stiffness k."""
     frequency: Annotated[Hertz, Gt(0)] | None = None
@@ -60,11 +72,12 @@ class Springs(Model):
     @model_validator(mode="after")
     def _joins(self) -> Springs:
         first, second = self.groups()
-        if self.pairs is None and self.within is None:
+        if self.pairs is None and self.within is None and self.points is None:
             raise invalid("which particles are joined?", allowed="pairs = [[0, 1]], or within = 0.1 (m)")
         if self.pairs is not None and self.within is not None:
             raise invalid("pairs are listed already", at=("within",), also=[(("pairs",), "here")])
         check_pairs(self.pairs or (), inside=first == second)
+        check_points(self.points, self.groups(), self.pairs)
         return self
 
     @model_validator(mode="after")

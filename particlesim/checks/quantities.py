@@ -28,7 +28,7 @@ from particlesim.model.units import (
 from particlesim.trajectory.fields import FIELDS
 
 AXES = ("x", "y", "z")
-COUNTS = ("count", "born", "died", "broken")
+COUNTS = ("count", "born", "died", "broken", "missed_crossings")
 """Whole numbers, which there are without a ledger, too; 'died.CAUSE' and 'broken.SPRINGS' are parts of them."""
 MOTION = ("kinetic", "potential", "energy", "energy.drift")
 VECTORS = ("momentum", "angular_momentum")
@@ -66,6 +66,7 @@ _UNITS: dict[str, Any] = {
     "born": Number,
     "died": Number,
     "broken": Number,
+    "missed_crossings": Number,
     "kinetic": Joules,
     "potential": Joules,
     "energy": Joules,

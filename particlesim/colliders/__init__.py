@@ -10,6 +10,8 @@ from particlesim.colliders.combination import DifferenceCollider, IntersectionCo
 from particlesim.colliders.cone import ConeCollider
 from particlesim.colliders.cylinder import CylinderCollider
 from particlesim.colliders.disc import DiscCollider
+from particlesim.colliders.distance_grid import DistanceGridCollider
+from particlesim.colliders.formula import FormulaCollider
 from particlesim.colliders.height_field import HeightFieldCollider
 from particlesim.colliders.mesh import MeshCollider
 from particlesim.colliders.plane import Plane, PlaneCollider
@@ -30,6 +32,8 @@ AnyCollider = Annotated[
     | DiscCollider
     | MeshCollider
     | HeightFieldCollider
+    | DistanceGridCollider
+    | FormulaCollider
     | UnionCollider
     | IntersectionCollider
     | DifferenceCollider,
@@ -47,6 +51,8 @@ COLLIDERS: tuple[type[Collider], ...] = (
     DiscCollider,
     MeshCollider,
     HeightFieldCollider,
+    DistanceGridCollider,
+    FormulaCollider,
     UnionCollider,
     IntersectionCollider,
     DifferenceCollider,
@@ -63,6 +69,8 @@ __all__ = [
     "CylinderCollider",
     "DifferenceCollider",
     "DiscCollider",
+    "DistanceGridCollider",
+    "FormulaCollider",
     "HeightFieldCollider",
     "IntersectionCollider",
     "MeshCollider",

@@ -8,19 +8,45 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders.friction import FallingRestitution, Friction
 from particlesim.colliders.moving import MovingRecord, SpinRecord
-from particlesim.colliders.response import ColliderRecord, FallingRecord, FrictionRecord, ResponseRecord
+from particlesim.colliders.response import (
+    ColliderRecord,
+    FallingRecord,
+    FrictionRecord,
+    PenaltyRecord,
+    RecoveryRecord,
+    ResponseRecord,
+)
 from particlesim.laws.registry import ABSORB, PASS, STICK
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import MetresPerSecond, Number, Vector
+from particlesim.model.units import (
+    KilogramsPerSecond,
+    MetresPerSecond,
+    NewtonsPerMetre,
+    Number,
+    Seconds,
+    Vector,
+)
 
 LIVELY = 0.9
 """Restitution above which projection out of a collider may add more energy than the bounce takes."""
+
+
+ACTS_WITH = {
+    "restitution": ("bounce",),
+    "friction": ("bounce", "slide"),
+    "surface_velocity": ("bounce", "slide"),
+    "tangential_loss": ("bounce", "slide"),
+    "recovery": ("bounce", "slide"),
+    "stiffness": ("penalty",),
+    "damping": ("penalty",),
+}
+"""For each number of a response the kinds of contact that have it."""
 
 
 class Collider(Model):
@@ -50,21 +76,54 @@ class Collider(Model):
     """Part of the velocity along the surface that an impact takes away. No friction: what lies on the surface loses it in
     every step, and slides by a distance that depends on dt."""
     detection: Literal["continuous", "discrete"] = "continuous"
-    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects."""
-    contact: Literal["bounce", "stick", "kill"] = "bounce"
-    """What contact does: bounce, stay there for good, or end the particle."""
+    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects, and is what
+    contact = "penalty" has."""
+    contact: Literal["bounce", "slide", "stick", "kill", "penalty"] = "bounce"
+    """What contact does: bounce, go on along the surface without rebound, stay there for good, end the particle, or push it
+    out with a spring and a damper (penalty)."""
+    recovery: Annotated[Seconds, Gt(0)] | None = None
+    """Time constant in which particles are brought back to the surface, with detection = "discrete": in a time t the part
+    1 − exp(−t/recovery) of their depth. At once unless given."""
+    stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
+    """Spring of contact = "penalty": it pushes with stiffness times the depth."""
+    damping: Annotated[KilogramsPerSecond, Ge(0)] = 0.0
+    """Damper of contact = "penalty": it pushes with damping times the speed at which a particle goes in, and takes as much
+    from the push where it comes out; a surface never pulls."""
 
     _motion: tuple[Any, SpinRecord | None] | None = PrivateAttr(default=None)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _looks_at_ends(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("contact") == "penalty":
+            return {"detection": "discrete", **table}
+        return table
+
     @model_validator(mode="after")
     def _bounces(self) -> Collider:
-        for name in ("restitution", "friction", "surface_velocity", "tangential_loss"):
-            if self.contact != "bounce" and getattr(self, name) != type(self).model_fields[name].default:
+        for name, kinds in ACTS_WITH.items():
+            if self.contact not in kinds and getattr(self, name) != type(self).model_fields[name].default:
                 raise invalid(
-                    f'{name} acts only with contact = "bounce"',
+                    f"{name} acts only with contact = {' or '.join(map(_quoted, kinds))}",
                     at=(name,),
                     also=[(("contact",), f"{self.contact} here")],
                 )
+        if self.contact == "penalty":
+            if self.stiffness is None:
+                raise invalid("a penalty needs a stiffness", at=("contact",), hint='stiffness = "1000 N/m"')
+            if self.detection == "continuous":
+                raise invalid(
+                    "a penalty lets particles in and pushes them out, so that there is no moment of impact to find",
+                    at=("detection",),
+                    also=[(("contact",), "penalty here")],
+                    allowed='"discrete", or nothing',
+                )
+        if self.recovery is not None and self.detection != "discrete":
+            raise invalid(
+                "what is found at the moment of impact has no depth to recover from",
+                at=("recovery",),
+                hint='add detection = "discrete"',
+            )
         if self.rubs and self.detection == "discrete":
             raise invalid(
                 'friction needs detection = "continuous": only there is it known how long a particle touches',
@@ -94,9 +153,16 @@ class Collider(Model):
     @property
     def liveliness(self) -> float:
         """Restitution of slow impacts, the greatest."""
+        if self.contact == "slide":
+            return 0.0
         return (
             self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
         )
+
+    @property
+    def soft(self) -> bool:
+        """Whether particles may be inside of it for some steps."""
+        return self.contact == "penalty" or self.recovery is not None
 
     def lifts(self) -> bool:
         """Whether particles may gain energy as they are lifted out of it."""
@@ -147,6 +213,10 @@ class Collider(Model):
             return ResponseRecord(1.0, 1.0, 0.0, STICK)  # nothing of the velocity is left
         if self.contact == "kill":
             return ResponseRecord(0.0, 0.0, 1.0, self.killed)  # the record keeps the velocity of the impact
+        if self.contact == "penalty":
+            return ResponseRecord(
+                1.0, 0.0, 1.0, PASS, yielding=PenaltyRecord(self.stiffness or 0.0, self.damping)
+            )
         loss, falls = self.tangential_loss, self.restitution
         return ResponseRecord(
             1 + self.liveliness,
@@ -156,4 +226,9 @@ class Collider(Model):
             FrictionRecord(*self.coefficients) if self.rubs else None,
             FallingRecord(falls.speed, falls.exponent) if isinstance(falls, FallingRestitution) else None,
             self.surface_velocity,
+            None if self.recovery is None else RecoveryRecord(self.recovery),
         )
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"'

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.colliders.way import Way, first_root
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import compiled, kernel, outlined
 from particlesim.compiler.intrinsics import on_stack
 from particlesim.model.arrays import Floats, Ints
 
@@ -29,6 +29,9 @@ LEAF = 4
 
 CELLS = 64
 """Cells of the grid along the longest side, at most."""
+
+IN_PYTHON = 2000
+"""Cells whose bounds plain Python may look for; more are worth a compiler."""
 
 DEPTH = 64
 """Room for nodes that wait: a tree of 2³² leaves."""
@@ -146,7 +149,8 @@ def _with_grid(tree: BvhRecord, number: int) -> BvhRecord:
     corner: Floats = 0.5 * (low + high - shape * cell)
     x, y, z = (float(v) for v in corner)
     tree = tree._replace(low=(x, y, z), cell=cell)
-    fill_bounds(tree, bounds, hints)
+    with compiled(worth=bounds.size > IN_PYTHON):
+        fill_bounds(tree, bounds, hints)
     return tree._replace(bounds=bounds, hints=hints)
 
 

@@ -21,6 +21,8 @@ from particlesim.colliders.box import Box
 from particlesim.colliders.capsule import Capsule
 from particlesim.colliders.cone import Cone
 from particlesim.colliders.cylinder import Cylinder
+from particlesim.colliders.distance_grid import DistanceGrid
+from particlesim.colliders.formula import Formula
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.height_field import HeightField
 from particlesim.colliders.mesh import Mesh
@@ -41,7 +43,10 @@ from particlesim.laws.registry import (
 )
 from particlesim.model.variants import Tagged
 
-AnySolid = Annotated[Sphere | Box | Capsule | Cylinder | Cone | Torus | Mesh | HeightField, Tagged("type")]
+AnySolid = Annotated[
+    Sphere | Box | Capsule | Cylinder | Cone | Torus | Mesh | HeightField | DistanceGrid | Formula,
+    Tagged("type"),
+]
 
 FINE = 64
 """Triangles of a cut surface along the longest side of a part, at least."""

@@ -8,11 +8,14 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PrivateAttr, StringConstraints
 
 from particlesim.colliders.solid import Solid
+from particlesim.model.base import Model
 
 
-class SolidFromFile(Solid):
-    """A solid that is described by a file."""
+class FromFile(Model):
+    """What is described by a file."""
 
+    kind: ClassVar[str]
+    """What it is called."""
     endings: ClassVar[tuple[str, ...]]
     """Endings of the files that it may be in."""
 
@@ -20,6 +23,12 @@ class SolidFromFile(Solid):
     """The file, relative to the scenario's folder; its ending says what it is."""
 
     _content: Any = PrivateAttr(default=None)
+
+    def __eq__(self, other: object) -> bool:
+        return self.says(other)
+
+    def __hash__(self) -> int:
+        return hash(self.path)
 
     def take(self, content: Any) -> None:
         """What the file holds: vertices and triangles, or an array. Raises UsageError where no such shape is in it."""
@@ -31,12 +40,16 @@ class SolidFromFile(Solid):
         return self._content is not None
 
 
+class SolidFromFile(FromFile, Solid):
+    """A solid that is described by a file."""
+
+
 def files_in(
     solid: Any, where: tuple[str | int, ...] = ()
-) -> Iterator[tuple[tuple[str | int, ...], SolidFromFile]]:
+) -> Iterator[tuple[tuple[str | int, ...], FromFile]]:
     """The shapes from files that a shape is made of, itself or its parts, and where they are stated."""
-    if isinstance(solid, SolidFromFile):
+    if isinstance(solid, FromFile):
         yield where, solid
-    for name in ("of", "without"):
+    for name in ("of", "without", "parts"):
         for k, part in enumerate(getattr(solid, name, None) or ()):
             yield from files_in(part, (*where, name, k))

@@ -134,13 +134,15 @@ def without_flat(corners: Floats, faces: Ints) -> tuple[Ints, int]:
     return faces[~flat], int(flat.sum())
 
 
-def require_solid(corners: Floats, faces: Ints, name: str) -> None:
-    """Raises UsageError for triangles that enclose no body with their fronts outwards."""
+SHEET = "thickness makes it a sheet, which particles touch from both sides and which may be open"
+
+
+def require_solid(corners: Floats, faces: Ints, name: str, hint: str = SHEET) -> None:
+    """Raises UsageError for triangles that enclose no body with their fronts outwards; the hint is for open ones."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     size = len(corners) + 1
     there, back = ends[:, 0] * size + ends[:, 1], ends[:, 1] * size + ends[:, 0]
     alone = ~np.isin(there, back)
-    hint = "thickness makes it a sheet, which particles touch from both sides and which may be open"
     if alone.any():
         k = int(alone.argmax())
         x, y, z = corners[ends[k]].mean(axis=0)

@@ -53,9 +53,23 @@ class FallingRecord(NamedTuple):
     exponent: float
 
 
+class PenaltyRecord(NamedTuple):
+    """Spring [N/m] and damper [kg/s] of a surface that pushes what is inside of it out."""
+
+    stiffness: float
+    damping: float
+
+
+class RecoveryRecord(NamedTuple):
+    """Time constant in which what is inside is brought back to the surface [s]."""
+
+    time: float
+
+
 class ResponseRecord(NamedTuple):
-    """1 + e (at low speed), k, 1 − k, and what becomes of the particle; friction, how e falls with speed, and the velocity
-    of the surface along itself [m/s], each None where there is none."""
+    """1 + e (at low speed), k, 1 − k, and what becomes of the particle; friction, how e falls with speed, the velocity
+    of the surface along itself [m/s], how it yields, and the number under which somebody hears of impacts, each None where
+    there is none."""
 
     bounce: float
     loss: float
@@ -64,6 +78,8 @@ class ResponseRecord(NamedTuple):
     friction: FrictionRecord | None = None
     falling: FallingRecord | None = None
     belt: tuple[float, float, float] | None = None
+    yielding: PenaltyRecord | RecoveryRecord | None = None
+    heard: int | None = None
 
 
 class ColliderRecord(NamedTuple):
@@ -151,6 +167,50 @@ def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
         p.t,
     )
     return q, c.response.outcome if below else PASS
+
+
+def yielded(c: Any, p: Any, h: Any) -> Any:
+    """The particle after a step of h at the end of which it may be inside of a surface that yields.
+
+    A penalty is a kick by the force max(−k g − c v·n, 0) at the end of the step, with v·n the mean of before and after, so
+    that with the drift of the next step it is stable for h √(k/m) < 2, whatever the damper. Recovery is the response to
+    impacts, and the part 1 − exp(−h/τ) of the way back.
+    """
+    if isinstance(c.shape, MovingRecord):
+        local = ride(c.shape, p)
+        after = yielded(at_rest(c), local, h)
+        away = alight(c.shape, after)
+        same = (after.x == local.x) & (after.y == local.y) & (after.z == local.z)
+        still = same & (after.vx == local.vx) & (after.vy == local.vy) & (after.vz == local.vz)
+        return moved_to(
+            p,
+            p.x if same else away.x,
+            p.y if same else away.y,
+            p.z if same else away.z,
+            p.vx if still else away.vx,
+            p.vy if still else away.vy,
+            p.vz if still else away.vz,
+            p.t,
+        )
+    g, n = gap_and_normal(c.shape, p)
+    approach = along(n, p)
+    zero, one = type(g)(0), type(g)(1)
+    below = g < 0
+    if isinstance(c.response.yielding, PenaltyRecord):
+        spring, damper = c.response.yielding.stiffness, c.response.yielding.damping
+        share = type(g)(0.5) * h * p.w * damper
+        push = (-h * p.w * spring * g - 2 * share * approach) / (one + share)
+        kick = max(push, zero) if below else zero
+        vx, vy, vz = (
+            v if axis is None else v + kick * axis for v, axis in zip((p.vx, p.vy, p.vz), n, strict=True)
+        )
+        return moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t)
+    back = g * (one - np.exp(-h / c.response.yielding.time)) if below else zero
+    hit = below & (approach < 0)
+    after = rebound(c.response, n, approach, p)
+    x, y, z = (v if axis is None else v - back * axis for v, axis in zip((p.x, p.y, p.z), n, strict=True))
+    vx, vy, vz = (new if hit else old for new, old in zip(after, (p.vx, p.vy, p.vz), strict=True))
+    return moved_to(p, x, y, z, vx, vy, vz, p.t)
 
 
 def flat(n: Any) -> bool:

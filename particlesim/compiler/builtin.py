@@ -61,24 +61,33 @@ def _len(frame: Frame, value: Any) -> Any:
     return len(value)
 
 
+def _written_out(values: Any) -> Any:
+    """The turns of a `range`, one by one; anything else as it is."""
+    if not isinstance(values, Sequence):
+        return values
+    if any(isinstance(each, Number) for each in values):
+        raise Unsupported("the numbers of this range are only known when the kernel runs")
+    return tuple(range(*values))
+
+
 @rule(enumerate)
 def _enumerate(frame: Frame, values: Any) -> Any:
-    return tuple(enumerate(values))
+    return tuple(enumerate(_written_out(values)))
 
 
 @rule(zip)
 def _zip(frame: Frame, *values: Any, strict: bool = False) -> Any:
-    return tuple(zip(*values, strict=strict))
+    return tuple(zip(*map(_written_out, values), strict=strict))
 
 
 @rule(reversed)
 def _reversed(frame: Frame, values: Any) -> Any:
-    return tuple(reversed(values))
+    return tuple(reversed(_written_out(values)))
 
 
 @rule(tuple, list)
 def _tuple(frame: Frame, values: Any = ()) -> Any:
-    return tuple(values)
+    return tuple(_written_out(values))
 
 
 @rule(type)

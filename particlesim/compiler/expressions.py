@@ -52,10 +52,15 @@ class Expressions(Calls):
 
     def eval(self, node: Any) -> Any:
         """The value of an expression."""
-        method = getattr(self, f"_{type(node).__name__}", None)
+        kind = type(node)
+        if kind is ast.Name:
+            return self.get(node.id)
+        if kind is ast.Constant:
+            return node.value
+        method = getattr(self, "_" + kind.__name__, None)
         if method is None:
-            raise Unsupported(f"{type(node).__name__} is not in the language of kernels")
-        if isinstance(node, ast.Constant | ast.Name | ast.Attribute):
+            raise Unsupported(f"{kind.__name__} is not in the language of kernels")
+        if kind is ast.Attribute:
             return method(node)
         before, self.node = self.node, node
         value = method(node)
@@ -71,17 +76,11 @@ class Expressions(Calls):
             raise Unsupported("an array is neither true nor false")
         return bool(value)
 
-    def _Constant(self, node: ast.Constant) -> Any:
-        return node.value
-
     def _JoinedStr(self, node: ast.JoinedStr) -> str:
         return "".join(str(self.eval(each)) for each in node.values)
 
     def _FormattedValue(self, node: ast.FormattedValue) -> Any:
         return self.eval(node.value)
-
-    def _Name(self, node: ast.Name) -> Any:
-        return self.get(node.id)
 
     def _Tuple(self, node: ast.Tuple) -> Any:
         values: list[Any] = []

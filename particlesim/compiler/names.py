@@ -16,7 +16,6 @@ from particlesim.compiler.values import (
     TupleForm,
     Unsupported,
     form_of,
-    is_number,
     joined,
     kinds_in,
     value_of,
@@ -130,12 +129,16 @@ class Names:
             return closure[code.co_freevars.index(name)].cell_contents
         if name in self.function.__globals__:
             value = self.function.__globals__[name]
-            if is_number(value) or isinstance(value, str | np.ndarray | tuple):
+            if isinstance(value, _NUMBERS):
                 self.unit.numbers.add((self.function.__module__, name))
             return value
         if hasattr(builtins, name):
             return getattr(builtins, name)
         raise Unsupported(f"{name} is not set")
+
+
+_NUMBERS = (float, int, np.number, np.bool_, str, np.ndarray, tuple)
+"""What of a module's values is written into a kernel as it is."""
 
 
 def same(a: Any, b: Any) -> bool:

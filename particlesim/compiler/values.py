@@ -86,18 +86,24 @@ class KnownForm(tuple):  # type: ignore[type-arg]
     """(object,): not a number, the same at any time."""
 
 
+# Written as `A | B`, each test would make the union of the classes anew, and these are made a million times.
+_NUMBERS = (Number, float, int, np.number, np.bool_)
+_TRUTHS = (bool, np.bool_)
+_WHOLE = (int, np.integer)
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is one number, in a register or known."""
-    return isinstance(value, Number | float | int | np.number | np.bool_)
+    return isinstance(value, _NUMBERS)
 
 
 def kind_of(value: Any) -> str:
     """The kind of a number, in a register or known."""
     if isinstance(value, Number):
         return value.kind
-    if isinstance(value, bool | np.bool_):
+    if isinstance(value, _TRUTHS):
         return "i1"
-    if isinstance(value, int | np.integer):
+    if isinstance(value, _WHOLE):
         return "i64"
     if isinstance(value, np.float32):
         return "float"

@@ -13,7 +13,16 @@ from particlesim.groups.group import Group
 from particlesim.model.arrays import Floats
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import Degrees, Kelvin, Metres, MetresPerSecond, PerSecond, Seconds, Vector
+from particlesim.model.units import (
+    Degrees,
+    Kelvin,
+    Metres,
+    MetresPerSecond,
+    Number,
+    PerSecond,
+    Seconds,
+    Vector,
+)
 from particlesim.model.vectors import perpendicular, unit
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
 from particlesim.sampling.random_streams import Streams
@@ -27,6 +36,21 @@ class Burst(Model):
     """Number of particles."""
     at: Seconds
     """Time of the burst."""
+
+
+class OnImpact(Model):
+    """Births where particles of other groups hit colliders, at the moment of each impact."""
+
+    of: tuple[Name, ...] = Field(min_length=1)
+    """Groups whose impacts give birth."""
+    at: tuple[Name, ...] | None = Field(default=None, min_length=1)
+    """Colliders and planes at which they do, by name; all that these groups meet unless given."""
+    count: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 1
+    """Particles born of each impact."""
+    above: Annotated[MetresPerSecond, Ge(0)] = 0.0
+    """Speed along the normal, relative to the surface, that an impact must have to be heard."""
+    inherit: Annotated[Number, Ge(0), Le(1)] = 0.0
+    """Part of the velocity that what hits has along the surface, which is added to that of the new particles."""
 
 
 class Die(Model):
@@ -59,10 +83,13 @@ class Emitter(Group):
     """When the rate ends; never unless given."""
     timing: Literal["regular", "jittered"] = "regular"
     """Births at equal distances in time, or at a random moment of each."""
-    shape: AnyShape
-    """Where particles are born."""
-    direction: Vector[float] | Literal["outward"] = (0.0, 1.0, 0.0)
-    """Axis of the cone of initial velocities; "outward" points away from the shape's center."""
+    on_impact: OnImpact | None = None
+    """Instead of a rate and bursts: births where others hit something, such as splashes and sparks."""
+    shape: AnyShape | None = None
+    """Where particles are born; left out with on_impact, where it is the place of the impact."""
+    direction: Vector[float] | Literal["outward", "mirrored"] = (0.0, 1.0, 0.0)
+    """Axis of the cone of initial velocities; "outward" points away from the shape's center, or from the surface that was
+    hit; "mirrored" is the way on which what hit would go on from a mirror, with on_impact."""
     spread: Annotated[Degrees, Ge(0), Le(180)] = 0.0
     """Half angle of the cone in degrees; 180 is all directions alike."""
     speed: Sampled[MetresPerSecond] = 0.0
@@ -88,10 +115,18 @@ class Emitter(Group):
 
     @model_validator(mode="after")
     def _emits(self) -> Emitter:
+        if self.on_impact is not None:
+            self._hears()
+            return self
         if self.rate is None and not self.bursts():
             raise invalid(
-                "emits nothing", allowed="rate = 150, or burst = { count = 500, at = 1.0 }, or both"
+                "emits nothing",
+                allowed="rate = 150, or burst = { count = 500, at = 1.0 }, or both; or on_impact",
             )
+        if self.shape is None:
+            raise invalid("a shape says where particles are born", at=("shape",), hint="Field required")
+        if self.direction == "mirrored":
+            raise invalid("there is nothing to mirror without on_impact", at=("direction",))
         if self.rate is None and self.stop is not None:
             raise invalid("stop ends the rate, and there is none", at=("stop",))
         if self.stop is not None and self.stop <= self.start:
@@ -107,6 +142,20 @@ class Emitter(Group):
                 hint="add min",
             )
         return self
+
+    def _hears(self) -> None:
+        """Refuse what has no meaning where impacts give birth."""
+        here = ((("on_impact",), "impacts give birth"),)
+        for name in ("rate", "shape", "stop"):
+            if getattr(self, name) is not None:
+                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
+        if self.bursts():
+            raise invalid("burst has no meaning with on_impact", at=("burst",), also=here)
+        for name in ("start", "timing"):
+            if getattr(self, name) != type(self).model_fields[name].default:
+                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
+        if self.when_full == "wait":
+            raise invalid("births of impacts cannot wait", at=("when_full",), also=here)
 
     @model_validator(mode="before")
     @classmethod
@@ -137,18 +186,48 @@ class Emitter(Group):
         return self.burst if isinstance(self.burst, tuple) else (self.burst,)
 
     def expected(self, duration: float) -> float:
-        """Births until a time [s], not rounded; infinite where that is beyond all numbers."""
+        """Births until a time [s], not rounded; infinite where that is beyond all numbers. Those of impacts are not
+        known, and none of them are counted."""
         end = duration if self.stop is None else min(duration, self.stop)
         steady = max(end - self.start, 0.0) * (self.rate or 0.0)
         return steady + sum(burst.count for burst in self.bursts() if burst.at < duration)
 
     def births(self, streams: Streams, first: int, birth: Floats) -> Born:
         """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""
-        count = len(birth)
-        position = self.shape.sample(streams, first, count)
-        velocity = np.asarray(self.velocity)[:, None] + draw(
-            self.speed, streams["speed"], first, count
-        ) * self._directions(streams, first, position)
+        if self.shape is None:  # samples of them, at no impact in particular
+            return self._born(
+                streams, first, np.zeros((3, len(birth))), _unit(np.zeros((3, len(birth)))), 0.0
+            )
+        position = self.shape.sample(streams, first, len(birth))
+        if isinstance(self.direction, str):
+            middle = np.asarray(self.shape.middle())[:, None]
+            return self._born(streams, first, position, _unit(position - middle), 0.0)
+        return self._born(streams, first, position, None, 0.0)
+
+    def births_of(self, streams: Streams, first: int, impacts: Impacts) -> Born:
+        """Particles first … first + n − 1 of this emitter, one of each of n impacts, on the surface that was hit.
+
+        Their radii are drawn for them as for all, and keep them off the surface.
+        """
+        assert self.on_impact is not None
+        n, v = impacts.normal, impacts.velocity
+        across = (v * n).sum(axis=0) * n
+        axis = None
+        if isinstance(self.direction, str):
+            axis = n if self.direction == "outward" else _unit(v - 2 * across)
+        born = self._born(streams, first, impacts.place, axis, self.on_impact.inherit * (v - across))
+        return born._replace(position=born.position + born.attributes.get("radius", 0.0) * n)
+
+    def _born(
+        self, streams: Streams, first: int, position: Floats, axis: Floats | None, carried: Floats | float
+    ) -> Born:
+        """Particles first … first + n − 1 at places [3, n]; their cones about axes [3, n], or about the direction."""
+        count = position.shape[1]
+        velocity = (
+            np.asarray(self.velocity)[:, None]
+            + carried
+            + draw(self.speed, streams["speed"], first, count) * self._directions(streams, first, count, axis)
+        )
         given = self.attributes(streams, first, count)
         attributes = {name: np.broadcast_to(np.asarray(each, float), count) for name, each in given.items()}
         lifetime = np.full(count, np.inf)
@@ -161,16 +240,13 @@ class Emitter(Group):
             lifetime,
         )
 
-    def _directions(self, streams: Streams, first: int, position: Floats) -> Floats:
-        """Unit vectors evenly spread over the cone, shape [3, n]."""
-        count = position.shape[1]
+    def _directions(self, streams: Streams, first: int, count: int, given: Floats | None) -> Floats:
+        """Unit vectors evenly spread over cones about given axes [3, n], or about the direction, shape [3, n]."""
         axis = np.empty((3, count))
-        if isinstance(self.direction, str):
-            axis[:] = position - np.asarray(self.shape.middle())[:, None]
-            length = np.sqrt((axis * axis).sum(axis=0))
-            axis = np.divide(axis, length, where=length > 0, out=np.zeros_like(axis))
-            axis[1, length == 0] = 1.0
+        if given is not None:
+            axis[:] = given
         else:
+            assert not isinstance(self.direction, str)
             axis[:] = np.asarray(unit(self.direction))[:, None]
         if self.spread == 0:
             return axis
@@ -184,6 +260,24 @@ class Emitter(Group):
             fixed = perpendicular(unit(self.direction))
             u, v = np.asarray(fixed[0])[:, None], np.asarray(fixed[1])[:, None]
         return np.asarray(height * axis + ring * np.cos(turn) * u + ring * np.sin(turn) * v)
+
+
+class Impacts(NamedTuple):
+    """Impacts, one for each birth: times [s], shape [n]; places on the surface [m], its normals, and the velocities of what
+    hit [m/s], shape [3, n]."""
+
+    times: Floats
+    place: Floats
+    normal: Floats
+    velocity: Floats
+
+
+def _unit(v: Floats) -> Floats:
+    """Unit vectors along vectors [3, n], upwards where these are zero."""
+    length = np.sqrt((v * v).sum(axis=0))
+    axis = np.divide(v, length, where=length > 0, out=np.zeros_like(v))
+    axis[1, length == 0] = 1.0
+    return axis
 
 
 class Born(NamedTuple):

@@ -21,6 +21,7 @@ class Fault:
     stop: Stop | None = None
     unsolved: Unsolved | None = None
     unheld: Unheld | None = None
+    unclosed: Unclosed | None = None
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,13 @@ class Unheld:
     groups: tuple[str, str]
     length: float
     misfit: float
+
+
+@dataclass(frozen=True)
+class Unclosed:
+    """A joint of rigid bodies that could not be held: its name."""
+
+    name: str
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from particlesim.forces import Force
 from particlesim.forces.field import Field
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import has_law, potential
+from particlesim.scenario.reach import meetings_of
 
 MOST_GAIN = 0.1
 """Part of its energy that an island may gain from nothing."""
@@ -50,6 +51,13 @@ class Guard:
         self._judged = [island.books is not None or _closed(structure) for island, structure in pairs]
         self._judged = [
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
+            for judged, (_, structure) in zip(self._judged, pairs, strict=True)
+        ]
+        # Particles and bodies that touch give energy to each other.
+        meetings = meetings_of(world.scenario)
+        meeting = {name for each in meetings for name in (each.particles, each.bodies)}
+        self._judged = [
+            judged and not any(group.name in meeting for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
         ]
         # What starts inside is pushed apart step by step, which gives energy.
@@ -176,7 +184,7 @@ def _has_zero(world: World, column: str) -> bool:
     """Whether a potential of the ledger has a zero of its own: springs and hinges at rest, and some forces."""
     label = column.removeprefix("potential.")
     scenario = world.scenario
-    forces = dict(zip(scenario.force_labels(), scenario.forces, strict=False))
+    forces = dict(zip(scenario.labels.forces, scenario.forces, strict=True))
     return forces[label].has_zero() if label in forces else True
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
-from particlesim.engine.islands.base import OWN_STEPS
+from particlesim.engine.islands.base import OWN_STEPS, BaseIsland
 from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
@@ -54,8 +55,15 @@ class Simulation(World):
             for k, kick in enumerate(scenario.impulses)
             for at in kick.times()
         )
+        self._meetings = Meetings(scenario, self.islands, self.states)
         self._own = OWN_STEPS if any(island.method.adaptive for island in self.graph.islands) else 1
-        self._labels = scenario.force_labels()
+        # Bodies go first where they have guests.
+        self._order = sorted(
+            _hearers_last(self.islands), key=lambda k: not self._meetings.concern(self.islands[k])
+        )
+        self._heard = any(island.listens_to for island in self.islands)
+        self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
+        self._labels = scenario.labels
         self._sources = self._ledger_sources()
         self._pressures = pressures(self.scenario)
         self._ledger_columns = self._name_columns()
@@ -74,8 +82,15 @@ class Simulation(World):
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            for number in range(len(self.islands)):
-                self._advance(number, self.step, last)
+            if self._meetings or self._heard:  # births of impacts are in the same step
+                last = self.step + 1
+            for number in self._order:
+                if self._meetings.concern(self.islands[number]):
+                    self._meetings.invite()
+                    self._advance(number, self.step, last)
+                    self._meetings.dismiss()
+                else:
+                    self._advance(number, self.step, last)
             self.step = last
             if between is not None and last < step:
                 between()
@@ -84,6 +99,9 @@ class Simulation(World):
         island = self.islands[number]
         island.begin(self.team)
         island.keep(first)
+        if island.listens_to:
+            found = {name: each for other in self.islands for name, each in other.impacts.items()}
+            island.hear(found, self._numbers)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team)
@@ -141,8 +159,7 @@ class Simulation(World):
 
     def _name_columns(self) -> tuple[str, ...]:
         forces = sorted({k for here, _ in self._sources for k in here})
-        bonds = range(len(self.scenario.forces), len(self._labels) - len(self.scenario.interactions))
-        names = [self._labels[k] for k in (*forces, *bonds)]
+        names = [*(self._labels.forces[k] for k in forces), *self._labels.joints]
         names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
@@ -215,8 +232,10 @@ class Simulation(World):
                 for key, value in zip(MOTION[1:], sums[1:], strict=False):
                     total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
-                label = f"potential.{self._labels[k]}"
+                label = f"potential.{self._labels.forces[k]}"
                 found[label] = found.get(label, 0.0) + value
+        for name, energy in island.stored().items():
+            found[f"potential.{name}"] = energy
         if island.interactions:
             whole = island.island_columns()
             for name, each in zip(island.names, island.interactions, strict=True):
@@ -251,3 +270,18 @@ class Simulation(World):
     def close(self) -> None:
         """End the team of threads."""
         self.team.close()
+
+
+def _hearers_last(islands: Sequence[BaseIsland]) -> tuple[int, ...]:
+    """The numbers of islands in an order in which all come after those whose impacts they hear; it has no circles."""
+    owner = {state.name: k for k, island in enumerate(islands) for state in island.states}
+    found: dict[int, None] = {}
+
+    def visit(k: int) -> None:
+        for name in sorted(islands[k].listens_to):
+            visit(owner[name])
+        found.setdefault(k)
+
+    for k in range(len(islands)):
+        visit(k)
+    return tuple(found)

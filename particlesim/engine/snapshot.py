@@ -55,7 +55,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
-            *("_energies", "_energies_of"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
     Guard: frozenset(("_judged", "_from", "_drift")),
@@ -68,18 +68,23 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_method",
             "_scene",
             "_still",
+            "_shapes",
+            "visitors",
+            "left",
             "_motion",
             "_contacts",
             "_kept",
             "_kept_memory",
+            *("_made", "_springs", "_order"),
             "kept_from",
+            "impacts",
         )
     ),
-    IndependentIsland: frozenset(("program", "_booking")),
+    IndependentIsland: frozenset(("program", "_booking", "impacts")),
     CoupledIsland: frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
-            *("_books", "_kept", "_method"),
+            *("_books", "_kept", "_method", "impacts"),
         }
     ),
     Layout: frozenset(
@@ -89,7 +94,7 @@ FOLLOWS: dict[type, frozenset[str]] = {
         }
     ),
     Roster: frozenset(("number", "pairs", "rest")),
-    GroupState: frozenset(column.name for column in TABLE),
+    GroupState: frozenset({"axes", *(column.name for column in TABLE)}),
 }
 """Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
 columns of groups are stored by their table."""

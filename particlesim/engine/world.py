@@ -20,6 +20,7 @@ from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.state.table import SPIN
 from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
@@ -86,6 +87,10 @@ class World:
         """For every set of springs that can break: how many are broken, and how many there were."""
         return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
 
+    def missed_crossings(self) -> int:
+        """How often particles have passed a collider that looks at the end of steps alone without being seen."""
+        return sum(state.missed_crossings() for state in self.states)
+
     def methods(self) -> dict[str, str]:
         """How the forces of interactions are summed, by their names in the ledger, where there is something to tell."""
         return {
@@ -109,7 +114,9 @@ class World:
         }
 
     def turning(self, state: GroupState) -> NDArray[np.float64]:
-        """Angular velocities of the bodies of a group [rad/s], shape [n, 3]."""
+        """Angular velocities of the bodies or grains of a group [rad/s], shape [n, 3]; 0 of particles that do not turn."""
+        if SPIN in state.parts:
+            return state.angular_velocity[:, : state.count].T.astype(float)
         for island in self.islands:
             for member, part in zip(island.states, rows(island.states), strict=True):
                 if member is state:

@@ -86,7 +86,7 @@ def _lines() -> _Lines:
 def _first(nodes: Sequence[Node], kinds: tuple[type, ...], look: Look) -> tuple[int, str] | None:
     lines = _lines()
     for k, node in enumerate(nodes):
-        for kind, g in _edges(node, kinds):
+        for kind, g in edges(node, kinds):
             low, high = _zero(lines, g)
             found = low < high
             if found.any() and look(lines, node, low, high)[found].any():
@@ -94,14 +94,14 @@ def _first(nodes: Sequence[Node], kinds: tuple[type, ...], look: Look) -> tuple[
     return None
 
 
-def _edges(node: Node, kinds: tuple[type, ...]) -> Iterator[tuple[type, Node]]:
+def edges(node: Node, kinds: tuple[type, ...]) -> Iterator[tuple[type, Node]]:
     """All parts of an expression that change at once, and what passes zero when they do."""
     if isinstance(node, kinds):
         alone = isinstance(node, Sign | Abs)
         yield type(node), node[0] if alone else Subtract(node[0], node[1])
     for part in node:
         if isinstance(part, tuple):
-            yield from _edges(part, kinds)
+            yield from edges(part, kinds)
 
 
 def _zero(lines: _Lines, g: Node) -> tuple[Floats, Floats]:

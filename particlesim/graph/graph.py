@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particlesim.bodies import Bodies
+from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, HingeSet, RodSet
+from particlesim.bonds.pairs import SINGLE
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
 from particlesim.forces import Force, SheetDrag
@@ -20,8 +21,9 @@ from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
-from particlesim.scenario.reach import acts_on, pair_sets
+from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
 
 
@@ -64,6 +66,8 @@ class Island:
     motions: tuple[tuple[Motion, ...], ...]
     interactions: tuple[Interaction, ...] = ()
     constraints: tuple[RodSet, ...] = ()
+    heard: tuple[tuple[int | None, ...], ...] = ()
+    """For every group and each of its colliders the number under which an emitter hears of impacts, None where none does."""
 
     @property
     def coupled(self) -> bool:
@@ -75,10 +79,26 @@ class Island:
         """Whether it is one of rigid bodies."""
         return isinstance(self.groups[0], Bodies)
 
-    @property
-    def has_pairs(self) -> bool:
-        """Whether any two of its particles act on each other, by an interaction that implicit methods leave explicit."""
-        return any(isinstance(each, PairSet) for each in self.interactions)
+    def touched_softly(self, group: str) -> bool:
+        """Whether colliders hold back a group by the law of its soft contacts."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.soft
+            and group in each.groups
+            for each in self.interactions
+        )
+
+    def spins(self, group: str) -> bool:
+        """Whether the particles of a group turn, as their contacts have friction (`scenario.reach.spins`)."""
+        return any(
+            isinstance(each, PairSet)
+            and isinstance(each.law, Contact)
+            and each.law.rubs
+            and group in each.groups
+            and not touches_by_surfaces(each.law, [one for one in self.groups if one.name in each.groups])
+            for each in self.interactions
+        )
 
     @property
     def changes(self) -> bool:
@@ -129,7 +149,7 @@ def build_graph(scenario: Scenario) -> Graph:
     """The graph of a scenario, whose colliders read their files. Raises UsageError when that cannot be done."""
     open_colliders(scenario)
     groups = {group.name: _group_node(group) for group in scenario.groups}
-    labels = scenario.force_labels()
+    labels = scenario.labels.forces
     nodes: list[Node] = list(groups.values())
     edges: list[Edge] = []
 
@@ -137,7 +157,7 @@ def build_graph(scenario: Scenario) -> Graph:
         nodes.append(node)
         edges.extend(Edge(node, groups[name], verb) for name in targets)
 
-    for label, force in zip(labels, scenario.forces, strict=False):
+    for label, force in zip(labels, scenario.forces, strict=True):
         act(
             Node("force", label, force.formula),
             "acts on",
@@ -151,6 +171,10 @@ def build_graph(scenario: Scenario) -> Graph:
     )
     for each in joints:
         act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
+    for path, joint in joint_tables(scenario):
+        names = [name for name in joint.groups() if name in groups]
+        what = joint.describe() if isinstance(joint, Joint) else f"{len(joint.pairs or SINGLE)} at bodies"
+        act(Node(str(path[0]), joint.name, what), "joins", list(dict.fromkeys(names)))
     for k, collider in enumerate(scenario.all_colliders):
         act(
             Node(collider.kind, collider.name or str(k), _collider_detail(collider)),
@@ -188,11 +212,11 @@ def build_graph(scenario: Scenario) -> Graph:
 def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
     """All sets of interactions of a scenario in the order in which they are added: springs, hinges, forces on surfaces, and
     what acts between any two particles."""
-    labels = scenario.force_labels()
+    labels = scenario.labels.forces
     surfaces = (
         SurfaceSet(label, group.name, force)
         for group in scenario.groups
-        for label, force in zip(labels, scenario.forces, strict=False)
+        for label, force in zip(labels, scenario.forces, strict=True)
         if isinstance(force, SheetDrag) and isinstance(group, Particles) and acts_on(force, group)
     )
     return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))
@@ -251,6 +275,14 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
                 tuple(each for each in interactions if root(each.groups[0]) == name),
                 tuple(each for each in rods if root(each.groups[0]) == name),
+                tuple(
+                    tuple(
+                        k if heard(scenario, g.name, c) else None
+                        for k, c in enumerate(scenario.all_colliders)
+                        if c.on is None or g.name in c.on
+                    )
+                    for g in groups
+                ),
             )
         )
     return tuple(islands)
@@ -260,6 +292,10 @@ def _group_node(group: Group) -> Node:
     if isinstance(group, Emitter):
         parts = [f"{group.rate:g}/s"] if group.rate is not None else []
         parts += [f"{burst.count} at {burst.at:g} s" for burst in group.bursts()[:3]]
+        if group.on_impact is not None:
+            heard = ", ".join(group.on_impact.of)
+            return Node("emitter", group.name, f"{group.on_impact.count} for each impact of {heard}")
+        assert group.shape is not None
         return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
     assert isinstance(group, Particles)
     number = group.layout.number()
@@ -279,4 +315,8 @@ def _collider_detail(collider: Collider) -> str:
         what = f"e = {collider.liveliness:g}"
         if collider.rubs:
             what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
+    if collider.contact == "penalty":
+        return (
+            f"{collider.describe()}, penalty, k = {collider.stiffness:g} N/m, c = {collider.damping:g} kg/s"
+        )
     return f"{collider.describe()}, {what}, {collider.detection}"

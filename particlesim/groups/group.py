@@ -31,6 +31,8 @@ from particlesim.model.units import (
     KilogramsPerSecond,
     Metres,
     PerSecond,
+    RadiansPerSecond,
+    Vector,
 )
 from particlesim.model.variants import Tagged
 from particlesim.sampling.distributions import Distribution, Sampled, draw, smallest
@@ -176,6 +178,9 @@ class Particles(Group):
     """Electric charge of a particle, or a list of them, for forces that read it (q in a field); 0 unless given."""
     layout: AnyLayout
     """Where they are and how fast."""
+    angular_velocity: Vector[RadiansPerSecond] | Each[Vector[RadiansPerSecond]] | None = None
+    """How fast grains turn at the start, one vector or a list of them, one for each: particles turn that have contacts with
+    friction."""
     pinned: bool | Selection = False
     """Particles that no force moves: true for all; a list of indices in the group or of names of parts of the layout
     ("left", "row 3", "column -1"); or a box, ball or shell: those inside it at the start."""
@@ -205,6 +210,36 @@ class Particles(Group):
                     also=here,
                     allowed="one number for all, or one for each particle",
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _given_once(self) -> Particles:
+        for name in sorted(self.layout.attributes()):
+            for own in (name, "density") if name == "mass" else (name,):
+                if getattr(self, own) is not None:
+                    raise invalid(
+                        f"a {self.layout.type} layout gives its particles their {name}",
+                        at=(own,),
+                        also=[(("layout", name), "here")],
+                        hint=f"leave {own} out, or place the particles by another layout",
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _turning(self) -> Particles:
+        values, number = self.angular_velocity, self.layout.number()
+        if (
+            values is not None
+            and isinstance(values[0], tuple)
+            and number is not None
+            and len(values) != number
+        ):
+            raise invalid(
+                f"{len(values)} vectors for {number} particles",
+                at=("angular_velocity",),
+                also=[(("layout",), f"a {self.layout.type}")],
+                allowed="one vector for all, or one for each particle",
+            )
         return self
 
     @model_validator(mode="after")

@@ -25,6 +25,7 @@ from particlesim.integrators.stormer_verlet import STORMER_VERLET
 from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
 from particlesim.integrators.trapezoidal import TRAPEZOIDAL
 from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
+from particlesim.integrators.whfast import WHFAST, WisdomHolman, WisdomHolmanMethod
 from particlesim.integrators.yoshida4 import YOSHIDA4
 from particlesim.model.variants import Tagged
 
@@ -44,6 +45,7 @@ METHODS: dict[str, Method] = {
         RK45,
         DOP853,
         IAS15,
+        WHFAST,
         BACKWARD_EULER,
         TRAPEZOIDAL,
         IMPLICIT_MIDPOINT,
@@ -51,10 +53,12 @@ METHODS: dict[str, Method] = {
     )
 }
 
-MethodName = Literal[FixedStepName, AdaptiveName, "ias15", "backward_euler", ImplicitName]
+MethodName = Literal[FixedStepName, AdaptiveName, "ias15", "whfast", "backward_euler", ImplicitName]
 """The names of all methods."""
 
-AnyOptions = Annotated[FixedStep | Adaptive | GaussRadau | BackwardEuler | Implicit, Tagged("method")]
+AnyOptions = Annotated[
+    FixedStep | Adaptive | GaussRadau | WisdomHolman | BackwardEuler | Implicit, Tagged("method")
+]
 """A method by its name, with its options."""
 
 AnyIntegrator = MethodName | AnyOptions
@@ -87,5 +91,7 @@ __all__ = [
     "Options",
     "RungeKutta",
     "Verlet",
+    "WisdomHolman",
+    "WisdomHolmanMethod",
     "method_for",
 ]

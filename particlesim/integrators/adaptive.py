@@ -80,6 +80,7 @@ class EmbeddedRungeKutta(RungeKutta):
 
     options: ClassVar[type[Options]] = Adaptive
     adaptive: ClassVar[bool] = True
+    by_modes: ClassVar[bool] = False
 
     errors: tuple[tuple[float, ...], ...] = ()
     error_orders: tuple[int, ...] = ()

@@ -54,6 +54,9 @@ class Method:
     """Whether it chooses its steps by their error."""
     together: ClassVar[bool] = False
     """Whether all particles of a group take its steps together, even where nothing joins them."""
+    by_modes: ClassVar[bool] = True
+    """Whether a step is too long where it lets modes of the linearised forces grow; not with methods that choose their steps
+    (`adaptive`), nor with those that follow orbits exactly."""
     options: ClassVar[type[Options]] = FixedStep
     """The model of what a scenario may say of it; its fields beside `method` are fields here."""
 

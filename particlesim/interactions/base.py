@@ -137,6 +137,10 @@ class PairInteraction(Model):
         """Whether its forces are random, and read the ids of particles."""
         return False
 
+    def changes(self) -> bool:
+        """Whether forces between particles at rest change with time."""
+        return False
+
     def reach(self) -> float | None:
         """Distance beyond which it does nothing [m]; None if it has no end."""
         return self.cutoff

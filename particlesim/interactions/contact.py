@@ -10,7 +10,16 @@ e does not depend on speed. Along the surfaces, after Mindlin, k_t = 8 G √(R �
 Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979); Y. Tsuji, T. Tanaka, T. Ishida, Powder Technol. 71, 239
 (1992); S. J. Antypov, J. A. Elliott, EPL 94, 50004 (2011); R. D. Mindlin, J. Appl. Mech. 16, 259 (1949).
 
-`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`.
+Spheres that rub each other turn: I = 2/5 m r², and v_t is the velocity of their surfaces where they touch. Rolling friction
+is a spring, a damper and a slider along the way ρ that one has rolled on the other, ρ' = R (ω₁ − ω₂) × n, with k_t and γ_t:
+a moment R n × f_r with |f_r| ≤ μ_r N. Cohesion with a work w is an attraction 2 π w R while they touch.
+
+Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technol. 206, 269 (2011), their type C (elastic-plastic spring and
+dashpot); S. Luding, Granul. Matter 10, 235 (2008) for ρ; B. V. Derjaguin, V. M. Muller, Yu. P. Toporov, J. Colloid
+Interface Sci. 53, 314 (1975).
+
+`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`; and surfaces and strands, which
+never pass through each other: see `engine.interactions.surfaces`.
 """
 
 from __future__ import annotations
@@ -25,7 +34,7 @@ from pydantic import model_validator
 from particlesim.colliders.friction import Friction
 from particlesim.colliders.response import FrictionRecord
 from particlesim.interactions.base import PairInteraction
-from particlesim.laws.contact import Touch, contact_law, reduced_mass
+from particlesim.laws.contact import Touch, contact_law, reduced_mass, reduced_radius
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
 from particlesim.laws.registry import ZERO_MATRIX, Matrix, Vector, law
 from particlesim.model.mistakes import invalid
@@ -37,6 +46,8 @@ KEYS = {
     "hertz": ("young_modulus", "poisson_ratio"),
 }
 """Keys that belong to one model."""
+SOFT = ("rolling_friction", "cohesion")
+"""Keys of all models but hard impulses."""
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
 
@@ -47,10 +58,19 @@ class Contact(PairInteraction):
     model: Literal["impulse", "linear", "hertz"] = "impulse"
     """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
     `hertz`: the same with the elasticity of spheres."""
+    surfaces: bool | None = None
+    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets and hair with their edges, as thick as
+    twice the radius of their particles; `impulse` alone can, and does unless this is false. Else particles touch as
+    spheres."""
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
     """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
     """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion."""
+    rolling_friction: Annotated[Number, Ge(0)] = 0.0
+    """Coefficient of rolling friction μ_r of soft contacts: rolling is held back by a moment of up to μ_r R N, with R the
+    reduced radius r₁ r₂/(r₁ + r₂), or r at a collider. Grains that are not round have some 0.1 to 0.5."""
+    cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
+    """Work w of the adhesion of soft contacts, for each area [J/m²]: while two touch they attract each other by 2 π w R."""
     stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
     """Stiffness k of the spring of `linear`."""
     tangential_stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
@@ -62,10 +82,11 @@ class Contact(PairInteraction):
 
     formula: ClassVar[str] = (
         "δ = r₁ + r₂ − |l| > 0: linear f_n = k δ − γ v_n; hertz f_n = 4/3 E √(R δ) δ − γ δ^¼ v_n; impulse v_n' = −e v_n; "
-        "friction |f_t| ≤ μ f_n"
+        "friction |f_t| ≤ μ f_n at surfaces that turn with ω; rolling friction |M| ≤ μ_r R f_n; cohesion 2 π w R"
     )
     energy: ClassVar[str] = (
-        "U = k δ²/2 (linear), 8/15 E √R δ^(5/2) (hertz), none (impulse); friction and dampers take energy"
+        "U = k δ²/2 (linear), 8/15 E √R δ^(5/2) (hertz), less 2 π w R δ of cohesion, none (impulse); friction and dampers "
+        "take energy"
     )
 
     @model_validator(mode="after")
@@ -85,6 +106,39 @@ class Contact(PairInteraction):
                     f'model = "{self.model}" needs a {key}', at=("model",), allowed=f"{key} = {example}, say"
                 )
         return self
+
+    @model_validator(mode="after")
+    def _is_soft(self) -> Contact:
+        for key in SOFT:
+            if self.model == "impulse" and getattr(self, key) != 0:
+                raise invalid(
+                    f"{key} needs contacts that last",
+                    at=(key,),
+                    also=[(("model",), "impulses take no time")],
+                    allowed='model = "linear" or "hertz"',
+                )
+        if self.rolling_friction > 0 and not self.rubs:
+            raise invalid(
+                "rolling_friction needs friction: without it nothing begins to roll",
+                at=("rolling_friction",),
+                allowed="friction = 0.5, say",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _touches(self) -> Contact:
+        if self.surfaces and self.model != "impulse":
+            raise invalid(
+                'surfaces touch by impulses: this belongs to model = "impulse"',
+                at=("surfaces",),
+                also=[(("model",), f"{self.model} here")],
+            )
+        return self
+
+    @property
+    def by_surfaces(self) -> bool:
+        """Whether layouts that have triangles or edges touch with them."""
+        return self.model == "impulse" and self.surfaces is not False
 
     @model_validator(mode="after")
     def _ends_by_itself(self) -> Contact:
@@ -112,10 +166,12 @@ class Contact(PairInteraction):
     @property
     def beta(self) -> float:
         """The damping ratio β of a linear contact, 1 for no rebound."""
-        if self.restitution == 0:
-            return 1.0
-        fall = -math.log(self.restitution)
-        return fall / math.hypot(math.pi, fall)
+        return damping_ratio(self.restitution)
+
+    @property
+    def soft(self) -> bool:
+        """Whether contacts last, so that colliders act by the same law."""
+        return self.model != "impulse"
 
     @property
     def moduli(self) -> tuple[float, float]:
@@ -125,14 +181,21 @@ class Contact(PairInteraction):
         return y / (2 * (1 - nu * nu)), y / (4 * (2 - nu) * (1 + nu))
 
     def record(self) -> tuple[Any, ...]:
-        friction = FrictionRecord(*map(float, self.coefficients)) if self.rubs else None
+        return self.against(float(self.restitution), self.coefficients)
+
+    def against(self, restitution: float, friction: tuple[float, float]) -> tuple[Any, ...]:
+        """The record of contacts with another restitution and other coefficients of friction, such as those of a wall."""
+        rubs = FrictionRecord(*map(float, friction)) if friction != (0, 0) else None
         if self.model == "impulse":
-            return ImpulseRecord(float(self.restitution), friction)
+            return ImpulseRecord(restitution, rubs)
+        beta = damping_ratio(restitution)
+        rolls = float(self.rolling_friction) if self.rolling_friction > 0 and rubs is not None else None
+        sticks = 2 * math.pi * self.cohesion if self.cohesion > 0 else None
         if self.model == "hertz":
-            return HertzRecord(*self.moduli, self.beta, friction)
+            return HertzRecord(*self.moduli, beta, rubs, rolls, sticks)
         assert self.stiffness is not None
         along = 2 / 7 * self.stiffness if self.tangential_stiffness is None else self.tangential_stiffness
-        return LinearRecord(self.stiffness, along, self.beta, friction)
+        return LinearRecord(self.stiffness, along, beta, rubs, rolls, sticks)
 
     def needs(self) -> frozenset[str]:
         return frozenset({"radius"})
@@ -168,25 +231,39 @@ class Contact(PairInteraction):
             if static == kinetic
             else f", μ = {static:g}/{kinetic:g}"
         )
+        rub += f", μ_r = {self.rolling_friction:g}" if self.rolling_friction > 0 else ""
+        rub += f", w = {self.cohesion:g} J/m²" if self.cohesion > 0 else ""
         return f"{self.model}, e = {self.restitution:g}{rub}, where particles touch"
 
 
+def damping_ratio(restitution: float) -> float:
+    """β = −ln e/√(π² + ln² e): that of a damped oscillator which rebounds with e; 1 for no rebound."""
+    if restitution == 0:
+        return 1.0
+    fall = -math.log(restitution)
+    return fall / math.hypot(math.pi, fall)
+
+
 class LinearRecord(NamedTuple):
-    """k, k_t [N/m], β, and friction, None where there is none."""
+    """k, k_t [N/m], β, friction, μ_r, and 2 π w [N/m]; the last three None where there is none."""
 
     stiffness: float
     tangential: float
     beta: float
     friction: FrictionRecord | None
+    rolling: float | None = None
+    cohesion: float | None = None
 
 
 class HertzRecord(NamedTuple):
-    """E, G [Pa], β, and friction, None where there is none."""
+    """E, G [Pa], β, friction, μ_r, and 2 π w [N/m]; the last three None where there is none."""
 
     normal: float
     tangential: float
     beta: float
     friction: FrictionRecord | None
+    rolling: float | None = None
+    cohesion: float | None = None
 
 
 class ImpulseRecord(NamedTuple):
@@ -200,37 +277,46 @@ class ImpulseRecord(NamedTuple):
 def linear_touch(f: LinearRecord, p: Pair, overlap: float) -> Touch:
     k, m, none = f.stiffness, reduced_mass(p), overlap - overlap
     double = f.beta + f.beta
-    push = k * overlap
+    push, pull, root = k * overlap, attraction(f, p, none), double * np.sqrt(m)
     return Touch(
         push,
         k + none,
-        0.5 * push * overlap,
-        double * np.sqrt(m * k),
+        (0.5 * push - pull) * overlap,
+        root * np.sqrt(k),
         none,
         f.tangential + none,
-        double * np.sqrt(m * f.tangential),
+        root * np.sqrt(f.tangential),
+        pull,
     )
 
 
+def attraction(f: Any, p: Pair, none: float) -> float:
+    """2 π w R [N]."""
+    return none if f.cohesion is None else f.cohesion * reduced_radius(p)
+
+
 ROOT_5 = math.sqrt(5.0)
-TWO_ROOT_5_6 = 2 * math.sqrt(5 / 6)
+TWO = 2 * math.sqrt(5 / 6) * math.sqrt(6.0) / ROOT_5
+"""What is left of 2 √(5/6) √(m 8 G √(R δ)) over √5 √(m 4/3 E √(R δ)), beside √(G/E): √(8/(4/3)) = √6."""
 
 
 @contact_law(HertzRecord)
 def hertz_touch(f: HertzRecord, p: Pair, overlap: float) -> Touch:
     m, kind = reduced_mass(p), type(overlap)
-    wide = np.sqrt(p.r1 * p.r2 / (p.r1 + p.r2) * overlap)
+    wide, pull = np.sqrt(reduced_radius(p) * overlap), attraction(f, p, overlap - overlap)
     k = kind(4 / 3) * f.normal * wide
     along = kind(8) * f.tangential * wide
     damping = kind(ROOT_5) * f.beta * np.sqrt(m * k)
     return Touch(
         k * overlap,
         kind(1.5) * k,
-        kind(0.4) * k * overlap * overlap,
+        (kind(0.4) * k * overlap - pull) * overlap,
         damping,
         kind(0.25) * damping / overlap,
         along,
-        kind(TWO_ROOT_5_6) * f.beta * np.sqrt(m * along),
+        # 2 √(5/6) β √(m k_t): k_t over k is the same at all overlaps
+        kind(TWO) * np.sqrt(f.tangential / f.normal) * damping,
+        pull,
     )
 
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, StringConstraints, model_validator
 
 from particlesim.expressions.constants import check_constant
+from particlesim.expressions.discontinuities import CALLED, edges
 from particlesim.expressions.operations import Node, Ray, slope, value
-from particlesim.expressions.parser import ExpressionError, parse, reads
+from particlesim.expressions.parser import ExpressionError, on_arrays, parse, reads
 from particlesim.interactions.base import PairInteraction
 from particlesim.laws.pair import Pair, Terms, by_distance, central_law
 from particlesim.laws.registry import law
@@ -22,6 +24,12 @@ from particlesim.model.base import Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Number
 
+LOOKS = 4001
+"""Distances between which jumps are looked for."""
+CLEAR = 1e-6
+"""Part of its value by which a function changes over a rounding of the distance only where it jumps."""
+ROUNDED = 1e-12
+"""Part of a distance that is well beyond its rounding."""
 STEP = 6e-6
 """∛(machine epsilon): part of the distance that differences of U' go."""
 
@@ -153,6 +161,27 @@ class PairFormula(PairInteraction):
         node = self.node()
         return frozenset(name for name, kinds in read.items() if any(reads(node, kind) for kind in kinds))
 
+    def jump(self) -> Jump | None:
+        """The first place that is seen at which the energy, or else the force, jumps; None if there is none.
+
+        Conditions, `sign`, and the slopes of `abs`, `min` and `max` change at once where an expression passes zero. That is
+        found between distances through many orders of magnitude, up to the cutoff, and both sides of it are compared.
+        """
+        node, found = self.node(), []
+        for _, edge in edges(node, tuple(CALLED)):
+            for low, high in _zeros(edge, self.cutoff):
+                sides = (0.9 * low, low * (1 - ROUNDED), high * (1 + ROUNDED), 1.1 * high)
+                places = map(np.float64, sides)
+                known = [Known(r, *map(np.float64, _PROBES[0][1:])) for r in places]
+                with np.errstate(all="ignore"):
+                    energies = [float(value(node, each)) for each in known]  # type: ignore[arg-type]
+                    forces = [float(slope(node, Ray(each, ALONG))) for each in known]  # type: ignore[arg-type]
+                for of, (one, before, after, other) in (("energy", energies), ("force", forces)):
+                    if abs(after - before) > CLEAR * max(abs(one), abs(other)):  # not of what is no number
+                        found.append(Jump(of, high, abs(after - before)))
+                        break
+        return min(found, default=None)
+
     def changes(self) -> bool:
         """Whether the energy of particles at rest changes with time."""
         return reads(self.node(), Moment)
@@ -165,6 +194,40 @@ class PairFormula(PairInteraction):
         with np.errstate(all="ignore"):
             at = value(self.node(), Known(*map(np.float64, (0.0, *_PROBES[0][1:]))))  # type: ignore[arg-type]
         return not bool(np.isfinite(at))
+
+
+class Jump(NamedTuple):
+    """A jump of the energy [J] or of the force [N] of a pair: of what, at which distance [m], and by how much."""
+
+    of: str
+    at: float
+    size: float  # "energy" comes before "force", and near before far, in the order of tuples
+
+
+ALONG = Known(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The way of a derivative by the distance."""
+
+
+def _zeros(edge: Node, cutoff: float | None) -> list[tuple[float, float]]:
+    """Distances just before and just after an expression passes zero."""
+    last = 1e6 if cutoff is None else cutoff
+    places = last * np.logspace(-12 if cutoff is None else -6, 0, LOOKS)
+    rest = dict(zip(NAMES.values(), (0.0, *_PROBES[0][1:]), strict=True))
+
+    def below(r: NDArray[np.float64]) -> NDArray[np.bool_]:
+        def variable(leaf: Node) -> NDArray[np.float64]:
+            return r if isinstance(leaf, Distance) else np.full(r.shape, rest[leaf])
+
+        return np.asarray(np.broadcast_to(on_arrays(edge, variable), r.shape) < 0)
+
+    sign = below(places)
+    k = np.flatnonzero(sign[1:] != sign[:-1])
+    low, high, first = places[k], places[k + 1], sign[k]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        same = below(middle) == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
 class FormulaRecord(NamedTuple):

@@ -1,10 +1,10 @@
 """Laws of contact: how two particles that touch push and rub each other.
 
 A record has a law for `touch`: at the overlap δ of a pair it gives the elastic push N(δ) and its slope, the coefficient γ_n
-of the damper beside it, and stiffness k_t and damping γ_t along the surfaces. With n = l/|l|, l = x₁ − x₂, v = v₁ − v₂ the
-first feels along n the force
+of the damper beside it, stiffness k_t and damping γ_t along the surfaces, and the constant attraction C of surfaces that
+touch. With n = l/|l|, l = x₁ − x₂, v = v₁ − v₂ the first feels along n the force
 
-    f_n = N(δ) − γ_n v·n     while δ = r₁ + r₂ − |l| > 0,
+    f_n = N(δ) − C − γ_n v·n     while δ = r₁ + r₂ − |l| > 0,
 
 so `pair_force` and its Jacobians follow; they are what friction, which needs a memory, is added to (`engine.interactions.
 contacts`). Numbers `a` of a pair are inverse masses, 0 of what is held.
@@ -22,8 +22,8 @@ from particlesim.laws.registry import GENERICS, Matrix, Vector, generic, law
 
 
 class Touch(NamedTuple):
-    """A contact at an overlap: push N [N], its slope N' [N/m], energy of the push [J], γ_n and its slope [kg/s, kg/(m s)],
-    k_t [N/m], γ_t [kg/s]."""
+    """A contact at an overlap: push N [N], its slope N' [N/m], energy of push and attraction [J], γ_n and its slope [kg/s,
+    kg/(m s)], k_t [N/m], γ_t [kg/s], attraction C [N]."""
 
     push: float
     slope: float
@@ -32,6 +32,7 @@ class Touch(NamedTuple):
     damping_slope: float
     stiffness: float
     rub: float
+    pull: float
 
 
 @generic(0)
@@ -45,6 +46,11 @@ def reduced_mass(p: Pair) -> float:
     both = p.a1 + p.a2
     one = type(both)(1)
     return one / (both if both > 0 else one) if both > 0 else both
+
+
+def reduced_radius(p: Pair) -> float:
+    """r₁ r₂/(r₁ + r₂) [m]."""
+    return p.r1 * p.r2 / (p.r1 + p.r2)
 
 
 def contact_law(record: type) -> Callable[[Callable[..., Touch]], Callable[..., Touch]]:
@@ -78,7 +84,7 @@ def _rate(p: Pair, r: float) -> float:
 def _force(f: Any, p: Pair) -> Vector:
     r, overlap, there = _overlap(p)
     at = touch(f, p, overlap)
-    k = (at.push - at.damping * _rate(p, r)) / r if there else r - r
+    k = (at.push - at.pull - at.damping * _rate(p, r)) / r if there else r - r
     return k * p.x, k * p.y, k * p.z
 
 
@@ -94,7 +100,7 @@ def _by_place(f: Any, p: Pair) -> Matrix:
     along = at.damping_slope * rate - at.slope
     turn = at.damping / r
     # f = F n: n (∂F/∂l)ᵀ + F/r (1 − n nᵀ)
-    k = (at.push - at.damping * rate) / r
+    k = (at.push - at.pull - at.damping * rate) / r
     rows = tuple(
         (along * axis - turn * (v - rate * axis) - k * axis)
         for axis, v in zip(n, (p.vx, p.vy, p.vz), strict=True)

@@ -42,6 +42,12 @@ class Model(BaseModel):
         ser_json_inf_nan="strings",
     )
 
+    def says(self, other: object) -> bool:
+        """Whether another table says the same, whatever each of them has found out since it was read."""
+        return type(self) is type(other) and all(
+            getattr(self, name) == getattr(other, name) for name in type(self).model_fields
+        )
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler

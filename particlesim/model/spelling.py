@@ -27,8 +27,8 @@ def near_miss(word: str, known: Iterable[str]) -> str | None:
     if not wanted or len(word) > LONGEST:
         return None
     far = 1 + (len(wanted) > 2) + (len(wanted) > 6) + (len(wanted) > 10)
-    slips = [(_slips(wanted, folded(name), far), k) for k, name in enumerate(names)]
-    fewest, first = min(slips, default=(far, 0))
+    found = [(slips(wanted, folded(name), far), k) for k, name in enumerate(names)]
+    fewest, first = min(found, default=(far, 0))
     if fewest < far:
         return names[first]
     begun = [name for name in names if len(wanted) > 2 and folded(name).startswith(wanted)]
@@ -46,7 +46,7 @@ def folded(name: str) -> str:
     return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
-def _slips(word: str, name: str, far: int) -> int:
+def slips(word: str, name: str, far: int) -> int:
     """Optimal string alignment distance of two words, or `far` where it is not less.
 
     Source: F. J. Damerau, A technique for computer detection and correction of spelling errors, CACM 7(3), 1964.

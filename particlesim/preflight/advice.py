@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.methods import chosen
+from particlesim.engine.interactions.methods import IN_MATRICES, chosen
 from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.interactions.contact import Contact
+from particlesim.interactions.formula import PairFormula
+from particlesim.interactions.gravity import MutualGravity
+from particlesim.layouts.disc import Disc
+from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
+from particlesim.preflight.penalty_steps import penalty_doubts
 from particlesim.scenario.reach import acts_on, held_back, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -31,10 +37,13 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_twice(scenario),
         *_never(scenario),
         *_loose(scenario),
+        *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
+        *_jumping(scenario),
         *_unrepeated(scenario),
         *contact_doubts(scenario),
+        *penalty_doubts(scenario),
     )
 
 
@@ -57,7 +66,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         return ()
     depends = [
         label
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
@@ -80,7 +89,7 @@ def _projection(scenario: Scenario) -> list[str]:
         f"{each.kind} {each.name or k} with discrete detection and restitution {each.liveliness:g} can add energy: "
         'particles are lifted out of it; detection = "continuous" does not'
         for k, each in enumerate(scenario.all_colliders)
-        if each.lifts()
+        if each.lifts() and not each.soft
     ]
 
 
@@ -129,14 +138,38 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
 
 
 def _explicit(scenario: Scenario) -> list[str]:
-    """Interactions of pairs, which implicit methods have in their forces and not in their matrices."""
+    """Interactions of pairs that implicit methods have in their forces and not in their matrices."""
     methods = {group.name: method_of(group, scenario.simulation.integrator) for group in scenario.groups}
-    return [
-        f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as those "
-        "of an explicit method, or equations will not be solved"
-        for each in pair_sets(scenario)
-        if isinstance(methods[each.groups[0]], ImplicitMethod)
-    ]
+    numbers = {group.name: group for group in scenario.groups}
+    found = []
+    for each in pair_sets(scenario):
+        if not isinstance(methods[each.groups[0]], ImplicitMethod):
+            continue
+        count = int(sum(_number(numbers[name], scenario) for name in each.groups))
+        if isinstance(each.law, Contact) or chosen(each.law, count) not in IN_MATRICES:
+            found.append(
+                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
+                "those of an explicit method, or equations will not be solved"
+            )
+    return found
+
+
+def _jumping(scenario: Scenario) -> list[str]:
+    """Formulas of pairs whose energy or force jumps at a distance."""
+    found = []
+    for each in pair_sets(scenario):
+        jump = each.law.jump() if isinstance(each.law, PairFormula) else None
+        if jump is not None and jump.of == "energy":
+            found.append(
+                f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "
+                "does that work: energy is not kept where pairs pass there"
+            )
+        elif jump is not None:
+            found.append(
+                f"the force of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} N for some pair: methods lose "
+                "their order where pairs pass there"
+            )
+    return found
 
 
 def _unrepeated(scenario: Scenario) -> list[str]:
@@ -145,7 +178,7 @@ def _unrepeated(scenario: Scenario) -> list[str]:
         return []
     return [
         f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if force.type in BY_PLACE
     ]
 
@@ -200,7 +233,7 @@ def _twice(scenario: Scenario) -> list[str]:
     found = []
     labels = [
         (label, force)
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if isinstance(force, Gravity)
     ]
     for group in scenario.groups:
@@ -232,13 +265,31 @@ def _loose(scenario: Scenario) -> list[str]:
     ]
 
 
+def _other_constant(scenario: Scenario) -> list[str]:
+    """Speeds that balance another gravity than the one that acts."""
+    found = []
+    for group in scenario.particles:
+        if not isinstance(group.layout, Plummer | Disc):
+            continue
+        acting = {
+            pairs.law.constant
+            for pairs in pair_sets(scenario)
+            if isinstance(pairs.law, MutualGravity) and group.name in pairs.groups
+        }
+        if acting != {group.layout.constant}:
+            acts = f"G = {', '.join(f'{each:g}' for each in acting)} acts" if acting else "no gravity acts"
+            found.append(
+                f"the speeds of {group.name!r} balance gravity with G = {group.layout.constant:g}, and {acts} between its "
+                "particles: constant of its layout and of [[interactions]] should be the same"
+            )
+    return found
+
+
 def _joined_twice(scenario: Scenario) -> list[str]:
     """Pairs in two lists of springs of the same kind, as after copying a block."""
     seen: dict[tuple[bool, bool, frozenset[tuple[str, int]]], str] = {}
     found: dict[tuple[str, str], list[str]] = {}
-    for springs, label in zip(
-        scenario.springs, scenario.force_labels()[len(scenario.forces) :], strict=False
-    ):
+    for springs, label in zip(scenario.springs, scenario.labels.springs, strict=True):
         if not springs.stiffness and springs.frequency is None:
             continue  # dampers beside springs
         first, second = springs.groups()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from particlesim.colliders.moving import frame_at
 from particlesim.colliders.solid import Solid
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
-from particlesim.render.scene.source import BallShape, MeshShape, PlaneShape, Pose
+from particlesim.render.scene.source import BallShape, FrameSource, MeshShape, PlaneShape, Pose
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
 from particlesim.scenario.load import Overrides, loads
@@ -37,15 +37,19 @@ def film(
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    follow: Callable[[], bool] | None = None,
 ) -> RenderReport:
     """Render the trajectory `path` as `out` (.mp4, .webp or .png; the trajectory's name with .mp4 unless given).
 
     The look is that of the scenario in the trajectory, with `overrides` such as {"render.look": "dots"}.
-    `progress(done, total)` is called after each picture.
+    `progress(done, total)` is called after each picture. With `follow`, a run may still be writing the trajectory: what is
+    not there yet is waited for, and `follow` is called meanwhile (see `Following`). Pictures are the same.
     Raises UsageError for a file that is no usable trajectory or an output that cannot be written, ScenarioError for
-    overrides that do not fit; InputOutputError when writing fails. A partial file is never left.
+    overrides that do not fit; InputOutputError when writing fails; LostError when a run that is followed ends early. A
+    partial file is never left.
     """
-    from particlesim.render.video import render_video
+    from particlesim.render.following import Following
+    from particlesim.render.video import render_frame, render_video
 
     path = Path(path)
     out = path.with_suffix(".mp4") if out is None else Path(out)
@@ -53,21 +57,25 @@ def film(
         if not trajectory.scenario:
             raise UsageError(f"{path} does not say which scenario made it", "Was it written by `psim run`?")
         scenario = loads(trajectory.scenario, overrides)
+        look = look_of(scenario)
         if scenario.render.ground:  # from where the run found the files of its colliders
             folder = Path(str(trajectory.provenance.get("folder", "")))
             open_colliders(scenario.loaded_from(folder, scenario.overrides))
+        stage: Any = {
+            "planes": plane_shapes(scenario),
+            "balls": ball_shapes(scenario),
+            "meshes": mesh_shapes(scenario) if scenario.render.ground else (),
+            "title": scenario.title,
+        }
+        source: FrameSource = trajectory
+        if follow is not None:
+            source = Following(trajectory, scenario.grid, follow)
+            if (
+                look.bounds is None and len(trajectory) and not source.ended
+            ):  # waits until the end, with all compiled
+                render_frame(trajectory, 0, look, **stage, threads=1)
         return render_video(
-            trajectory,
-            out,
-            look_of(scenario),
-            planes=plane_shapes(scenario),
-            balls=ball_shapes(scenario),
-            meshes=mesh_shapes(scenario) if scenario.render.ground else (),
-            title=scenario.title,
-            frames=frames,
-            overwrite=overwrite,
-            threads=threads,
-            progress=progress,
+            source, out, look, **stage, frames=frames, overwrite=overwrite, threads=threads, progress=progress
         )
 
 

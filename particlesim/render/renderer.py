@@ -44,7 +44,7 @@ from particlesim.render.scene.box_edges import AlongPaths, BoxEdges
 from particlesim.render.scene.camera import Viewpoint, choose_viewpoint
 from particlesim.render.scene.coloring import NOTHING, choose_coloring, color_indices, quantized, values_of
 from particlesim.render.scene.draw_list import NO_BOX, Act, Balls, Buffers, Cast
-from particlesim.render.scene.extents import survey
+from particlesim.render.scene.extents import Survey, foreseen, survey
 from particlesim.render.scene.lighting import (
     choose_light,
     choose_theme,
@@ -103,7 +103,7 @@ class Renderer:
         box: Box | None = getattr(source, "box", None)
         self.box = None if box is None or self.bodies else BoxEdges(box)
         self._follows_paths = box is not None and self.box is None
-        self.scene = survey(source, self._values, self._as_drawn)
+        self.scene = self._extents(source)
         if self.box is not None:
             self.scene = self.scene.with_points(self.box.corners)
         self.center, self.scale = self.scene.center, self.scene.half_extent
@@ -145,6 +145,16 @@ class Renderer:
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()
+
+    def _extents(self, source: FrameSource) -> Survey:
+        """What pictures have to show: of all frames, or as the settings say, and then without a look at frames to come if
+        they say the range of the colours, too."""
+        bounds, value = self.settings.bounds, self.coloring.kind in ("value", "strain")
+        known = None if bounds is None else foreseen(source, bounds)
+        if known is not None and not (value and self.settings.color_range == "auto"):
+            return known
+        seen = survey(source, self._values, self._as_drawn)
+        return seen if known is None else replace(known, values=seen.values)
 
     @property
     def _multisampled(self) -> bool:

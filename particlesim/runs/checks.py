@@ -55,13 +55,17 @@ def total(name: str, row: Mapping[str, float], energy_at_start: float) -> float:
     return float(row.get(name, 0.0))  # a force that acts on no group stores no energy
 
 
-def count(name: str, born: int, died: Mapping[str, int], broken: Mapping[str, tuple[int, int]]) -> float:
-    """A number of births, deaths by cause, or broken springs by set, since the beginning."""
+def count(
+    name: str, born: int, died: Mapping[str, int], broken: Mapping[str, tuple[int, int]], missed: int
+) -> float:
+    """A number of births, deaths by cause, broken springs by set, or crossings that were missed, since the beginning."""
     head, _, part = name.partition(".")
     if head == "born":
         return float(born)
     if head == "died":
         return float(died.get(part, 0) if part else sum(died.values()))
+    if head == "missed_crossings":
+        return float(missed)
     return float(sum(number for label, (number, _) in broken.items() if part in ("", label)))
 
 
@@ -102,7 +106,7 @@ class Checks:
                 continue
             name = item.check.quantity
             if is_count(name):
-                value = count(name, born, died, simulation.broken())
+                value = count(name, born, died, simulation.broken(), simulation.missed_crossings())
             else:
                 row = row or simulation.ledger()
                 value = total(name, row, self._energy or 0.0)

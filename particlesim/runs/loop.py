@@ -105,6 +105,7 @@ class Course:
             "steps": self.simulation.step,
             "particle_steps": self.simulation.particle_steps,
             "born": self.log.born,
+            "missed_crossings": self.simulation.missed_crossings(),
         }
         told |= {f"broken.{name}": number for name, (number, _) in self.simulation.broken().items()}
         if results := self.checks.results():

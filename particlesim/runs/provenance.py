@@ -22,9 +22,9 @@ PACKAGES = ("numpy", "llvmlite", "h5py", "pydantic")
 GIT_TIMEOUT = 2.0
 
 
-def provenance(scenario: Scenario) -> dict[str, str | int | float]:
+def provenance(scenario: Scenario, particles: int) -> dict[str, str | int | float]:
     """The resolved scenario as TOML, the digest of its physics, a name for this run, overrides, versions, seed, host, git
-    revision, command, and the packages whose types it uses."""
+    revision, command, the most `particles` that are expected at the same time, and the packages whose types it uses."""
     facts: dict[str, str | int | float] = {
         "scenario": dump(scenario, defaults=True),
         "title": scenario.title,
@@ -35,6 +35,7 @@ def provenance(scenario: Scenario) -> dict[str, str | int | float]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "host": platform.node(),
+        "particles": particles,
         "seed": scenario.simulation.seed,
         "dt": scenario.grid.dt,
         "command": shlex.join(sys.argv),

@@ -51,6 +51,8 @@ class Result:
     """For every set of springs that can break: how many are broken, and how many there were."""
     methods: dict[str, str] = field(default_factory=dict)
     """How the forces of interactions were summed, by their names in the ledger, where there is something to tell."""
+    missed_crossings: int = 0
+    """How often particles passed colliders with discrete detection within a step, without being seen."""
     known_state: str | None = None
     compiling: float = 0.0
     """How much of `seconds` went into compiling kernels, which are kept for the next run."""
@@ -115,6 +117,7 @@ def recorded_result(scenario: Scenario, path: Path) -> Result:
             warnings=(f"{path} is complete already; nothing was left to do",),
             checks=tuple(_check(data) for data in recorded_checks(told, path)),
             broken=broken,
+            missed_crossings=int(told.get("missed_crossings", 0)),
             known_state=str(told["state"]),
         )
 

@@ -26,7 +26,18 @@ from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import check_ledger, check_stored, flat_triangles, misplaced, squeezed
+from particlesim.runs.validity import (
+    check_ledger,
+    check_stored,
+    chords,
+    flat_triangles,
+    knotted,
+    misplaced,
+    missed,
+    shapes_of_bodies,
+    squeezed,
+    stiff,
+)
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length
@@ -170,7 +181,11 @@ def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple
         *suspects(simulation).warnings,
         *misplaced(simulation),
         *squeezed(simulation),
+        *stiff(simulation),
+        *knotted(simulation),
+        *chords(simulation),
         *flat_triangles(scenario),
+        *shapes_of_bodies(scenario),
         *long_sums(scenario),
     )
     if warn is not None:
@@ -253,7 +268,7 @@ def _writer(
         fields=fields,
         groups=[group.name for group in scenario.groups],
         ledger=ledger,
-        provenance=provenance(scenario),
+        provenance=provenance(scenario, most),
         precision=precision,
         compression=scenario.output.compression,
         overwrite=overwrite,
@@ -301,9 +316,11 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
             *advice(simulation.scenario),
             *course.watch.warnings,
             *simulation.warnings(),
+            *missed(simulation),
             *filter(None, problems),
         ),
         broken=simulation.broken(),
+        missed_crossings=simulation.missed_crossings(),
         methods=simulation.methods(),
         checks=course.checks.results(),
         known_state=course.state,

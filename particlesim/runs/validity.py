@@ -12,15 +12,21 @@ from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import Mesh
 from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.diagnosis.tangles import tangled
 from particlesim.engine.islands.rigid import Intrusion, RigidIsland
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.stability.limits import remedy
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces.stokes_drag import StokesDrag
+from particlesim.groups.group import Particles
 from particlesim.laws.registry import velocity
-from particlesim.scenario.reach import acts_on, collider_tables
+from particlesim.layouts.mesh import STRUCTURAL
+from particlesim.scenario.reach import acts_on, collider_tables, has_extent
 from particlesim.scenario.scenario import Scenario
 
+ROUND = ("sphere", "capsule", "cylinder")
+"""Colliders that bulge everywhere by a radius."""
 FASTEST = 4
 """Particles looked at per frame and group: the fastest ones."""
 
@@ -40,6 +46,8 @@ def check_ledger(simulation: Simulation) -> None:
     if not simulation.scenario.output.ledger:
         return
     if (name := infinite(simulation.ledger())) is not None:
+        for island in simulation.islands:
+            island.refuse_wild(simulation.time)
         raise UsageError(
             f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
         )
@@ -107,6 +115,18 @@ def _intruding(world: World, intrusions: list[Intrusion]) -> str:
     )
 
 
+def stiff(world: World) -> tuple[str, ...]:
+    """A sentence where steps are too long for springs at rigid bodies."""
+    dt = world.scenario.grid.dt
+    limits = (island.longest_step() for island in world.islands if isinstance(island, RigidIsland))
+    return tuple(
+        f"dt = {dt:.6g} s is beyond the largest stable step under springs at rigid bodies, {limit:.3g} s: "
+        f"{remedy(limit, limited=True)}"
+        for limit in limits
+        if dt > limit
+    )
+
+
 def squeezed(world: World) -> tuple[str, ...]:
     """A sentence for every interaction by contact with particles that overlap each other at the start."""
     return tuple(
@@ -114,6 +134,63 @@ def squeezed(world: World) -> tuple[str, ...]:
         f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
         for each in crowded(world)
     )
+
+
+def knotted(world: World) -> tuple[str, ...]:
+    """A sentence for every contact of surfaces and strands that cross, or are too close, at the start."""
+    found = []
+    for each in tangled(world):
+        what, alone = " and ".join(dict.fromkeys(map(repr, each.groups))), each.groups[0] == each.groups[1]
+        number = each.crossing or each.close
+        places = f"{number:,} place{'s' if number > 1 else ''}"
+        if each.crossing:
+            found.append(
+                f"{each.label}: {what} cross{'es itself' if alone else ''} at the start in {places}, the first near "
+                f"{_place(each.place)}: what crosses stays so, as contacts keep everything on the side on which it begins"
+            )
+        else:
+            found.append(
+                f"{each.label}: {what} touch{'es itself' if alone else ''} at the start in {places}, near "
+                f"{_place(each.narrow)} {each.distance:.3g} m apart instead of {each.thickness:.3g} m, the sum of "
+                "the radii; they move apart. Next to each other in a mesh this needs smaller radii, or fewer particles"
+            )
+    return tuple(found)
+
+
+def _place(x: Any) -> str:
+    """A place in words [m]."""
+    return f"({', '.join(f'{each:.3g}' for each in x)}) m"
+
+
+def chords(world: World) -> tuple[str, ...]:
+    """A sentence for every surface or strand whose edges reach into a round collider between their ends.
+
+    Particles with radius r stand off from a ball of radius R by r. The middle of a triangle with corners there and a
+    circumscribed circle of radius ρ is √((R + r)² − ρ²) from the centre, which should not be less than R.
+    """
+    found = []
+    for island, structure in zip(world.islands, world.graph.islands, strict=True):
+        for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
+            if not (has_extent(group) and state.count and isinstance(group, Particles)):
+                continue
+            edges = group.layout.open(world.scenario.folder).edges(STRUCTURAL)
+            x = state.position.astype(float)
+            longest = float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).max(initial=0.0))
+            half = longest * (0.5**0.5 if group.layout.has_surface() else 0.5)
+            thin = float(state.radius[: state.count].min())
+            for each in colliders:
+                size = getattr(each, "radius", None)
+                if each.kind not in ROUND or size is None or getattr(each, "inside", False):
+                    continue
+                least = math.hypot(size, half) - size
+                if thin < 0.99 * least:
+                    name = f"{each.kind} {each.name or ''}".rstrip()
+                    found.append(
+                        f"between its particles the surface of {group.name!r} may reach into {name} by up to "
+                        f"{least - thin:.2g} m, as straight edges cut into what is round: a radius of {least:.2g} m keeps "
+                        "it out, and so do shorter edges"
+                    )
+    return tuple(found)
 
 
 def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
@@ -126,6 +203,23 @@ def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
+def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
+    """What there is to tell of the shapes of rigid bodies."""
+    return tuple(
+        f"bodies {body.name!r}: {remark}" for body in scenario.bodies for remark in body.shape.remarks()
+    )
+
+
+def missed(world: World) -> tuple[str, ...]:
+    """A sentence where particles have passed colliders unseen."""
+    if (number := world.missed_crossings()) == 0:
+        return ()
+    return (
+        f"{number:,} crossing{'s' if number > 1 else ''} of colliders with discrete detection fell between the ends of "
+        'steps and had no effect; detection = "continuous" misses none',
+    )
+
+
 class Watch:
     """Collects warnings about laws used outside of their range."""
 
@@ -134,7 +228,7 @@ class Watch:
         self._overflowed: dict[str, float] = {}
         self._laws = [
             (label, force)
-            for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+            for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
             if isinstance(force, StokesDrag) and force.rho is not None
         ]
 

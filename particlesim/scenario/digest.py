@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.scenario.dump import to_table
-from particlesim.scenario.named_files import collider_files, file_digest, layout_files
+from particlesim.scenario.named_files import file_digest, layout_files, shape_files
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.frame import Frame
 
@@ -35,10 +35,7 @@ def physics_digest(scenario: Scenario) -> str:
     physics = physics_of(to_table(scenario))
     grid = scenario.grid
     physics["simulation"] = {**physics["simulation"], "dt": grid.dt, "substeps": None, "steps": grid.steps}
-    for file in layout_files(scenario):
-        _, k, *_ = file.address
-        physics["particles"][k]["layout"]["path"] = file_digest(file.path)
-    for file in collider_files(scenario):
+    for file in (*layout_files(scenario), *shape_files(scenario)):
         part: Any = physics
         for step in file.address[:-1]:
             part = part[step]

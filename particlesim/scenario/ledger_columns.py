@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from particlesim.bodies import Bodies
 from particlesim.checks.quantities import BALANCE, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
@@ -15,14 +16,16 @@ from particlesim.scenario.tables import Tables
 
 def totals(scenario: Tables) -> tuple[str, ...]:
     """Quantities of the whole simulation that a scenario has."""
-    labels = scenario.force_labels()
+    labels = scenario.labels
     stored = [
-        label for label, force in zip(labels, scenario.forces, strict=False) if has_potential(force)
-    ] + list(labels[len(scenario.forces) : len(labels) - len(scenario.interactions)])
+        label for label, force in zip(labels.forces, scenario.forces, strict=True) if has_potential(force)
+    ]
+    stored += labels.joints
     stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.stores()]
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
     return (
         *TOTALS,
+        *(["missed_crossings"] if scenario.all_colliders else []),
         *(f"died.{cause}" for cause in deaths(scenario)),
         *(["broken"] if broken else []),
         *(f"broken.{name}" for name in broken),
@@ -69,11 +72,16 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     bonds = [bonds for bonds in scenario.bonds if bonds.groups[0] in names]
     reaching = [
         (label, force)
-        for label, force in zip(scenario.force_labels(), scenario.forces, strict=False)
+        for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if any(acts_on(force, group) for group in groups)
     ]
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
+    found += [
+        label
+        for label, springs in scenario.body_springs
+        if springs.groups()[0] in names and springs.spring_law().damped
+    ]
     found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
     found += [
         each.name for each in pair_sets(scenario) if each.groups[0] in names and not each.law.conserves()
@@ -82,7 +90,7 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     emitted = any(isinstance(group, Emitter) for group in groups)
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
-        "contact": bool(colliders),
+        "contact": bool(colliders) or any(isinstance(group, Bodies) for group in groups),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
         "deaths": emitted or any(each.contact == "kill" for each in colliders),

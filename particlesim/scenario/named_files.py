@@ -12,10 +12,12 @@ import tomli_w
 
 from particlesim.colliders.content import files_in
 from particlesim.errors import UsageError
+from particlesim.groups.group import Particles
 from particlesim.layouts.file import File
 from particlesim.layouts.input_file import check_regular
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.scenario.dump import to_table
+from particlesim.scenario.reach import group_tables
 from particlesim.scenario.scenario import Scenario
 
 KeyPath = tuple[str | int, ...]
@@ -31,20 +33,24 @@ class NamedFile:
 
 
 def layout_files(scenario: Scenario) -> tuple[NamedFile, ...]:
-    """The files that particles come from: tables, trajectories and meshes."""
+    """The files that particles and bodies are laid out from: tables, trajectories and meshes."""
     return tuple(
-        _named(scenario, group.layout.path, ("particles", k, "layout", "path"))
-        for k, group in enumerate(scenario.particles)
-        if isinstance(group.layout, File | SurfaceFile)
+        _named(scenario, group.layout.path, (*where, "layout", "path"))
+        for where, group in group_tables(scenario)
+        if isinstance(group, Particles) and isinstance(group.layout, File | SurfaceFile)
     )
 
 
-def collider_files(scenario: Scenario) -> tuple[NamedFile, ...]:
-    """The files that colliders are in."""
+def shape_files(scenario: Scenario) -> tuple[NamedFile, ...]:
+    """The files that colliders and the shapes of bodies are in."""
+    shapes: list[tuple[KeyPath, Any]] = [
+        *((("colliders", k), collider) for k, collider in enumerate(scenario.colliders)),
+        *((("bodies", k, "shape"), body.shape) for k, body in enumerate(scenario.bodies)),
+    ]
     return tuple(
-        _named(scenario, solid.path, (*where, "path"))
-        for k, collider in enumerate(scenario.colliders)
-        for where, solid in files_in(collider, ("colliders", k))
+        _named(scenario, shape.path, (*where, "path"))
+        for first, each in shapes
+        for where, shape in files_in(each, first)
     )
 
 
@@ -77,7 +83,7 @@ def file_digest(path: Path) -> str:
 def dump_for(scenario: Scenario, folder: Path) -> str:
     """The scenario as TOML for a file in `folder`, from where its relative names lead to the same files as now."""
     table = to_table(scenario)
-    for file in (*layout_files(scenario), *collider_files(scenario), *reference_files(scenario)):
+    for file in (*layout_files(scenario), *shape_files(scenario), *reference_files(scenario)):
         if not Path(file.name).is_absolute():
             _put(table, file.address, _name_from(folder, file.path))
     return tomli_w.dumps(table)

@@ -1,4 +1,5 @@
-"""Colliders made ready for a run: the files that they are in are read, and they know the motions that lead them."""
+"""Colliders and shapes of bodies made ready for a run: the files that they are in are read, and colliders know the motions
+that lead them."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from particlesim.colliders.content import SolidFromFile, files_in
+from particlesim.colliders.content import FromFile, files_in
 from particlesim.errors import ResourceError, UsageError
 from particlesim.layouts.grid_file import read_grid
 from particlesim.layouts.mesh_formats import read_surface
@@ -25,7 +26,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
 
 
 def open_colliders(scenario: Scenario) -> None:
-    """Read the files of colliders that have not been read, and tell those that move what leads them.
+    """Read the files of colliders and bodies that have not been read, and tell colliders that move what leads them.
 
     Raises UsageError when that cannot be done: ScenarioError with its place where the text of the scenario is known,
     ResourceError where this machine has too little memory, which is no mistake of the scenario.
@@ -39,9 +40,13 @@ def open_colliders(scenario: Scenario) -> None:
         for where, solid in files_in(collider, ("colliders", k)):
             if not solid.is_open:
                 _open(scenario, where, solid)
+    for k, body in enumerate(scenario.bodies):
+        for where, shape in files_in(body.shape, ("bodies", k, "shape")):
+            if not shape.is_open:
+                _open(scenario, where, shape)
 
 
-def _open(scenario: Scenario, where: Place, solid: SolidFromFile) -> None:
+def _open(scenario: Scenario, where: Place, solid: FromFile) -> None:
     path = Path(solid.path)
     if not path.is_absolute() and scenario.folder is not None:
         path = scenario.folder / path

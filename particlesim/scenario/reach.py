@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from typing import NamedTuple
 
-from particlesim.bodies import Bodies
-from particlesim.bonds import BondSet
+from particlesim.bodies import Bodies, Joint
+from particlesim.bonds import BondSet, Rods, Springs
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
+from particlesim.interactions.contact import Contact
+from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -35,18 +38,53 @@ def unfelt(force: Force, group: Group) -> str | None:
     return None
 
 
+class Meeting(NamedTuple):
+    """Contact of the particles of a group with the bodies of another: their names, the name of the interaction, restitution,
+    static and kinetic friction."""
+
+    particles: str
+    bodies: str
+    label: str
+    restitution: float
+    friction: tuple[float, float]
+
+
 def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
     """The groups whose particles an interaction acts on: those that it names, else all that can feel it."""
+    return tuple(group for group in _reached(interaction, groups) if not isinstance(group, Bodies))
+
+
+def _reached(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
     named = interaction.between or interaction.on
     if named is not None:
         return tuple(group for name in named for group in groups if group.name == name)
     return tuple(group for group in groups if not unmoved(interaction, group))
 
 
+def meets_bodies(interaction: PairInteraction) -> bool:
+    """Whether bodies take part in an interaction where it reaches them."""
+    return isinstance(interaction, Contact) and interaction.model == "impulse"
+
+
+def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
+    """Which particles touch which bodies."""
+    return tuple(
+        Meeting(group.name, body.name, each.label, each.restitution, each.coefficients)
+        for each in scenario.interactions
+        if isinstance(each, Contact) and meets_bodies(each)
+        for group in interacting(each, scenario.groups)
+        for body in _reached(each, scenario.bodies)
+    )
+
+
 def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     """Why a group cannot feel an interaction; None if it can."""
     if isinstance(group, Bodies):
-        return "interactions act between particles, and rigid bodies feel none"
+        if meets_bodies(interaction):
+            return None
+        if isinstance(interaction, Contact):
+            return 'rigid bodies touch particles by impulses: model = "impulse"'
+        return "interactions act between particles, and rigid bodies feel none but contact"
     if group.dynamics.type == "tracer":
         return "tracers move with their flow; nothing acts on them"
     if group.dynamics.type == "first_order" and interaction.needs_velocity():
@@ -54,13 +92,52 @@ def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     return None
 
 
+def has_extent(group: Group) -> bool:
+    """Whether a group is more than its particles: its layout has triangles, or edges that join neighbours."""
+    if not isinstance(group, Particles) or isinstance(group, Bodies):
+        return False
+    return group.layout.has_surface() or STRUCTURAL in group.layout.kinds
+
+
+def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -> bool:
+    """Whether an interaction is a contact of triangles and edges, not of particles alone."""
+    if not isinstance(interaction, Contact) or not interaction.by_surfaces:
+        return False
+    return any(has_extent(group) for group in groups)
+
+
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
     """All interactions between particles, each with its name in the ledger and its groups."""
-    labels = scenario.force_labels()[-len(scenario.interactions) :]
     return tuple(
         PairSet(label, tuple(group.name for group in interacting(each, scenario.groups)), each)
-        for label, each in zip(labels, scenario.interactions, strict=False)
+        for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
+        if each.between is None or len(interacting(each, scenario.groups)) == 2
     )
+
+
+def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rods]]:
+    """What joins rigid bodies, and where it is stated."""
+    for k, joint in enumerate(scenario.joints):
+        yield ("joints", k), joint
+    for k, springs in enumerate(scenario.springs):
+        if scenario.at_bodies(springs):
+            yield ("springs", k), springs
+    for k, rods in enumerate(scenario.rods):
+        if scenario.at_bodies(rods):
+            yield ("rods", k), rods
+
+
+def spins(scenario: Tables, group: Group) -> bool:
+    """Whether the particles of a group turn: spheres do whose contacts with each other have friction; surfaces, strands and
+    what touches these do not."""
+    for each in scenario.interactions:
+        if isinstance(each, Contact) and each.rubs:
+            groups = interacting(each, scenario.groups)
+            if each.between is not None and len(groups) < 2:
+                continue  # with bodies alone
+            if any(group.name == other.name for other in groups) and not touches_by_surfaces(each, groups):
+                return True
+    return False
 
 
 def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
@@ -74,6 +151,17 @@ def collider_tables(scenario: Tables) -> Iterator[tuple[Path, Collider]]:
 def held_back(collider: Collider, groups: Collection[str]) -> bool:
     """Whether a collider holds back one of some groups."""
     return collider.on is None or any(name in groups for name in collider.on)
+
+
+def heard(scenario: Tables, name: str, collider: Collider) -> bool:
+    """Whether an emitter hears of impacts of a group on a collider."""
+    return (
+        any(
+            event is not None and name in event.of and (event.at is None or collider.name in event.at)
+            for event in (emitter.on_impact for emitter in scenario.emitters)
+        )
+        and not collider.soft
+    )
 
 
 def mortal(scenario: Tables, name: str) -> bool:

@@ -19,6 +19,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 ColormapName = Literal["viridis", "magma", "inferno", "turbo", "coolwarm", "steel", "blackbody"]
 Style = Literal["surface", "lines", "points", "hidden"]
 Thickness = Annotated[Metres, Gt(0)]
+_CORNERS = "such as [[-1, 0, -1], [1, 2, 1]]"
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
 
 
@@ -66,6 +67,12 @@ class RenderSettings(Model):
         description="Simulated seconds per second of video. Left out: 1 where the recording is about as "
         "dense as the video (between half and four video frames per recorded frame), else one video frame "
         "per recorded frame.",
+    )
+    bounds: tuple[Vector[Metres], Vector[Metres]] | None = Field(
+        None,
+        description="Two opposite corners of the box that pictures are made for [m]. Left out: what the particles take "
+        "up in all frames. Videos of different runs with the same bounds can be compared; and if there are no trails, and "
+        "`color_range` is given or not needed, `psim run --video` draws while it steps.",
     )
     camera: Camera = Field(Camera(), description="Viewpoint; automatic where left out.")
     color_by: str = Field(
@@ -138,6 +145,10 @@ class RenderSettings(Model):
         if self.color_range != "auto" and not self.color_range[0] < self.color_range[1]:
             low, high = self.color_range
             raise invalid(f"must rise, but {low:g} is not below {high:g}", at=("color_range",))
+        if self.bounds is not None and not any(a < b for a, b in zip(*self.bounds, strict=True)):
+            raise invalid("the second corner is nowhere beyond the first", at=("bounds",), hint=_CORNERS)
+        if self.bounds is not None and any(a > b for a, b in zip(*self.bounds, strict=True)):
+            raise invalid("the first corner has the smaller coordinates", at=("bounds",), hint=_CORNERS)
         if self.light is not None and not any(self.light):
             raise invalid("a direction needs a length", at=("light",), hint="such as [1, 2, 1]")
         return self

@@ -15,7 +15,7 @@ from particlesim.layouts.base import LayoutError
 from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.model.mistakes import Invalid, invalid
-from particlesim.scenario.reach import acts_on
+from particlesim.scenario.reach import acts_on, group_tables
 from particlesim.scenario.rules.checks import untimely
 from particlesim.scenario.rules.consistency import contradictions
 from particlesim.scenario.tables import Tables
@@ -91,8 +91,8 @@ class Scenario(Tables):
             if self._source is None:
                 raise
             key = error.key if isinstance(error, LayoutError) else "path"
-            k = next(k for k, other in enumerate(self.particles) if other is group)
-            mistake = Invalid(error.message, ("particles", k, "layout", key), hint=error.hint)
+            where = next(where for where, other in group_tables(self) if other is group)
+            mistake = Invalid(error.message, (*where, "layout", key), hint=error.hint)
             from particlesim.scenario.text.diagnose import scenario_error
 
             located = scenario_error(self._source, [mistake])
@@ -103,12 +103,11 @@ class Scenario(Tables):
     def at_springs(self, label: str) -> AbstractContextManager[None]:
         """What is wrong with a set of springs, by its name in the ledger, once particles have their places: told with its
         place in the text where that is known."""
-        labels = self.force_labels()[len(self.forces) :][: len(self.springs)]
-        return self._at("springs", labels, label)
+        return self._at("springs", self.labels.springs, label)
 
     def at_interaction(self, label: str) -> AbstractContextManager[None]:
         """The same for an interaction between particles."""
-        return self._at("interactions", self.force_labels()[-len(self.interactions) :], label)
+        return self._at("interactions", self.labels.interactions, label)
 
     @contextmanager
     def _at(self, section: str, labels: tuple[str, ...], label: str) -> Iterator[None]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import chain, islice
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import PrivateAttr
 
-from particlesim.bodies import Bodies
+from particlesim.bodies import AnyJoint, Bodies
 from particlesim.bonds import Angles, BondSet, Dihedrals, HingeSet, Rods, RodSet, Springs
+from particlesim.bonds.pairs import WORLD
 from particlesim.checks.check import Check
 from particlesim.colliders import AnyCollider, Collider, Plane
 from particlesim.emitters import Emitter
@@ -18,11 +20,34 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.interactions import AnyInteraction
+from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
+
+
+class Labels(NamedTuple):
+    """Names in the ledger, no two the same: of forces, listed springs, springs of groups, listed angles and dihedrals, those
+    of groups, and interactions between particles; each in the order of the scenario."""
+
+    forces: tuple[str, ...]
+    springs: tuple[str, ...]
+    springs_of_groups: tuple[str, ...]
+    hinges: tuple[str, ...]
+    hinges_of_groups: tuple[str, ...]
+    interactions: tuple[str, ...]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All springs, angles and dihedrals."""
+        return (*self.springs, *self.springs_of_groups, *self.hinges, *self.hinges_of_groups)
+
+    @property
+    def all(self) -> tuple[str, ...]:
+        """Everything, in this order."""
+        return tuple(chain(*self))
 
 
 class Tables(Model):
@@ -49,13 +74,15 @@ class Tables(Model):
     interactions: tuple[AnyInteraction, ...] = ()
     """What particles do to each other, near or far."""
     springs: tuple[Springs, ...] = ()
-    """Springs between listed particles."""
+    """Springs between listed particles, or points of rigid bodies."""
     rods: tuple[Rods, ...] = ()
-    """Pairs of particles whose distance does not change."""
+    """Pairs of particles, or points of rigid bodies, whose distance does not change."""
     angles: tuple[Angles, ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
     dihedrals: tuple[Dihedrals, ...] = ()
     """Springs that keep the fold between two triangles."""
+    joints: tuple[AnyJoint, ...] = ()
+    """Ball joints and hinges of rigid bodies."""
     motions: tuple[Motion, ...] = ()
     """Paths of pinned particles."""
     planes: tuple[Plane, ...] = ()
@@ -90,29 +117,50 @@ class Tables(Model):
         """The random streams of a group."""
         return Streams(self.simulation.seed, group.name)
 
-    def force_labels(self) -> tuple[str, ...]:
+    @property
+    def labels(self) -> Labels:
         """A name of its own for every force, set of springs and interaction, as in the ledger: 'gravity', 'drag' ..."""
-        names = [*(force.label for force in self.forces), *(springs.name for springs in self.springs)]
-        names += [bonds.name for group in self.particles for bonds in group.bonds()]
-        names += [hinges.name for hinges in (*self.angles, *self.dihedrals)]
-        names += [hinges.name for group in self.particles for hinges in group.hinges()]
-        names += [each.label for each in self.interactions]
-        return distinct(names)
+        sorts = (
+            [force.label for force in self.forces],
+            [springs.name for springs in self.springs],
+            [bonds.name for group in self.particles for bonds in group.bonds()],
+            [hinges.name for hinges in (*self.angles, *self.dihedrals)],
+            [hinges.name for group in self.particles for hinges in group.hinges()],
+            [each.label for each in self.interactions],
+        )
+        names = iter(distinct(chain(*sorts)))
+        return Labels(*(tuple(islice(names, len(sort))) for sort in sorts))
 
     @property
     def bonds(self) -> tuple[BondSet, ...]:
         """All sets of springs, each with its name in the ledger."""
-        labels = self.force_labels()[len(self.forces) :]
-        listed = tuple(springs.bonds(label) for springs, label in zip(self.springs, labels, strict=False))
+        listed = tuple(
+            springs.bonds(label) for springs, label in self._labelled_springs if not self.at_bodies(springs)
+        )
         return (*listed, *(bonds for group in self.particles for bonds in group.bonds(self.folder)))
+
+    @property
+    def _labelled_springs(self) -> Iterator[tuple[Springs, str]]:
+        return zip(self.springs, self.labels.springs, strict=True)
+
+    @property
+    def body_springs(self) -> tuple[tuple[str, Springs], ...]:
+        """Springs at rigid bodies, each with its name in the ledger."""
+        return tuple((label, springs) for springs, label in self._labelled_springs if self.at_bodies(springs))
+
+    def at_bodies(self, joint: Springs | Rods) -> bool:
+        """Whether springs or rods join rigid bodies."""
+        names = joint.groups()
+        return WORLD in names or any(body.name in names for body in self.bodies)
 
     @property
     def rod_sets(self) -> tuple[RodSet, ...]:
         """All sets of rods, each with a name of its own."""
-        labels = distinct([rods.name for rods in self.rods], self.force_labels())
+        labels = distinct([rods.name for rods in self.rods], self.labels.all)
         listed = (
             rods.rods(label, ("rods", k))
             for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
+            if not self.at_bodies(rods)
         )
         bodies = (
             each
@@ -125,9 +173,13 @@ class Tables(Model):
     def hinges(self) -> tuple[HingeSet, ...]:
         """All angles and dihedrals, each set with its name in the ledger."""
         listed = (*self.angles, *self.dihedrals)
-        labels = self.force_labels()[len(self.forces) + len(self.bonds) :]
-        made = tuple(each.hinges(label) for each, label in zip(listed, labels, strict=False))
+        made = tuple(each.hinges(label) for each, label in zip(listed, self.labels.hinges, strict=True))
         return (*made, *(hinges for group in self.particles for hinges in group.hinges(self.folder)))
+
+    @property
+    def has_spin(self) -> bool:
+        """Whether some particles turn, as their contacts with each other have friction."""
+        return any(isinstance(each, Contact) and each.rubs for each in self.interactions)
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""
@@ -137,6 +189,8 @@ class Tables(Model):
         if self.output.fields is not None:
             return tuple(dict.fromkeys((*self.output.fields, *groups)))
         fields = ["velocity", *(("orientation", "angular_velocity") if self.bodies else ())]
+        if not self.bodies and self.has_spin:
+            fields.append("angular_velocity")
         fields += [
             name
             for name, attribute in ATTRIBUTES.items()

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-import sys
-import threading
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
@@ -15,6 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, TypeAlias, TypeVar
 
 from particlesim.errors import InputOutputError
+from particlesim.process.beside import Beside
 
 R = TypeVar("R")
 Ends: TypeAlias = Generator[tuple[int, R | None], None, None]
@@ -132,19 +128,10 @@ class _Worker:
     """A worker process, and the runs that it has been given, in order."""
 
     def __init__(self, task: Callable[[int], Any], others: Sequence[Connection]) -> None:
-        forks = _may_fork()
-        context: Any = multiprocessing.get_context("fork" if forks else "spawn")
-        self.connection, theirs = context.Pipe()
+        self._process = Beside(_work, [task], others)
+        self.connection = self._process.connection
         self.waiting: deque[int] = deque()
         self._ready = False
-        # A copy of this process has copies of our ends, too, which would hide that we are gone.
-        inherited = [self.connection, *others] if forks else []
-        self._process = context.Process(target=_work, args=(task, theirs, inherited), daemon=True)
-        with warnings.catch_warnings():
-            # Python 3.12 counts threads of libraries as well; those that NumPy starts live through a fork.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            self._process.start()
-        theirs.close()  # so that the end of the worker is the end of the stream
 
     def give(self, number: int) -> None:
         """One more run to do. If the worker is dead, `receive` will tell."""
@@ -177,26 +164,11 @@ class _Worker:
 
     def stop(self) -> None:
         """End the process, whatever it does."""
-        self.connection.close()
-        self._process.terminate()
-        self._process.join()
-        self._process.close()
+        self._process.end()
 
 
-def _may_fork() -> bool:
-    """Whether workers can be copies of this process, ready at once: on Linux, if no thread of ours could hold a lock."""
-    return sys.platform == "linux" and threading.active_count() == 1
-
-
-def _work(task: Callable[[int], Any], connection: Connection, inherited: Sequence[Connection]) -> None:
+def _work(connection: Connection, task: Callable[[int], Any]) -> None:
     """What a worker does: runs, until nobody listens."""
-    for each in inherited:
-        each.close()
-    # Ctrl-C reaches the whole group of processes; the one that started the workers decides.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_DFL)
     try:
         connection.send(Ready())
         while True:

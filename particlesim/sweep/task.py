@@ -23,11 +23,11 @@ from particlesim.runs.runner import Result, run
 from particlesim.scenario.ledger_columns import totals
 from particlesim.scenario.load import scenario_of
 from particlesim.scenario.named_files import (
-    collider_files,
     dump_for,
     file_digest,
     layout_files,
     reference_files,
+    shape_files,
 )
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.overrides import Override, overrides_from_mapping
@@ -105,7 +105,7 @@ def named_digests(scenario: Scenario) -> dict[str, str]:
         file.name: present_digest(file.path)
         for file in (
             *layout_files(scenario),
-            *collider_files(scenario),
+            *shape_files(scenario),
             *reference_files(scenario),
         )
     }
@@ -131,7 +131,7 @@ def final_quantities(result: Result) -> dict[str, float | None]:
     found: dict[str, float | None] = {"count": len(result.final)}
     for name in known:
         if name != "count" and is_count(name):
-            found[name] = int(count(name, result.born, result.died, result.broken))
+            found[name] = int(count(name, result.born, result.died, result.broken, result.missed_crossings))
     if result.ledger:
         last = {name: float(values[-1]) for name, values in result.ledger.items()}
         start = float(result.energy[0])

@@ -50,7 +50,7 @@ FIELDS: dict[str, FieldSpec] = {
             3,
             "rad/s",
             "float",
-            "How fast a rigid body turns, along the axes of the world.",
+            "How fast a rigid body or a grain turns, along the axes of the world.",
         ),
         FieldSpec("acceleration", 3, "m/s²", "float", "Rate of change of its velocity."),
         *(FieldSpec(each.name, 1, each.unit, "float", each.doc) for each in ATTRIBUTES.values()),

@@ -190,6 +190,13 @@ class Trajectory(Sequence[Frame]):
         return str(self.provenance.get("scenario", ""))
 
     @property
+    def most(self) -> int | None:
+        """About how many particles there are at most at the same time, as was known before the run; None where the file does
+        not tell."""
+        told = self.provenance.get("particles")
+        return told if isinstance(told, int) and told >= 0 else None
+
+    @property
     def precision(self) -> str:
         """How floats are stored: "single" or "double"."""
         return "single" if self._columns["position"].dtype.itemsize == 4 else "double"

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
-from particlesim.graph.graph import method_of
+from particlesim.graph.graph import build_graph, method_of
 from particlesim.groups.group import Group
+from particlesim.interactions import PairSet
 from particlesim.preflight.advice import loss_of_order, sliding
 from particlesim.runs.runner import Progress, run
 from particlesim.scenario.dump import to_table
@@ -43,7 +44,7 @@ ROUNDING = 16
 CLEAR = 8
 """An order is read off differences that are so many times larger than rounding."""
 
-Verdict = Literal["ok", "exact", "rounding", "below"]
+Verdict = Literal["ok", "exact", "rounding", "below", "random"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,8 @@ class Convergence:
 
     Differences and errors are root mean squares over particles and frames, in SI units; `relative` is the error of the run
     at dt as a fraction of the largest value. The verdict is "exact" where all runs agree to rounding, "rounding" where the
-    finer ones do, so that there is no order to be seen, and "below" when it is clearly lower than the method's.
+    finer ones do, so that there is no order to be seen, "below" when it is clearly lower than the method's, and "random"
+    where forces are: other steps have other kicks, so that paths do not converge, and have no order.
     """
 
     group: str
@@ -106,16 +108,44 @@ def verify(
                 f"{method.name} chooses its own steps, so its order cannot be seen by halving dt",
                 "Compare runs with different tolerances: psim diff --tolerance.",
             )
+    kicked = randomly_kicked(scenario)
+    if all(group.name in kicked for group in scenario.groups):
+        raise UsageError(
+            f"{kicked[scenario.groups[0].name]} gives random kicks, others for every dt: paths do not converge one by one, "
+            "and no order can be seen",
+            "Compare averages of long runs at dt and dt/2, such as the kinetic energy; or verify without the temperature.",
+        )
     with tempfile.TemporaryDirectory(prefix="psim-") as folder, ExitStack() as stack:
         paths = [Path(folder) / f"{level}.vtkhdf" for level in range(LEVELS)]
         finer = [_refined(scenario, 2**level) for level in range(LEVELS)]
         for level, path in zip(finer, paths, strict=True):
             run(level, path, threads=threads, progress=progress)
         trajectories = [stack.enter_context(reader.open(path)) for path in paths]
-        rows = tuple(_converge(scenario, trajectories))
+        rows = tuple(_converge(scenario, trajectories, kicked))
     below = [row.group for row in rows if row.verdict == "below"]
     reasons = tuple(dict.fromkeys(reason for name in below for reason in _reasons(scenario, name)))
-    return Verification(tuple(level.grid.dt for level in finer), rows, reasons, sliding(scenario))
+    return Verification(
+        tuple(level.grid.dt for level in finer), rows, reasons, (*sliding(scenario), *_of_chance(kicked))
+    )
+
+
+def randomly_kicked(scenario: Scenario) -> dict[str, str]:
+    """Groups that random forces move, themselves or through what they act on, and the interaction that gives them."""
+    found: dict[str, str] = {}
+    for island in build_graph(scenario).islands:
+        random = [each for each in island.interactions if isinstance(each, PairSet) and each.law.random()]
+        found |= {group.name: random[0].name for group in island.groups if random}
+    return found
+
+
+def _of_chance(kicked: dict[str, str]) -> Iterator[str]:
+    """What there is to say of groups that random forces move."""
+    for law in dict.fromkeys(kicked.values()):
+        names = " and ".join(repr(name) for name, each in kicked.items() if each == law)
+        yield (
+            f"{law} gives {names} random kicks, others for every dt: their paths do not converge one by one, and have no "
+            "order"
+        )
 
 
 def _refined(scenario: Scenario, factor: int) -> Scenario:
@@ -145,7 +175,9 @@ class _Sums:
     largest: float = 0.0
 
 
-def _converge(scenario: Scenario, runs: Sequence[Trajectory]) -> Iterator[Convergence]:
+def _converge(
+    scenario: Scenario, runs: Sequence[Trajectory], kicked: Mapping[str, str]
+) -> Iterator[Convergence]:
     """The rows of the table, group by group."""
     steps = int(runs[-1].steps[-1])
     for group in scenario.groups:
@@ -154,7 +186,13 @@ def _converge(scenario: Scenario, runs: Sequence[Trajectory]) -> Iterator[Conver
         for frames in zip(*runs, strict=True):
             _add(frames, group.name, sums)
         for field, found in sums.items():
-            yield _row(scenario, group, field, found, steps)
+            row = _row(scenario, group, field, found, steps)
+            chance = group.name in kicked and row.verdict in ("ok", "below")
+            yield (
+                replace(row, order=None, error=None, finest_error=None, relative=None, verdict="random")
+                if chance
+                else row
+            )
 
 
 def _add(frames: Sequence[Frame], group: str, sums: dict[str, _Sums]) -> None:
@@ -215,7 +253,7 @@ def _reasons(scenario: Scenario, name: str) -> Iterator[str]:
             f"particles of {name!r} can meet {' and '.join(met)}: a path with a kink has no order "
             "above the first, and bounces amplify differences"
         )
-    for label, force in zip(scenario.force_labels(), scenario.forces, strict=False):
+    for label, force in zip(scenario.labels.forces, scenario.forces, strict=True):
         if acts_on(force, group) and (kink := force.kink()) is not None:
             yield f"{label} is not smooth: {kink}"
     if any(kick.on is None or name in kick.on for kick in scenario.impulses):

@@ -201,7 +201,7 @@ def test_interrupted_rendering_leaves_nothing(psim, monkeypatch):
         return draw(self, *arguments)
 
     monkeypatch.setattr(Renderer, "draw", interrupt)
-    ended = psim("run", "tiny.toml", "--video")
+    ended = psim("run", "tiny.toml", "--video", "--threads", 1)
     assert ended.code == 130
     assert "interrupted: stopped while the video was made" in ended.err
     assert "outputs/tiny.vtkhdf is complete; its video: psim render outputs/tiny.vtkhdf\n" in ended.err

@@ -664,3 +664,17 @@ def run_checked(folder: Path, arguments: tuple[str, ...]) -> subprocess.Complete
         cwd=folder,
         check=False,
     )
+
+
+def test_ranges_are_tuples_of_their_numbers() -> None:
+    @kernel
+    def digits(x: Any) -> None:
+        for k in reversed(tuple(range(4))):
+            x[0] = 10 * x[0] + k
+        for k, (a, b) in enumerate(zip(range(2, 4), range(5, 7), strict=True)):
+            x[1] = 1000 * x[1] + 100 * k + 10 * a + b
+
+    compiled, plain = np.zeros(2), np.zeros(2)
+    digits(compiled)
+    digits.python(plain)
+    assert compiled.tolist() == plain.tolist() == [3210, 25136]

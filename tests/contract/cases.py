@@ -18,6 +18,8 @@ from particlesim.colliders import (
     CylinderCollider,
     DifferenceCollider,
     DiscCollider,
+    DistanceGridCollider,
+    FormulaCollider,
     HeightFieldCollider,
     IntersectionCollider,
     MeshCollider,
@@ -127,6 +129,14 @@ def opened_field(field: HeightFieldCollider) -> HeightFieldCollider:
     return field
 
 
+def opened_grid(grid: DistanceGridCollider) -> DistanceGridCollider:
+    """An egg of 25 × 21 × 23 samples, as if from a file: a distance but for its shape."""
+    axes = (step * np.arange(n) for step, n in zip(grid.steps, (25, 21, 23), strict=True))
+    x, y, z = np.meshgrid(*axes, indexing="ij")
+    grid.take(np.sqrt((x - 1.2) ** 2 + (y - 1.0) ** 2 + 1.2 * (z - 1.1) ** 2 + 0.1 * x * y) - 0.85)
+    return grid
+
+
 # Every registered shape, with every record that it can give.
 COLLIDER_CASES: dict[str, Collider] = {
     "plane": PlaneCollider(
@@ -164,6 +174,18 @@ COLLIDER_CASES: dict[str, Collider] = {
     ),
     "difference_inside": DifferenceCollider(
         of=(Box(size=(2.5, 2.2, 2.4)), Cylinder(start=(0, -2, 0), end=(0, 2, 0), radius=0.3)), inside=True
+    ),
+    "formula": FormulaCollider(
+        distance="y - a*sin(3*x)*cos(2*z)",
+        constants={"a": 0.2},
+        size=(2.4, 2.0, 2.6),
+        orientation=TURN,
+        center=_CENTER,
+    ),
+    "distance_grid": opened_grid(
+        DistanceGridCollider(
+            path="egg.npy", origin=(-1.2, -1.0, -1.1), spacing=(0.1, 0.1, 0.1), orientation=TURN, inside=True
+        )
     ),
     "disc": DiscCollider(center=_CENTER, normal=(0.3, 1, -0.4), radius=0.9),
 }

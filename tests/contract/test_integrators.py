@@ -33,7 +33,7 @@ from particlesim.integrators import (
 )
 from particlesim.integrators.trees import rooted_trees
 
-FIXED_STEP = {name: method for name, method in METHODS.items() if not method.adaptive}
+FIXED_STEP = {name: method for name, method in METHODS.items() if method.by_modes}
 methods = pytest.mark.parametrize("name", FIXED_STEP)
 EPS = np.finfo(float).eps
 
@@ -129,7 +129,7 @@ def test_methods_without_inertia_keep_their_order() -> None:
 def test_evaluations() -> None:
     expected = {"explicit_euler": 1, "midpoint": 2, "heun": 2, "rk3": 3, "rk4": 4, "symplectic_euler": 1}
     expected |= {"velocity_verlet": 2, "stormer_verlet": 1, "yoshida4": 3}
-    expected |= {"adaptive_euler": 2, "rk45": 6, "dop853": 12, "ias15": 15}
+    expected |= {"adaptive_euler": 2, "rk45": 6, "dop853": 12, "ias15": 15, "whfast": 1}
     expected |= {"backward_euler": 1, "trapezoidal": 2, "implicit_midpoint": 1, "bdf2": 1}
     assert {name: m.evaluations for name, m in METHODS.items()} == expected
 

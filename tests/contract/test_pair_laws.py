@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from contract.pair_cases import PAIR_CASES, pairs, record_of, records
 
 from particlesim.extensions.requirements import undocumented
 from particlesim.interactions import INTERACTIONS, PairInteraction
+from particlesim.interactions.morse import Morse
 from particlesim.laws.pair import (
     Pair,
     central,
@@ -20,9 +22,18 @@ from particlesim.laws.pair import (
     pair_force_dx,
     pair_potential,
 )
-from particlesim.laws.registry import GENERICS, has_law
+from particlesim.laws.registry import GENERICS, has_law, law
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.testing import COMPILED, TOLERANCE, H, compiled, differences, scale
+from particlesim.testing import (
+    COMPILED,
+    TOLERANCE,
+    H,
+    check_interaction,
+    compiled,
+    differences,
+    scale,
+    swapped,
+)
 
 PAIRS = pairs()
 ALL = pytest.mark.parametrize("model", PAIR_CASES.values(), ids=PAIR_CASES)
@@ -38,26 +49,6 @@ def test_every_record_has_a_case() -> None:
     assert {record for record in known if record.__module__.startswith("particlesim.")} <= records()
 
 
-def swapped(p: Pair) -> Pair:
-    """The same pair, seen from the second."""
-    return Pair(
-        *(-value for value in p[:6]),
-        p.m2,
-        p.m1,
-        p.r2,
-        p.r1,
-        p.q2,
-        p.q1,
-        p.t,
-        p.a2,
-        p.a1,
-        p.b2,
-        p.b1,
-        p.id2,
-        p.id1,
-    )
-
-
 @ALL
 def test_force_is_the_gradient_of_its_potential(model: PairInteraction) -> None:
     record = record_of(model)
@@ -65,7 +56,7 @@ def test_force_is_the_gradient_of_its_potential(model: PairInteraction) -> None:
         return
     for p in PAIRS:
         p = p._replace(vx=0.0, vy=0.0, vz=0.0)  # dampers beside a potential do nothing then
-        gradient = differences(lambda q: pair_potential(record, q), p, "x y z")[0]  # type: ignore[arg-type,return-value]
+        gradient = differences(lambda q: pair_potential(record, q), p, "x y z")[0]
         f = pair_force(record, p)
         noise = 1.5 * np.finfo(float).eps / H * abs(pair_potential(record, p))
         # fifth derivatives of (σ/r)¹² at r = 0.7 are some 10⁶ of the force's scale: h⁴/30 of that
@@ -84,7 +75,7 @@ def test_second_feels_the_opposite(model: PairInteraction) -> None:
 def test_jacobians(model: PairInteraction, generic: object, names: str) -> None:
     record = record_of(model)
     for p in PAIRS:
-        expected = differences(lambda q: pair_force(record, q), p, names)  # type: ignore[arg-type,return-value]
+        expected = differences(lambda q: pair_force(record, q), p, names)
         found = np.reshape(generic(record, p), (3, 3))  # type: ignore[operator]
         # Differences of the dashpot of Hertz, which goes with the fourth root of the overlap, err by a little more.
         part = 2e-6 if getattr(model, "model", None) == "hertz" else 1e-6
@@ -129,6 +120,50 @@ def test_a_shifted_law_ends_at_its_cutoff(model: PairInteraction) -> None:
     f = pair_force(record_of(model), p)[0]
     expected = 0 if model.shift == "force" else pair_force(model.record(), p)[0]
     assert f == pytest.approx(expected, abs=1e-13 * abs(pair_force(model.record(), p)[0]))
+
+
+@pytest.mark.parametrize("name", ["gravity", "lennard_jones", "formula", "flocking"])
+def test_the_check_for_packages_passes(name: str) -> None:
+    check_interaction(PAIR_CASES[name], PAIRS[:5])
+
+
+class Wrong(Morse):
+    """One that does not say what it reads, and breaks the third law."""
+
+    fault: ClassVar[str] = ""
+
+    def record(self) -> WrongRecord:
+        return WrongRecord(
+            *super().record(), self.fault == "third law", self.fault == "time", self.fault == "velocity"
+        )
+
+
+class WrongRecord(NamedTuple):
+    depth: float
+    width: float
+    distance: float
+    lopsided: bool
+    timed: bool
+    moving: bool
+
+
+@law(pair_force, WrongRecord)
+def wrong(f: WrongRecord, p: Pair) -> tuple[float, float, float]:
+    return p.x + f.lopsided * p.m1 + f.timed * p.t * p.x + f.moving * p.vx, p.y, p.z
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"), [("third law", "third law"), ("time", "changes"), ("velocity", "needs_velocity")]
+)
+def test_the_check_for_packages_finds_what_is_wrong(fault: str, words: str) -> None:
+    class Broken(Wrong):
+        """See above."""
+
+        energy: ClassVar[str] = "none: it is wrong"
+
+    Broken.fault = fault
+    with pytest.raises(AssertionError, match=words):
+        check_interaction(Broken(depth=1.0, width=1.0, distance=1.0), PAIRS[:3])
 
 
 @CLASSES

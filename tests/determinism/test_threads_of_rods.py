@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
-from particlesim.engine.interactions.bond_layout import shares
+from particlesim.engine.interactions.bond_layout import chunk_size, shares
 from particlesim.engine.simulation import Simulation
 
 STRANDS, COUNT, STEPS = 150, 16, 24
@@ -67,7 +67,9 @@ def left(threads: int) -> tuple[bytes, Simulation]:
 
 
 def test_any_number_of_threads_leaves_the_same_bytes() -> None:
-    assert len(shares(STRANDS * COUNT, 8)) == 3, "as many threads as chunks at most"
+    assert len(shares(STRANDS * COUNT, 8, chunk_size(STRANDS * COUNT))) == 3, (
+        "as many threads as chunks at most"
+    )
     reference, simulation = left(1)
     for threads in (2, 3):
         assert left(threads)[0] == reference, f"{threads} threads"

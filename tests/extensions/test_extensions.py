@@ -22,6 +22,7 @@ from particlesim.scenario.dump import dump
 from particlesim.scenario.extensions import find_all
 from particlesim.scenario.schema import json_schema
 from particlesim.scenario.text.source import parse_source
+from particlesim.testing import check_interaction
 from particlesim.verification.rerun import rerun
 from psim.app import app
 
@@ -99,6 +100,13 @@ def test_a_flow_of_a_package_within_a_force_of_psim(wind_models: Path) -> None:
     )
     assert ps.loads(text).forces[0].flow[0].type == "shear"  # type: ignore[union-attr]
     assert "unknown key 'speed'" in refusal(text.replace("rate", "speed"))
+
+
+def test_an_interaction_of_a_package_passes_the_checks(shell_models: Path) -> None:
+    scenario = ps.loads(
+        SCENARIO.split("[[forces]]")[0] + '[[interactions]]\ntype = "born_mayer"\nsize = 2.0\nrate = 0.5\n'
+    )
+    check_interaction(scenario.interactions[0])
 
 
 def test_an_interaction_of_a_package_acts_between_particles(shell_models: Path) -> None:

@@ -1,112 +1,194 @@
 """Particles between random colliders: none is ever on the wrong side, and none gains energy.
 
-    python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0]
+    python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0] [--particles 1024] [--only mesh]
 
-Every round draws a room of six walls, one of them twice (coincident planes), a wall across a corner and a ball in it, all
-with some restitution, friction and loss, gravity or none, a step, and particles at speeds from 10⁻³ to 10⁵ m/s: anywhere,
-in corners, on edges, grazing along walls, or at rest on them. Prints the particles that break a rule; exit code 1 if
-there are any.
+Every round draws a scene: a room of six walls with one of them twice (coincident planes), a wall across a corner and a ball,
+or one of all other shapes, at rest or led and turned, once or twice in the same place, in a hollow sphere about it. All have
+some restitution, loss, and friction; there is gravity or none, a step, and many particles at speeds from 10⁻³ to 10⁵ m/s:
+anywhere, in corners, on edges, grazing along walls, or at rest on them. Prints the particles that break a rule and, at the
+end, particle-steps of each scene; exit code 1 if a rule is broken.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from contract.cases import COLLIDER_CASES
 from support import careful, columns, position, program, run, velocity
 
-from particlesim.colliders import PlaneCollider, SphereCollider
+from particlesim.colliders import Collider, PlaneCollider, SphereCollider
+from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.moving import SpinRecord
 from particlesim.forces import Gravity
-from particlesim.laws.registry import Particle, gap
+from particlesim.groups.motion import Motion
 
 EPS = float(np.finfo(float).eps)
-PARTICLES, STEPS = 256, 20
+STEPS = 20
 AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+WORLD = 3.0
+"""Radius of the hollow sphere about a shape [m]."""
+SHEETS = {"rectangle": 0.0, "rectangle_thick": 0.0, "disc": 0.0, "mesh_sheet": 0.0}
+SHAPES = tuple(name for name in COLLIDER_CASES if not name.startswith("plane") and name not in ("sphere",))
+CURVED = {"formula": 1e4, "distance_grid": 1e4}
+"""Rounding errors of a gap that a search for the nearest place finds, in units of those of others."""
 
 
-def room(rng: np.random.Generator, rubs: bool) -> list[Any]:
+class Scene(NamedTuple):
+    """Colliders, whether one of them moves, the radius of a sphere or a box about all legal places [m], whether the box is
+    meant, and how much larger than others' rounding errors are."""
+
+    colliders: list[Collider]
+    moves: bool
+    size: float
+    room: bool
+    noise: float
+    bend: float
+
+
+def surface(rng: np.random.Generator, rubs: bool) -> dict[str, Any]:
+    """A response to contact; always with a record of friction where there `rubs` any, so that two programs are all."""
+    chosen: dict[str, Any] = {"restitution": float(rng.choice([0, 0.3, 0.8, 1.0])), "contact": "bounce"}
+    chosen["tangential_loss"] = float(rng.choice([0, 0, 0.1, 1.0]))
+    chosen["detection"] = "continuous"
+    if rubs:
+        chosen["friction"] = {
+            "static": float(rng.choice([1e-9, 0.3, 2.0])),
+            "kinetic": float(rng.choice([1e-9, 0.2, 1.0])),
+        }
+    return chosen
+
+
+def room(rng: np.random.Generator, rubs: bool) -> Scene:
     """Walls of a box from −1 to 1, one of them twice, one across a corner, and a ball in the middle."""
-
-    def surface() -> dict[str, Any]:
-        chosen: dict[str, Any] = {"restitution": float(rng.choice([0, 0.3, 0.8, 1.0]))}
-        chosen["tangential_loss"] = float(rng.choice([0, 0, 0.1, 1.0]))
-        if rubs:  # always a record of friction, so that two programs are all
-            chosen["friction"] = {
-                "static": float(rng.choice([1e-9, 0.3, 2.0])),
-                "kinetic": float(rng.choice([1e-9, 0.2, 1.0])),
-            }
-        return chosen
-
-    walls = [PlaneCollider(normal=n, point=[-x for x in n], **surface()) for n in (*AXES, AXES[2])]
-    across = PlaneCollider(normal=[1, 1, 0.5], point=[-0.8, -0.8, -0.5], **surface())
-    ball = SphereCollider(center=rng.uniform(-0.2, 0.2, 3).tolist(), radius=0.25, **surface())
-    return [*walls, across, ball]
+    walls = [PlaneCollider(normal=n, point=[-x for x in n], **surface(rng, rubs)) for n in (*AXES, AXES[2])]
+    across = PlaneCollider(normal=[1, 1, 0.5], point=[-0.8, -0.8, -0.5], **surface(rng, rubs))
+    center = rng.uniform(-0.2, 0.2, 3).tolist()
+    ball = SphereCollider(center=center, radius=0.25, **surface(rng, rubs))
+    return Scene([*walls, across, ball], False, 1.0, True, 1.0, 0.25)
 
 
-def start(rng: np.random.Generator, radius: float) -> tuple[NDArray[Any], NDArray[Any]]:
+def about(name: str, rng: np.random.Generator, rubs: bool) -> Scene:
+    """A shape in the middle of a hollow sphere: at rest, twice in the same place, or led and turned."""
+    given = COLLIDER_CASES[name]
+    friction = {"friction": 0.0} if not rubs else {}
+    made = [_with(given, {**friction, **surface(rng, rubs)})]
+    world = SphereCollider(radius=WORLD, inside=True, **surface(rng, rubs))
+    how = rng.integers(3)
+    if how == 1:
+        made.append(_with(given, {**friction, **surface(rng, rubs)}))
+    if how == 2:
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        speed, turn = rng.uniform(0, 2, 2)
+        path = Motion(collider="c", path=[f"x + 0.2*sin({speed}*t)", "y", f"z + 0.1*cos({speed}*t) - 0.1"])
+        made[0].lead(path.record(), SpinRecord(*axis.tolist(), float(turn)))
+    return Scene([*made, world], how == 2, WORLD, False, CURVED.get(name, 1.0), 0.05)
+
+
+def _with(collider: Collider, values: dict[str, Any]) -> Collider:
+    """The collider with another response, and its file read."""
+    from particlesim.colliders.friction import Friction
+
+    if isinstance(values.get("friction"), dict):
+        values["friction"] = Friction(**values["friction"])
+    made = collider.model_copy(update=values)
+    made.__pydantic_private__ = dict(collider.__pydantic_private__ or {})
+    return made
+
+
+def start(
+    rng: np.random.Generator, scene: Scene, particles: int, radius: float
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Places and velocities, of which some are in corners, on edges and at walls, some along them, and some at rest."""
-    inner = 1 - radius
-    x = rng.uniform(-0.5, 0.5, (PARTICLES, 3))
-    x[:, 1] = rng.uniform(0.55, 0.7, PARTICLES)
-    side = rng.integers(0, 2, (PARTICLES, 3)) * rng.choice([-1, 1], (PARTICLES, 3))
-    x = np.where(side != 0, side * inner, x)
-    direction = rng.normal(size=(PARTICLES, 3))
-    direction[rng.random((PARTICLES, 3)) < 0.2] = 0
-    v = direction * 10.0 ** rng.uniform(-3, 5, (PARTICLES, 1))
-    v[rng.random(PARTICLES) < 0.2] = 0
+    inner = scene.size - radius
+    if scene.room:
+        x = rng.uniform(-0.5, 0.5, (particles, 3))
+        x[:, 1] = rng.uniform(0.55, 0.7, particles)
+        side = rng.integers(0, 2, (particles, 3)) * rng.choice([-1, 1], (particles, 3))
+        x = np.where(side != 0, side * inner, x)
+    else:
+        x = rng.uniform(-inner, inner, (particles, 3))
+        # a third of them near the shape, where it is met
+        near = rng.random(particles) < 0.3
+        x[near] *= 0.5
+    direction = rng.normal(size=(particles, 3))
+    direction[rng.random((particles, 3)) < 0.2] = 0
+    # The faster, the fewer: at 10⁵ m/s a step has a thousand impacts.
+    v = direction * 10.0 ** (8 * rng.power(0.5, (particles, 1)) - 3)
+    v[rng.random(particles) < 0.2] = 0
     return x, v
 
 
-def broken_rules(seed: int) -> tuple[int, list[str]]:
-    """Particle-steps of a round, and what went wrong in it."""
+def gaps(scene: Scene, x: NDArray[Any], radius: float, t: float) -> NDArray[Any]:
+    """The smallest gap of each place to any collider [m]."""
+    sizes, found = np.full(len(x), radius), np.full(len(x), np.inf)
+    columns_ = np.ascontiguousarray(x.T)
+    out = np.empty(len(x))
+    for each in scene.colliders:
+        gaps_of(each.body(), *columns_, sizes, t, out)
+        found = np.minimum(found, out)
+    return found
+
+
+def broken_rules(seed: int, particles: int = 1024, only: str | None = None) -> tuple[str, int, list[str]]:
+    """The scene and the particle-steps of a round, and what went wrong in it."""
     rng = np.random.default_rng([seed])
     rubs, radius = bool(rng.integers(2)), float(rng.choice([0.0, 0.05]))
-    colliders = room(rng, rubs)
+    name = only or str(rng.choice(["room", *SHAPES]))
+    scene = room(rng, rubs) if name == "room" else about(name, rng, rubs)
     g = rng.normal(size=3) * float(rng.choice([0.0, 1.0, 9.8]))
-    h = float(10.0 ** rng.uniform(-4, -1))
-    x, v = start(rng, radius)
-    shapes = [each.shape() for each in colliders]
-
-    def gaps(places: NDArray[Any]) -> NDArray[Any]:
-        p = Particle(*places.T, *places.T, 1.0, radius, 0.0, 0.0)  # type: ignore[arg-type]
-        return np.min([np.broadcast_to(gap(shape, p), len(places)) for shape in shapes], axis=0)
-
-    legal = gaps(x) >= -4 * EPS
+    h = float(10.0 ** rng.uniform(-4, -1.5))
+    x, v = start(rng, scene, particles, radius)
+    legal = gaps(scene, x, radius, 0.0) >= -4 * EPS
     x, v = x[legal], v[legal]
     if not len(x):
-        return 0, []
+        return name, 0, []
     c = columns(x, v, radius=radius, method="velocity_verlet")
-    contacts = careful(continuous=[each.record() for each in colliders], tolerance=16 * EPS, reach=1.0)
+    contacts = careful(
+        continuous=[each.record() for each in scene.colliders],
+        tolerance=16 * EPS,
+        reach=max(each.reach() for each in scene.colliders),
+    )
+    costly = any(each.costly for each in scene.colliders)
+    contacts = contacts._replace(one_by_one=() if costly else None)
     stepped = program("velocity_verlet", (Gravity(acceleration=g.tolist()).record(),), contacts)
     wrong = []
     # Rounding of an impact is that of the way that a free step would go, and of the speed with which it comes.
-    reach = 4 + h * np.abs(v).max(axis=1) + h * h * np.abs(g).max()
+    reach = scene.noise * (4 + WORLD + h * np.abs(v).max(axis=1) + h * h * np.abs(g).max())
     before = 0.5 * (v**2).sum(axis=1) - x @ g
-    slack = 64 * EPS * (before.max() + (v**2).sum(axis=1) + 10 * np.abs(g).max() * reach + 1) * STEPS
+    scale = before.max() if scene.room else np.abs(before)
+    slack = 64 * EPS * scene.noise * (scale + (v**2).sum(axis=1) + 10 * np.abs(g).max() * reach + 1) * STEPS
     for k in range(STEPS):
         if run(stepped, c, 1, h, first_step=k).any():
-            wrong.append(f"seed {seed}, step {k}: not finite")
+            wrong.append(f"{name}, seed {seed}, step {k}: not finite")
             break
-        deep = gaps(position(c))
-        sunk = np.flatnonzero(deep < -64 * EPS * reach)[:3]
-        wrong += [f"seed {seed}, step {k}: particle {i} is {-deep[i]:.3g} m inside" for i in sunk]
+        deep = gaps(scene, position(c), radius, (k + 1) * h)
+        if scene.moves:  # what is pushed may become faster
+            reach = np.maximum(reach, scene.noise * (7 + h * np.abs(velocity(c)).max(axis=1)))
+        sunk = np.flatnonzero(~(deep >= -64 * EPS * reach))[:3]
+        wrong += [f"{name}, seed {seed}, step {k}: particle {i} is {-deep[i]:.3g} m inside" for i in sunk]
         energy = 0.5 * (velocity(c) ** 2).sum(axis=1) - position(c) @ g
-        # What slides over the ball is put back by s²/2R after a step of length s.
+        if scene.moves:
+            continue
+        # What slides over a round surface is put back by s²/2R after a step of length s.
         s = h * (np.sqrt((velocity(c) ** 2).sum(axis=1)) + h * np.linalg.norm(g))
-        lifted = np.linalg.norm(g) * s * s / (2 * 0.25)
+        lifted = np.linalg.norm(g) * s * s / (2 * scene.bend)
         gains = np.flatnonzero(energy > before + slack + lifted)[:3]
         wrong += [
-            f"seed {seed}, step {k}: particle {i} gains {energy[i] - before[i]:.3g} J/kg" for i in gains
+            f"{name}, seed {seed}, step {k}: particle {i} gains {energy[i] - before[i]:.3g} J/kg"
+            for i in gains
         ]
         before = np.minimum(before, energy)
-    return len(x) * STEPS, wrong
+    return name, len(x) * STEPS, wrong
 
 
 def main() -> None:
@@ -116,14 +198,24 @@ def main() -> None:
     )
     parser.add_argument("--particle-steps", type=float, default=1e8)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--particles", type=int, default=1024, help="in a round")
+    parser.add_argument("--only", help="the name of one scene")
     asked = parser.parse_args()
     done, seed, wrong = 0, asked.seed, 0
+    table: dict[str, tuple[int, float, int]] = {}
     while done < asked.particle_steps:
-        steps, found = broken_rules(seed)
+        began = time.process_time()
+        name, steps, found = broken_rules(seed, asked.particles, asked.only)
+        number, took, bad = table.get(name, (0, 0.0, 0))
+        table[name] = (number + steps, took + time.process_time() - began, bad + len(found))
         done, seed, wrong = done + steps, seed + 1, wrong + len(found)
         for each in found:
             print(each, flush=True)
-    print(f"{done:,} particle-steps, {wrong} broken rules")
+    for name, (number, took, bad) in sorted(table.items()):
+        print(
+            f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken"
+        )
+    print(f"{done:,} particle-steps, {wrong} broken rules; next seed {seed}")
     sys.exit(1 if wrong else 0)
 
 

@@ -5,27 +5,31 @@
 Every case is a file made from a good one by its number alone: bytes changed, zeroed, cut off or moved, datasets and
 attributes of other types, shapes and contents, data in other files. All that opens trajectories is then let loose on it.
 Looked for: exceptions that are not psim's own, more than five seconds of computing or a minute on the clock for anything,
-and the content of another file in what is told or written. `--first 123 --cases 1` repeats a case.
+the end of the process, and the content of another file in what is told or written. `--first 123 --cases 1` repeats a case.
+
+Cases run in a process forked from this one, which has imported and compiled what they need: the system ends it after five
+seconds of computing, be it in code of HDF5, and the next case begins in a new one.
 """
 
 from __future__ import annotations
 
 import argparse
 import faulthandler
+import functools
 import json
 import os
 import random
 import shutil
+import signal
 import sys
 import tempfile
-import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import h5py
 import numpy as np
@@ -409,11 +413,12 @@ def _export(ending: str) -> Callable[[Path, Ground], Any]:
 
 
 def _compare(path: Path, ground: Ground) -> Any:
-    told = []
-    for tolerance in (0.0, 1e-6):
-        with reader.open(path) as one, reader.open(ground.good[0]) as other:
-            told += [compare(one, other, tolerance=tolerance), compare(other, one, tolerance=tolerance)]
-    return told
+    with reader.open(path) as one, reader.open(ground.good[0]) as other:
+        return [
+            compare(*pair, tolerance=tolerance)
+            for tolerance in (0.0, 1e-6)
+            for pair in ((one, other), (other, one))
+        ]
 
 
 def _film(path: Path, ground: Ground) -> Any:
@@ -437,14 +442,15 @@ def _reference(path: Path, ground: Ground) -> Any:
     return ps.run(ps.from_table({**SCENARIO, "checks": [check]})).checks
 
 
-def _scenario(path: Path, ground: Ground) -> ps.Scenario:
-    """The scenario of a file, as it was when it was good."""
-    with reader.open(ground.folder / path.name) as trajectory:
+@functools.cache
+def _scenario(good: Path) -> ps.Scenario:
+    """The scenario of a good file."""
+    with reader.open(good) as trajectory:
         return recorded_scenario(trajectory)
 
 
 def _resume(path: Path, ground: Ground) -> Any:
-    return ps.run(_scenario(path, ground), path, resume=True).final.position
+    return ps.run(_scenario(ground.folder / path.name), path, resume=True).final.position
 
 
 def _repair(path: Path, ground: Ground) -> Any:
@@ -474,32 +480,81 @@ USES: dict[str, Callable[[Path, Ground], Any]] = {
 """In this order: the last ones change the file."""
 
 
-def check(number: int, seed: int, ground: Ground, outcomes: Counter[str]) -> list[str]:
+def check(number: int, seed: int, ground: Ground, outcomes: Counter[str]) -> str | None:
     """What is wrong with how psim takes the file of a case; `outcomes` counts what came of it."""
     path, done = spoil(number, seed, ground)
-    problems = []
     for name, use in USES.items():
-        began, told = time.process_time(), ""
-        faulthandler.dump_traceback_later(HANG, exit=True)
-        try:
-            told = str(use(path, ground))
-            outcomes["fine"] += 1
-        except ps.PsimError as error:
-            told = str(error)
-            outcomes[str(error.exit_code)] += 1
-            if error.exit_code not in EXIT_CODES:
-                problems.append(f"exit code {error.exit_code}: {error}")
-        except Exception:
-            problems.append(traceback.format_exc())
-        finally:
-            faulthandler.cancel_dump_traceback_later()
-        if (taken := time.process_time() - began) > LONGEST:
-            problems.append(f"took {taken:.1f} s")
-        if SECRET[:16] in told:
-            problems.append("told of another file")
-        if problems:
-            return [f"case {number} (seed {seed}), {done}; {name}: {problem}" for problem in problems]
-    return []
+        problem = _problem(use, path, ground, outcomes)
+        if problem is not None:
+            return f"{done}; {name}: {problem}"
+    return None
+
+
+def _problem(
+    use: Callable[[Path, Ground], Any], path: Path, ground: Ground, outcomes: Counter[str]
+) -> str | None:
+    """What is wrong with one use of a file. Does not come back from what takes too long."""
+    faulthandler.dump_traceback_later(HANG, exit=True)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)  # what it takes on the processor, this process alone
+    try:
+        told = str(use(path, ground))
+        outcomes["fine"] += 1
+    except ps.PsimError as error:
+        told = str(error)
+        outcomes[str(error.exit_code)] += 1
+        if error.exit_code not in EXIT_CODES:
+            return f"exit code {error.exit_code}: {error}"
+    except Exception:
+        return traceback.format_exc()
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        faulthandler.cancel_dump_traceback_later()
+    return "told of another file" if SECRET[:16] in told else None
+
+
+# ---------------------------------------------------------------------------- many of them
+
+
+def run_cases(numbers: range, seed: int, ground: Ground, outcomes: Counter[str]) -> Iterator[str]:
+    """The problems of cases, which run in processes of their own, as many in one as it lives for."""
+    rest = list(numbers)
+    while rest:
+        receiver, sender = os.pipe()
+        child = os.fork()
+        if child == 0:
+            os.close(receiver)
+            _work(rest, seed, ground, sender)
+        os.close(sender)
+        with os.fdopen(receiver) as told:
+            for line in told:
+                number, problem, counted = json.loads(line)
+                outcomes.update(counted)
+                rest = rest[rest.index(number) + 1 :]
+                print(f"\r{number}", end="", file=sys.stderr)
+                if problem is not None:
+                    yield f"case {number} (seed {seed}), {problem}"
+        _, ended = os.waitpid(child, 0)
+        if rest:
+            code = os.waitstatus_to_exitcode(ended)
+            why = {-signal.SIGPROF: f"over {LONGEST:g} s of computing", 1: f"over {HANG:g} s on the clock"}
+            yield f"case {rest[0]} (seed {seed}): {why.get(code, f'the process ended with {code}')}"
+            rest = rest[1:]
+
+
+def _work(numbers: list[int], seed: int, ground: Ground, sender: int) -> NoReturn:
+    """Check case after case in a process of its own, and tell the other of each."""
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    faulthandler.register(signal.SIGPROF, chain=True)  # says where, and then the process ends
+    try:
+        with os.fdopen(sender, "w") as told:
+            for number in numbers:
+                outcomes: Counter[str] = Counter()
+                problem = check(number, seed, ground, outcomes)
+                print(json.dumps([number, problem, outcomes]), file=told, flush=True)
+    except BaseException:
+        traceback.print_exc()
+        os._exit(70)
+    os._exit(0)
 
 
 def main() -> int:
@@ -514,11 +569,10 @@ def main() -> int:
     failed = 0
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         ground = prepare(Path(folder))
-        for number in range(arguments.first, arguments.first + arguments.cases):
-            print(f"\r{number}", end="", file=sys.stderr)
-            for problem in check(number, arguments.seed, ground, outcomes):
-                failed += 1
-                print(f"\n{problem}", flush=True)
+        numbers = range(arguments.first, arguments.first + arguments.cases)
+        for problem in run_cases(numbers, arguments.seed, ground, outcomes):
+            failed += 1
+            print(f"\n{problem}", flush=True)
     print(f"\n{arguments.cases} files, {failed} failures; outcomes by exit code: {dict(outcomes)}")
     return 1 if failed else 0
 

@@ -8,7 +8,14 @@ from fuzz.fuzz_contact import broken_rules
 def test_nothing_is_on_the_wrong_side_and_nothing_gains_energy() -> None:
     done, wrong = 0, []
     for seed in range(24):
-        steps, found = broken_rules(seed)
+        _, steps, found = broken_rules(seed, 256, "room")
         done, wrong = done + steps, wrong + found
     assert wrong == []
     assert done > 1e5
+
+
+def test_nothing_is_inside_of_a_box_that_moves() -> None:
+    # led and turned, with particles that slide over its edges
+    _, steps, wrong = broken_rules(1004, 512, "box_upright")
+    assert wrong == []
+    assert steps > 5e3

@@ -12,7 +12,8 @@ from simulate import points, record
 import particlesim as ps
 from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
 from particlesim.analysis.orbits import orbital_elements
-from particlesim.analysis.structure import density_profile, power_spectrum, radial_distribution
+from particlesim.analysis.structure import densest_place, density_profile, power_spectrum, radial_distribution
+from particlesim.trajectory.frame import Frame
 
 
 def test_an_ideal_gas_has_no_structure() -> None:
@@ -80,6 +81,65 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
     with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
         t = trajectory.times
         assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_the_noise_of_uneven_masses_is_taken_off() -> None:
+    """Particles at random have P = V Σm²/(Σm)² in the mean of all waves, and nothing is left of it."""
+    rng = np.random.default_rng(7)
+    m = np.repeat([1.0, 20.0], 500)
+    x = rng.uniform(0, 1, (1000, 3))
+    spectrum, raw = (
+        power_spectrum(x, m, box=(1, 1, 1), mesh=32, shot_noise=noise) for noise in (False, True)
+    )
+    low = spectrum.x < 50  # beyond, what the mesh cannot tell apart adds up
+    modes = spectrum.samples[low]
+    noise = (m**2).sum() / m.sum() ** 2
+    # Each wave scatters by P; a wave and its opposite are one.
+    assert abs(np.average(spectrum.y[low], weights=modes)) < 5 * noise / math.sqrt(modes.sum() / 2)
+    assert raw.y - spectrum.y == pytest.approx(noise)
+
+
+def test_two_particles_make_one_pair() -> None:
+    """g of the shell with the pair is V over the shell's volume: two have one pair, n (n − 1)/2, not n²/2."""
+    g = radial_distribution([[0, 0, 0], [0.5, 0, 0]], box=(2, 3, 4), reach=0.9, bins=9)
+    shells = 4 / 3 * math.pi * np.diff(np.linspace(0, 0.9, 10) ** 3)
+    assert (g.y * shells).max() == pytest.approx(24, rel=1e-12)
+    assert g.samples.sum() == np.count_nonzero(g.y) == 1
+
+
+def test_the_densest_place_is_where_the_mass_is() -> None:
+    rng = np.random.default_rng(5)
+    light, heavy = rng.normal(0, 0.1, (700, 3)), rng.normal((3, 0, 0), 0.1, (300, 3))
+    mass = np.repeat([1.0, 10.0], [700, 300])
+    found = densest_place(np.concatenate([light, heavy]), mass)
+    # The last sphere holds at least ten particles: their centre is within 0.1 of that of the cluster.
+    assert np.linalg.norm(found - [3, 0, 0]) < 0.1
+
+
+def test_displacements_follow_particles_by_their_ids() -> None:
+    """Rows are in no order of ids, and change when particles die and are born."""
+
+    def frame(ids: list[int], x: list[float]) -> Frame:
+        columns = {"id": np.array(ids), "position": np.array([[each, 0, 0] for each in x], float)}
+        return Frame(
+            index=0,
+            time=0,
+            step=0,
+            count=len(ids),
+            fields=("id", "position"),
+            groups=(),
+            load=columns.__getitem__,
+        )
+
+    seen = [frame([5, 2, 9], [50, 20, 90]), frame([9, 5, 2], [91, 52, 23]), frame([11, 2], [0, 26])]
+    found = mean_square_displacement(seen)  # type: ignore[arg-type]
+    assert found == pytest.approx([0, (1 + 4 + 9) / 3, 36])
+
+
+def test_the_motion_of_the_centre_takes_three_degrees_of_freedom() -> None:
+    """Two particles of 1 kg that part at ±1 m/s beside any drift: 3 k T/2 = 1 J, as only (6 − 3) directions are left."""
+    v = [[6.0, 2, 3], [4.0, 2, 3]]
+    assert temperature(v, 1.0) == pytest.approx(2 / (3 * BOLTZMANN), rel=1e-14)
 
 
 def test_temperature_is_that_of_the_motion_about_the_centre() -> None:

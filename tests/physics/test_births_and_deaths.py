@@ -21,7 +21,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.state.columns import presence
 from particlesim.graph import graph
-from particlesim.scenario.tables import Tables
+from particlesim.scenario.tables import Labels, Tables
 
 FIRST_ORDER = ("symplectic_euler", "stormer_verlet")
 """At births and deaths also the second: it takes two steps together, as if no force jumped between them."""
@@ -87,9 +87,14 @@ def ties_of(site: Site, ties: TieSet) -> Ties:
 @pytest.fixture(autouse=True)
 def ties(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ties among all groups that are named in a scenario's description, behind k."""
-    ordinary, labels = graph.interactions_of, Tables.force_labels
+    ordinary, labels = graph.interactions_of, Tables.labels
     monkeypatch.setitem(registry.KINDS, TieSet, ties_of)
-    monkeypatch.setattr(Tables, "force_labels", lambda scenario: (*labels(scenario), "ties"))
+
+    def with_label(scenario: Tables) -> Labels:
+        found = labels.fget(scenario)  # type: ignore[attr-defined]
+        return found._replace(hinges_of_groups=(*found.hinges_of_groups, "ties"))
+
+    monkeypatch.setattr(Tables, "labels", property(with_label))
 
     def with_ties(scenario: ps.Scenario) -> tuple[Any, ...]:
         k, *names = (scenario.description or "0").split()

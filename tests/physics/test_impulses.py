@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,13 +47,17 @@ def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum() -> 
 
 
 def test_friction_takes_what_coulomb_allows_and_no_more_than_there_is() -> None:
+    # 2/7 of the slip is what stops surfaces that are free to turn; overlaps of v dt are a thousandth of the radius
+    slip, approach = 0.35, math.sqrt(1 - 0.35**2)
+    most = 2 / 7 * slip / (2 * approach)
     for mu in (0.05, 0.1):
         v = struck(beside=0.7 * R, masses=(0.1, 0.1), friction=mu)
         n = v[1] - struck(beside=0.7 * R, masses=(0.1, 0.1))[1]
         line = struck(beside=0.7 * R, masses=(0.1, 0.1))[1]
-        assert np.linalg.norm(n) / np.linalg.norm(line) == pytest.approx(mu, rel=1e-12)
+        assert np.linalg.norm(n) / np.linalg.norm(line) == pytest.approx(min(mu, most), rel=3e-3)
     v = struck(beside=0.7 * R, masses=(0.1, 0.1), friction=50.0, restitution=0.0)
-    assert np.abs(v[0] - v[1]).max() < 8 * EPS  # nothing is left of the relative velocity
+    # 2/7 of the slip goes into spin, and nothing is left along the normal
+    assert np.linalg.norm(v[0] - v[1]) == pytest.approx(5 / 7 * slip, rel=3e-3)
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -83,7 +88,8 @@ def test_a_heap_comes_to_rest_and_gains_nothing() -> None:
     for step in range(200, 3001, 200):
         simulation.advance_to(step)
         highest.append(simulation.ledger()["kinetic"])
-    assert highest[-1] < 1e-6 * max(highest)
+    # what rolls on a floor has nothing that stops it
+    assert highest[-1] < 1e-3 * max(highest)
     x, r = simulation.states[0].position, simulation.states[0].radius[:60]
     apart = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1)) - r[:, None] - r[None]
     np.fill_diagonal(apart, 0)
@@ -149,4 +155,4 @@ def test_births_and_deaths_leave_the_contacts_of_others_alone(law: dict[str, Any
     assert 20 < state.count < 60
     assert np.isfinite(state.x[:, : state.count]).all()
     assert state.x[1, : state.count].min() > 0
-    assert np.abs(state.v[:, : state.count]).max() < 5
+    assert np.abs(state.v[:, : state.count]).max() < 8  # births in the midst of others store energy

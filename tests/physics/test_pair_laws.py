@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import points, table
+from simulate import Table, points, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -312,10 +312,11 @@ def test_implicit_and_adaptive_methods_take_pairs(method: str) -> None:
     simulation.close()
 
 
-def test_it_is_said_that_pairs_are_explicit_in_implicit_methods() -> None:
-    assert "gravity is not in the matrix of backward_euler" in doubts(
-        0.02, 0.01, "backward_euler", **binary(1.0)
-    )
+def test_it_is_said_that_far_pairs_are_explicit_in_implicit_methods() -> None:
+    parts = binary(1.0)
+    assert "not in the matrix" not in doubts(0.02, 0.01, "backward_euler", **parts)
+    parts["interactions"][0] |= {"method": "tree", "softening": 0.1}
+    assert "gravity is not in the matrix of backward_euler" in doubts(0.02, 0.01, "backward_euler", **parts)
 
 
 def test_charges_of_zero_do_nothing() -> None:
@@ -382,14 +383,68 @@ def test_a_tree_tells_that_forces_are_beyond_numbers(far: float, softening: floa
         ps.run(ps.from_table(table(0.03, 0.01, particles=[group], interactions=[law])))
 
 
-def test_no_implicit_method_is_proposed_where_pairs_limit_the_step() -> None:
-    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long, with implicit methods as well
-    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0)
-    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}
+@pytest.mark.parametrize(
+    ("law", "proposed"),
+    [
+        ({"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}, True),
+        ({"type": "contact", "model": "linear", "stiffness": 400.0}, False),
+    ],
+)
+def test_an_implicit_method_is_proposed_where_pairs_are_in_its_matrix(law: Table, proposed: bool) -> None:
+    # ω² = 2 · 72 ε/(2^(1/3) σ² m): steps of 0.5 s are six times too long; contacts limit implicit methods as well
+    group = points((0, 0, 0), (2 ** (1 / 6) + 1e-9, 0, 0), name="a", mass=1.0, radius=0.6)
     scenario = ps.from_table(table(5.0, 0.5, "velocity_verlet", particles=[group], interactions=[law]))
     said: list[str] = []
     with contextlib.suppress(ps.DivergenceError):
         ps.run(scenario, warn=said.append)
     assert "beyond the largest stable step" in said[0]
     assert "try simulation.dt = " in said[0]
-    assert "backward_euler" not in said[0]
+    assert ("backward_euler" in said[0]) == proposed
+
+
+@pytest.mark.parametrize(
+    ("law", "apart"),
+    [
+        ({"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0, "cutoff": 2.5}, 1e-60),
+        ({"type": "morse", "depth": 1.0, "width": 1e3, "distance": 1.0}, 0.1),
+        ({"type": "formula", "potential": "log(r - 1)"}, 0.5),
+    ],
+)
+@pytest.mark.parametrize("method", ["direct", "neighbours"])
+def test_pairs_without_a_number_at_the_start_are_named(law: Table, apart: float, method: str) -> None:
+    groups = [points((5, 0, 0), (0, 0, 0), name="a"), points((0, apart, 0), name="b")]
+    laws = [{"cutoff": 3.0} | law | {"method": method}]
+    scenario = table(0.02, 0.01, particles=groups, interactions=laws, output={"ledger": True})
+    with pytest.raises(
+        ps.UsageError, match=f"particle 1 of 'a' and particle 0 of 'b' are {apart:.4g} m apart"
+    ):
+        ps.run(ps.from_table(scenario))
+
+
+def test_formulas_that_jump_are_told() -> None:
+    def law(text: str) -> Table:
+        return {"type": "formula", "potential": text, "cutoff": 5.0}
+
+    parts: dict[str, Any] = {"particles": [points((0, 0, 0), (1, 0, 0), name="a")]}
+    for text, words in (
+        ("1.0 if r < 1.5 else 2.0", "energy of formula jumps at r = 1.5 m, by 1 J"),
+        ("abs(r - 2)", "force of formula jumps at r = 2 m, by 2 N"),
+        ("max(1 - r, 0)**2 + sin(r)", None),
+    ):
+        said = doubts(0.02, 0.01, "rk4", **parts, interactions=[law(text)])
+        assert (words in said) if words else ("jumps" not in said)
+        if words:
+            with pytest.raises(ps.ScenarioError, match=r"needs the derivatives .* has none at r ="):
+                ps.from_table(table(0.02, 0.01, "bdf2", **parts, interactions=[law(text)]))
+
+
+def test_a_law_that_changes_with_time_is_summed_anew() -> None:
+    # At rest and without a force at the start: only the time makes one, U = t r, a = t/m on each.
+    for method in ("direct", "neighbours"):
+        law = {"type": "formula", "potential": "t*r", "cutoff": 5.0, "method": method}
+        end = simulation_of(
+            100, 0.01, particles=[points((0, 0, 0), (1, 0, 0), name="a", mass=1.0)], interactions=[law]
+        )
+        end.advance_to(100)
+        assert end.states[0].velocity[0, 0] == pytest.approx(0.5, rel=0.02)
+        end.close()

@@ -14,8 +14,10 @@ from simulate import EPS, G, record, simulate, table
 
 import particlesim as ps
 from particlesim.bodies import Bodies
-from particlesim.bodies.shape import BODY_SHAPES, BallBody, BodyShape, BoxBody, CapsuleBody
+from particlesim.bodies.shape import BallBody, BodyShape, BoxBody, CapsuleBody
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.simulation import Simulation
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]
@@ -57,7 +59,6 @@ def test_volume_and_inertia_are_those_of_the_surface(shape: BodyShape) -> None:
     assert volume == pytest.approx(shape.volume(), rel=rough)
     assert spread == pytest.approx(shape.spread(), rel=2 * rough)
     assert np.linalg.norm(surface.corners, axis=1).max() == pytest.approx(shape.reach(), rel=1e-12)
-    assert {each.model_fields["type"].default for each in BODY_SHAPES} == {"sphere", "box", "capsule"}
 
 
 def test_a_body_has_the_mass_of_its_density() -> None:
@@ -74,6 +75,24 @@ def spun(tmp_path: Path, h: float, duration: float = 4.0) -> ps.Trajectory:
     brick = body(angular_velocity=[0.05, 5.0, 0.0], mass=12.0)
     every = {"every": round(0.005 / h), "ledger": True}
     return record(tmp_path / f"{h}.vtkhdf", duration, h, bodies=[brick], output=every)
+
+
+def test_the_ledger_counts_spin_and_orbit() -> None:
+    """A ball away from the origin: L = r × m v + 2/5 m R² ω, K = ½ m v² + ½ · 2/5 m R² ω², U = m g y."""
+    m, radius, x, v, w = 3.0, 0.2, [1.0, -2, 0.5], [0.3, 0.7, -1.1], [2.0, -5, 11]
+    result = simulate(
+        0.01,
+        0.01,
+        bodies=[ball(radius, mass=m, position=x, velocity=v, angular_velocity=w)],
+        forces=GRAVITY,
+        output={"ledger": True},
+    )
+    told = {name: values[0] for name, values in ledger(result).items()}
+    inertia = 0.4 * m * radius**2
+    expected = m * np.cross(x, v) + inertia * np.array(w)
+    assert [told[f"angular_momentum.{axis}"] for axis in "xyz"] == pytest.approx(expected, rel=1e-14)
+    assert told["potential.gravity"] == pytest.approx(m * G * x[1], rel=1e-14)
+    assert told["kinetic"] == pytest.approx(0.5 * m * np.dot(v, v) + 0.5 * inertia * np.dot(w, w), rel=1e-14)
 
 
 def test_free_rotation_keeps_angular_momentum_and_swings_in_energy(tmp_path: Path) -> None:
@@ -220,7 +239,30 @@ def test_a_stack_of_ten_boxes_rests() -> None:
     early = simulate(5.0, 2e-3, **parts).final["position"]
     late = simulate(25.0, 2e-3, **parts).final["position"]
     assert np.abs(late - early).max() < 1e-8  # m, in 10⁴ steps
-    assert late[:, 1] == pytest.approx(side * (np.arange(n) + 0.5), abs=1e-4)
+    # Impulses are found from nothing in the first step: what is wrong with them then sets the stack in motion.
+    assert np.abs(late - [[0, side * (k + 0.5), 0] for k in range(n)]).max() < 2e-6
+
+
+def test_boxes_that_fall_on_each_other_do_not_sink_in() -> None:
+    # Planks that fall nearly flat: one point, where two edges cross, would let them rock through each other.
+    planks = body(
+        {"type": "box", "size": [0.4, 0.05, 0.2]},
+        layout={"type": "points", "position": [[0.02 * k, 0.05 + 0.15 * k, 0.03 * k] for k in range(6)]},
+        orientation={"axis": [0.3, 0.1, 1], "angle": 4},
+    )
+    planks["layout"]["velocity"] = [[0, -4, 0]] * 6
+    scenario = ps.from_table(
+        table(1.0, 2e-3, bodies=[planks], forces=GRAVITY, planes=[FLOOR | {"restitution": 0.0}])
+    )
+    world = Simulation(scenario, threads=1)
+    island = world.islands[0]
+    assert isinstance(island, RigidIsland)
+    deepest = 0.0
+    for step in range(10, 500, 10):
+        world.advance_to(step)
+        deepest = max(deepest, max((each.depth for each in island.intrusions()), default=0.0))
+    # They fall 8 mm in a step. 0.05 mm are seen; it is 2 mm with edges in place of faces.
+    assert deepest < 5e-4
 
 
 # ---- energy
@@ -362,18 +404,12 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        (
-            {"springs": [{"name": "s", "on": "body", "pairs": [[0, 1]], "stiffness": 1.0}]},
-            "springs join particles",
-        ),
-        ({"rods": [{"name": "r", "on": "body", "pairs": [[0, 1]]}]}, "rods join particles"),
         ({"motions": [{"on": "body", "path": ["t", "0", "0"]}]}, "motions lead"),
         ({"interactions": [{"type": "gravity", "on": ["body"]}]}, "acts between particles"),
         ({"planes": [FLOOR | {"contact": "kill"}]}, "do not die"),
         ({"planes": [FLOOR | {"contact": "stick"}]}, "do not stick"),
         ({"planes": [FLOOR | {"detection": "discrete"}]}, "foreseen"),
         ({"planes": [FLOOR | {"tangential_loss": 0.1}]}, "friction"),
-        ({"output": {"work": True, "ledger": True}}, "booked"),
     ],
 )
 def test_what_bodies_cannot_do_is_refused(parts: dict[str, Any], message: str) -> None:

@@ -99,3 +99,17 @@ def grazes(shape: Any, x: NDArray[Any], way: NDArray[Any], radius: float) -> boo
     s = np.linspace(0, 2, 4001)
     deep = min(float(gap(shape, Particle(*(x + k * way), 0, 0, 0, 1, radius, 0, 0))) for k in s[1800:2200])
     return deep > -2e-5
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6])
+@pytest.mark.parametrize("h", [0.1, 0.05, 0.013])
+def test_what_slides_over_an_edge_within_a_step_falls_from_there_on(e: float, h: float) -> None:
+    # It lies on the box for 0.05 s, at 4 m/s, and falls freely after that, in whatever steps.
+    box = BoxCollider(size=(1.0, 1.0, 1.0), restitution=e)
+    c = columns([[0.3, 0.5, 0.0]], [[4.0, 0.0, 0.0]])
+    contacts = careful(continuous=[box.record()], tolerance=16 * EPS, reach=box.reach())
+    steps = round(0.1 / h)
+    run(program("velocity_verlet", (Gravity(acceleration=(0, -10, 0)).record(),), contacts), c, steps, h)
+    fallen = steps * h - 0.05
+    assert position(c)[0] == pytest.approx([0.3 + 4 * steps * h, 0.5 - 5 * fallen**2, 0], abs=1e-6)
+    assert velocity(c)[0] == pytest.approx([4, -10 * fallen, 0], abs=1e-6)

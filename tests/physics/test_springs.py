@@ -49,7 +49,7 @@ def length(result: ps.Result) -> float:
 
 
 # Implicit and adaptive methods have tests of their own.
-EXPLICIT = [m.name for m in METHODS.values() if not m.adaptive and not isinstance(m, ImplicitMethod)]
+EXPLICIT = [m.name for m in METHODS.values() if m.by_modes and not isinstance(m, ImplicitMethod)]
 
 
 @pytest.mark.parametrize("method", EXPLICIT)

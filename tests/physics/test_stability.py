@@ -69,7 +69,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("method", list(METHODS))
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "whfast"])
 def test_two_masses_and_a_spring(method: str) -> None:
     # The only mode that moves along the spring has ω² = k (1/m₁ + 1/m₂). Pulled to 1.001 of its length, the spring holds
     # back across, too, with ω⊥² = ω² · 0.001/1.001, which limits nothing.

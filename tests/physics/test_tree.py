@@ -102,6 +102,16 @@ def test_errors_of_gravity_are_as_asked_for(place: Any, accuracy: float) -> None
     tree.close()
 
 
+def test_the_error_that_is_told_is_the_one_that_there_is() -> None:
+    """Of no more particles than are sampled, the error that the run tells is that of all of them, to the last digit."""
+    x = plummer(1000, np.random.default_rng(4))
+    error, tree = compare(x, {"accuracy": 1e-3, "softening": 0.01})
+    told = tree.islands[0].interactions[0].summary()
+    assert told is not None
+    assert f"{error:.1e}" in told
+    tree.close()
+
+
 @pytest.mark.parametrize("softening", [0.0, 0.02, 3.0])
 def test_errors_hold_for_any_softening(softening: float) -> None:
     # 3 is more than the whole: far cells within one another's softening act by multipoles, too

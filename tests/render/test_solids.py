@@ -295,6 +295,15 @@ def test_particles_may_die_and_change_rows(plain):
     assert strain == pytest.approx([0.0])
 
 
+def test_ids_that_are_not_there_cost_nothing(plain):
+    """A damaged file may name any: a table of that many would be terabytes."""
+    link = springs([[0, 1], [2, 2**40], [-5, 3]], [2.0, 2.0, 2.0])
+    source = scene(CORNERS, link)
+    ends, _, _ = Bodies(source, RenderSettings()).line_ends(source[0])
+    assert ends.tolist() == [[0, 1]]
+    render_frame(source, 0, plain())
+
+
 def test_styles_choose_what_is_drawn():
     edges = springs([[0, 1], [1, 3]], [2.0, 2.0], "sheet.structural")
     inner = springs([[0, 3]], [3.0], "sheet.shear")

@@ -237,3 +237,23 @@ def test_chosen_frames_are_a_picture_each(cloud, settings, tmp_path):
     assert report.frames == 3
     assert report.paths == tuple(tmp_path / f"x-000{k}.png" for k in (1, 2, 3))
     assert sorted(tmp_path.iterdir()) == list(report.paths)
+
+
+def test_a_foreseen_view_depends_on_no_frame_to_come(cloud):
+    """Bounds and the range of the colours are given: the first pictures of a whole recording are those of its beginning."""
+    settings = RenderSettings(size=(96, 64), bounds=((0, 0, 0), (3, 3, 3)), color_range=(0, 3), trails=False)
+    begun = ArraySource(cloud.frames[:4], most=300)
+    cloud.most = 300
+    cloud.frames[9].position[:] *= 5
+    seen = render_frame(cloud, 2, settings)
+    assert np.array_equal(seen, render_frame(begun, 2, settings))
+    fitted = settings.model_copy(update={"color_range": "auto"})
+    assert not np.array_equal(render_frame(cloud, 2, fitted), seen)
+    del begun.most  # an old trajectory: the fullest frame
+    assert np.array_equal(seen, render_frame(begun, 2, settings))
+
+
+def test_bounds_are_a_box():
+    for bounds in ([[0, 0, 0], [0, 0, 0]], [[0, 0, 0], [1, -1, 1]]):
+        with pytest.raises(ValueError, match="corner"):
+            RenderSettings(bounds=bounds)

@@ -49,6 +49,9 @@ def fork(scenario: ps.Scenario, path: Path) -> int:
     """A run in a fork of this process."""
     child = os.fork()
     if child == 0:
+        sys.executable = (
+            ""  # so that it looks through files itself: a process for that is slower to start than the run
+        )
         try:
             ps.run(
                 scenario,

@@ -83,6 +83,79 @@ def test_a_divergence_repeats_itself(tmp_path) -> None:
     assert again.frames == frames > 1
 
 
+EVERYTHING = """
+[simulation]
+duration = 1
+dt = 0.01
+box = { size = [10, 10, 10] }
+[[particles]]
+name = "a"
+mass = 1
+layout = { type = "points", position = [[1, 0, 0], [2, 0, 0], [3, 0, 0]] }
+[[emitters]]
+name = "b"
+mass = 1
+rate = 1301
+shape = { type = "point", position = [0, 1, 0] }
+direction = [0, 1, 0]
+speed = 1
+[[springs]]
+on = "a"
+pairs = [[0, 1]]
+stiffness = 1303
+[[angles]]
+on = "a"
+triples = [[0, 1, 2]]
+stiffness = 1307
+[[interactions]]
+type = "yukawa"
+strength = 1319
+screening_length = 1
+cutoff = 2
+[[forces]]
+type = "linear_drag"
+coefficient = 1321
+[[impulses]]
+on = ["a"]
+at = 0.5
+impulse = [1327, 0, 0]
+[[motions]]
+on = "a"
+particles = [0]
+path = ["x + 1361*t", "y", "z"]
+"""
+BODIES = """
+[simulation]
+duration = 1
+dt = 0.01
+[[bodies]]
+name = "c"
+mass = 1301
+shape = { type = "sphere", radius = 1303 }
+angular_velocity = [1307, 0, 0]
+[[colliders]]
+type = "sphere"
+center = [1319, 0, 0]
+radius = 1
+[[planes]]
+restitution = 0.5
+friction = 1321
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [(EVERYTHING, (1301, 1303, 1307, 1319, 1321, 1327, 1361)), (BODIES, (1301, 1303, 1307, 1319, 1321))],
+)
+def test_the_digest_hears_of_every_part(text: str, numbers: tuple[int, ...]) -> None:
+    """No part of a scenario that moves particles may be left out: a run would be resumed, or called the same that is not."""
+    found = {physics_digest(ps.loads(text))}
+    for number in numbers:
+        assert text.count(str(number)) == 1
+        found.add(physics_digest(ps.loads(text.replace(str(number), str(number + 1)))))
+    assert len(found) == 1 + len(numbers)
+
+
 def test_the_digest_is_that_of_the_physics() -> None:
     here = physics_digest(scenario())
     assert len(here) == 64
@@ -127,6 +200,17 @@ def test_files_count_by_content(tmp_path: Path) -> None:
     (tmp_path / "a/start.csv").unlink()
     with pytest.raises(UsageError, match=r"start\.csv"):
         physics_digest(ps.load(tmp_path / "a/balls.toml"))
+
+
+def test_files_of_colliders_count_by_content(tmp_path: Path) -> None:
+    collider = '[[colliders]]\ntype = "height_field"\npath = "hills.npy"\nsize = [2, 2]\nheight = 1\n'
+    digests = []
+    for name, top in (("a", 1.0), ("b", 1.0), ("c", 2.0)):
+        (tmp_path / name).mkdir()
+        np.save(tmp_path / name / "hills.npy", np.diag([1.0, 0.5, top]))
+        (tmp_path / name / "balls.toml").write_text(SCENARIO + collider)
+        digests.append(physics_digest(ps.load(tmp_path / name / "balls.toml")))
+    assert digests[0] == digests[1] != digests[2]
 
 
 def test_provenance(tmp_path) -> None:

@@ -148,3 +148,35 @@ def test_kinks_are_named() -> None:
     told = "\n".join(found.reasons)
     for reason in ("plane wall", "has a condition", "an impulse kicks 'ball'"):
         assert reason in told
+
+
+THERMOSTAT = """
+format = 1
+[simulation]
+duration = 0.5
+dt = 0.05
+integrator = "velocity_verlet"
+[[particles]]
+name = "fluid"
+layout = { type = "points", position = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] }
+mass = 1.0
+[[interactions]]
+type = "friction"
+coefficient = 2.0
+range = 2.0
+temperature = 1.0
+boltzmann = 1.0
+on = ["fluid"]
+"""
+
+
+def test_random_kicks_have_no_order() -> None:
+    with pytest.raises(ps.UsageError, match="friction gives random kicks"):
+        verify(ps.loads(THERMOSTAT))
+    stone = '[[particles]]\nname = "stone"\nlayout = { type = "points", position = [[9, 0, 0]] }\n'
+    found = verify(
+        ps.loads(THERMOSTAT + stone + '[[forces]]\ntype = "point_spring"\nstiffness = 1.0\non = ["stone"]\n')
+    )
+    assert {(row.group, row.verdict) for row in found.rows} == {("fluid", "random"), ("stone", "ok")}
+    assert found.passed
+    assert any("'fluid' random kicks" in note for note in found.notes)

@@ -118,3 +118,38 @@ def test_friction_that_is_seldom_meant() -> None:
     block["particles"][0]["dynamics"] = {"type": "first_order", "drag": 1.0}
     (said,) = advice(ps.from_table(block))
     assert "no inertia" in said
+
+
+@pytest.mark.parametrize(
+    ("layout", "gravity", "told"),
+    [
+        ({"constant": 1}, [{"type": "gravity", "constant": 1}], False),
+        ({}, [{"type": "gravity"}], False),
+        ({}, [{"type": "gravity", "constant": 1}], True),
+        ({"constant": 1}, [], True),
+    ],
+)
+def test_speeds_that_balance_another_gravity_are_told(
+    layout: dict[str, Any], gravity: list[dict[str, Any]], told: bool
+) -> None:
+    sphere = {"type": "plummer", "count": 10, "mass": 2, "radius": 1, **layout}
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 0.1},
+            "particles": [{"name": "stars", "layout": sphere}],
+            "interactions": gravity,
+        }
+    )
+    assert any("balance gravity" in sentence for sentence in advice(scenario)) is told
+
+
+def test_the_mass_of_a_sphere_of_stars_is_given_once() -> None:
+    sphere = {"type": "plummer", "count": 10, "mass": 2, "radius": 1}
+    for given in ({"mass": 1}, {"radius": 1, "density": 3}):
+        with pytest.raises(ps.UsageError, match="gives its particles their mass"):
+            ps.from_table(
+                {"simulation": {"duration": 1, "dt": 0.1}, "particles": [{"layout": sphere, **given}]}
+            )
+    ball = {"shape": {"type": "sphere", "radius": 1}}
+    with pytest.raises(ps.UsageError, match="which bodies have from their shape"):
+        ps.from_table({"simulation": {"duration": 1, "dt": 0.1}, "bodies": [{**ball, "layout": sphere}]})

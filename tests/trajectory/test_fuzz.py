@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).parents[1] / "fuzz" / "fuzz_trajectories.py"
-CASES = 60
+CASES = 25
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def ground(fuzz, tmp_path_factory):
 def test_bad_trajectories_are_told_as_such(fuzz, ground, first):
     outcomes = Counter()
     for number in range(first, first + CASES):
-        assert fuzz.check(number, 0, ground, outcomes) == []
+        assert fuzz.check(number, 0, ground, outcomes) is None
     assert (
         min(outcomes["fine"], outcomes["2"], outcomes["4"]) > 0
     )  # some damage does not matter, some data are elsewhere

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from simulate import record
 
 from particlesim.trajectory import reader
 from particlesim.trajectory.recovery import recover
@@ -79,3 +80,39 @@ def test_a_killed_file_after_recovery(tmp_path, kill_writer):
     frames = read_with_vtk(path)
     assert len(frames) >= 5
     assert_same(frames, path)
+
+
+TURN = """
+import sys, json
+from vtkmodules.vtkCommonCore import vtkMath
+rows = [[0.0] * 3 for _ in range(3)]
+turned = []
+for q in json.loads(sys.argv[1]):
+    vtkMath.QuaternionToMatrix3x3(q, rows)
+    turned.append([list(row) for row in rows])
+print(json.dumps(turned))
+"""
+
+
+def test_poses_of_bodies_are_as_vtk_has_them(tmp_path):
+    # Quaternions w, x, y, z, as VTK's glyphs are turned by: a quarter turn about x takes y to z.
+    path = tmp_path / "body.vtkhdf"
+    body = {
+        "shape": {"type": "box", "size": [0.1, 0.2, 0.3]},
+        "position": [1, 2, 3],
+        "orientation": {"axis": [1, 0, 0], "angle": 90},
+        "angular_velocity": [0, 0, 1],
+    }
+    record(path, 0.1, 0.05, bodies=[body])
+    frames = read_with_vtk(path)
+    assert_same(frames, path)
+    assert frames[0]["position"] == [[1, 2, 3]]
+    quaternions = [frame["orientation"][0] for frame in frames]
+    done = subprocess.run(
+        [sys.executable, "-c", TURN, json.dumps(quaternions)], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    turned = np.array(json.loads(done.stdout))
+    assert turned[0] == pytest.approx(np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), abs=1e-15)
+    c, s = np.cos(0.1), np.sin(0.1)  # then about z
+    assert turned[-1] == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ turned[0], abs=1e-4)

@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.engine.state.columns import fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import Simple, overlapped, respond, trace
+from particlesim.colliders.response import crossable
+from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
+from particlesim.engine.step.impacts import (
+    Careful,
+    Simple,
+    crossings,
+    nearest,
+    overlapped,
+    passable,
+    pushed,
+    respond,
+    tell,
+    trace,
+)
 from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.program import BLOCK
+from particlesim.engine.step.rubbing import rubbed
 from particlesim.integrators.base import CompositionRecord
-from particlesim.laws.registry import Particle, Vector, force, law, moved_to
+from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
 
 
 class FrozenRecord(NamedTuple):
@@ -36,37 +50,86 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
     """
     for part in parts:
-        if not (isinstance(part.contacts, Simple) and len(part.contacts.colliders) == 0):
+        hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
+        if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, c, before, first, last, t, end, h)
+            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
+        if part.cores is not None:
+            first, last = max(share.first, part.first), min(share.last, part.last)
+            for lo in range(first, last, BLOCK):
+                hi = min(lo + BLOCK, last)
+                if is_deep(part.cores, block_of(c, lo, hi), end):
+                    _collide(part.cores, (), c, before, lo, hi, t, end, h, True)
 
 
-def _collide(contacts: Any, c: Any, before: Any, first: Any, last: Any, t: Any, end: Any, h: Any) -> None:
-    """`collide` for particles [first, last), which meet the same colliders."""
+def core_of(p: Any) -> Any:
+    """What is hard in a soft particle: half of its radius. What is too fast for its law, or pressed too hard, gets that far
+    into a collider and no further."""
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
+
+
+def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any:
+    """Where a step to q began; for what is soft, which nobody keeps, as far back as its velocity tells."""
+    if soft:
+        return moved_to(q, q.x - h * q.vx, q.y - h * q.vy, q.z - h * q.vz, q.vx, q.vy, q.vz, begin)
+    return moved_to(
+        q, before[0, i], before[1, i], before[2, i], before[3, i], before[4, i], before[5, i], begin
+    )
+
+
+def is_deep(contacts: Any, q: Any, t: Any) -> Any:
+    """Whether the core of some particle of a block may be in a collider, or behind a thin one."""
+    if isinstance(contacts, Careful) and (
+        contacts.one_by_one is not None or any(crossable(each) for each in contacts.continuous)
+    ):
+        return True
+    colliders = (
+        contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    )
+    deep = False
+    for i in range(q.x.size):
+        deep |= nearest(colliders, core_of(fetch(q, i, t))) < 0
+    return deep
+
+
+def _collide(
+    contacts: Any,
+    rubbing: Any,
+    c: Any,
+    before: Any,
+    first: Any,
+    last: Any,
+    t: Any,
+    end: Any,
+    h: Any,
+    soft: Any,
+) -> None:
+    """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
         begin, hi = span(c.clock, i, t, end, h)
         if hi > 0:
-            q = fetch(c, i, end)
-            p = moved_to(
-                q,
-                before[0, i],
-                before[1, i],
-                before[2, i],
-                before[3, i],
-                before[4, i],
-                before[5, i],
-                begin,
-            )
+            q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
+            p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
                 k = q.m / hi
                 mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
                 half, whole = type_of(h, 0.5), type_of(h, 1)
                 parabola = CompositionRecord((half, half), (whole, None))
-                r, _, outcome = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
+                r, _, outcome, hit = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
                 forget(c.memory, i)
+                tell(c.hit, i, hit)
             else:
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
+            if len(rubbing) > 0 and c.spin is not None:
+                r = rubbed(rubbing, c, i, q, r, hi)
+            if len(contacts.soft) > 0:
+                free = r
+                r = pushed(contacts.soft, free, hi)
+                if r.vx != free.vx or r.vy != free.vy or r.vz != free.vz:
+                    forget(c.memory, i)
+            if c.missed is not None and len(passable(contacts)) > 0:
+                c.missed[i] += crossings(contacts, p, r, hi)
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

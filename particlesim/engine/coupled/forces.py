@@ -27,7 +27,11 @@ def bring(motions: Any, c: Any, share: Any, t: Any) -> None:
 
 
 def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
-    """Sum of the one-particle forces on particles [lo, hi); sets `total`."""
+    """Sum of the one-particle forces on particles [lo, hi), and no torques; sets `total`."""
+    if c.spin is not None:
+        for k in range(3, 6):
+            for i in range(lo, hi):
+                total[k, i] = 0
     for part in parts:
         first, last = max(lo, part.first), min(hi, part.last)
         if first < last:
@@ -70,6 +74,8 @@ def _set_rates(dynamics: Any, c: Any, total: Any, slope: Any, t: Any, first: Any
             for i in range(m.size):
                 glide[i] = own[i]
                 out[i] = f[i] / m[i]
+        if c.spin is not None:
+            _set_turning(block_of(c, first, last), total[3:, first:last], slope[6:, first:last])
     else:
         for i in range(first, last):
             wx, wy, wz = velocity(dynamics.flow, fetch(c, i, t))
@@ -78,6 +84,22 @@ def _set_rates(dynamics: Any, c: Any, total: Any, slope: Any, t: Any, first: Any
             slope[2, i] = wz + total[2, i] / dynamics.gamma
             for k in range(3):
                 slope[3 + k, i] = 0
+
+
+def _set_turning(q: Any, torque: Any, slope: Any) -> None:
+    """Time derivative of angle and angular velocity of a block, into slope [6, n]."""
+    for k, w in enumerate((q.spin.wx, q.spin.wy, q.spin.wz)):
+        glide, out = slope[k], slope[3 + k]
+        for i in range(w.size):
+            glide[i] = w[i]
+            out[i] = torque[k, i] * inverse_inertia(q, i)
+
+
+def inverse_inertia(q: Any, i: Any) -> Any:
+    """1/I of a sphere, I = 2/5 m r² [1/(kg m²)]; 0 of a point."""
+    inertia = type_of(q.x[i], 0.4) * q.m[i] * q.r[i] * q.r[i]
+    one = type_of(inertia, 1)
+    return one / (inertia if inertia > 0 else one) if inertia > 0 else one - one
 
 
 def felt(clock: Any, hi: Any, g: Any) -> Any:
@@ -107,12 +129,35 @@ def drift(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
         q.z[i] += s * q.vz[i]
 
 
+def twist(q: Any, gx: Any, gy: Any, gz: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """ω += weight · h τ/I for all spheres of a block with total torques g."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        k = weight * hi * inverse_inertia(q, i)
+        q.spin.wx[i] += k * felt(q.clock, hi, gx[i])
+        q.spin.wy[i] += k * felt(q.clock, hi, gy[i])
+        q.spin.wz[i] += k * felt(q.clock, hi, gz[i])
+
+
+def roll(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """Angles += weight · h ω for all spheres of a block."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        s = weight * hi
+        q.spin.ax[i] += s * q.spin.wx[i]
+        q.spin.ay[i] += s * q.spin.wy[i]
+        q.spin.az[i] += s * q.spin.wz[i]
+
+
 def all_finite(q: Any) -> bool:
     """Whether all positions and velocities of a block are finite."""
     wild = False
     for i in range(q.x.size):
         drop = (q.x[i] - q.x[i]) + (q.y[i] - q.y[i]) + (q.z[i] - q.z[i])
         drop += (q.vx[i] - q.vx[i]) + (q.vy[i] - q.vy[i]) + (q.vz[i] - q.vz[i])
+        if q.spin is not None:
+            s = q.spin
+            drop += (s.wx[i] - s.wx[i]) + (s.wy[i] - s.wy[i]) + (s.wz[i] - s.wz[i])
         wild |= drop != 0
     return not wild
 
@@ -144,8 +189,13 @@ def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: A
         q = block_of(c, lo, hi)
         if move.push != 0:
             kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], move.push, t, end, h)
+            if q.spin is not None:
+                torque = work.force[3:, lo:hi]
+                twist(q, torque[0], torque[1], torque[2], move.push, t, end, h)
         if move.glide != 0:
             drift(q, move.glide, t, end, h)
+            if q.spin is not None:
+                roll(q, move.glide, t, end, h)
         if move.last:
             look(work.before, c, lo, hi, share)
 

@@ -13,11 +13,20 @@ from particlesim.compiler import kernel
 from particlesim.compiler.barrier import meet
 from particlesim.engine.constraints.shake_rattle import after_contact, after_kicks, hold, places, take_aim
 from particlesim.engine.coupled.contact import collide
-from particlesim.engine.coupled.forces import Move, all_finite, evaluate, kick_and_drift, look, rates
+from particlesim.engine.coupled.forces import (
+    Move,
+    all_finite,
+    evaluate,
+    kick_and_drift,
+    look,
+    rates,
+    roll,
+    twist,
+)
 from particlesim.engine.coupled.workspace import StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.interactions.interaction import conclude_elements
-from particlesim.engine.state.columns import block_of, fetch, held, in_step, span, still, type_of
+from particlesim.engine.interactions.interaction import conclude_elements, leave_elements
+from particlesim.engine.state.columns import block_of, fetch, held, in_step, motion, span, still, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK
@@ -109,7 +118,7 @@ def displace(c: Any, work: Any, weights: Any, share: Any, t: Any, end: Any, h: A
     for lo in range(share.first, share.last, share.chunk):
         hi = min(lo + share.chunk, share.last)
         q = block_of(c, lo, hi)
-        for k, target in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+        for k, target in enumerate(motion(q)):
             before, slopes = work.before[k, lo:hi], work.slopes[:, k, lo:hi]
             combine(target, before, slopes, weights, q.clock, t, end, h)
 
@@ -139,7 +148,11 @@ def _verlet(
     for lo in range(share.first, share.last, BLOCK):
         hi = min(lo + BLOCK, share.last)
         force = work.force
-        stormer(block_of(c, lo, hi), force[0, lo:hi], force[1, lo:hi], force[2, lo:hi], t, end, h)
+        q = block_of(c, lo, hi)
+        stormer(q, force[0, lo:hi], force[1, lo:hi], force[2, lo:hi], t, end, h)
+        if q.spin is not None:  # which is known at the ends of steps alone
+            twist(q, force[3, lo:hi], force[4, lo:hi], force[5, lo:hi], type_of(h, 1), t, end, h)
+            roll(q, type_of(h, 1), t, end, h)
         look(work.before, c, lo, hi, share)
 
 
@@ -183,15 +196,15 @@ def inertialess(parts: Any) -> bool:
 
 
 def save(q: Any, before: Any) -> None:
-    """Copy position and velocity of a block to before [6, block]."""
-    for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+    """Copy the motion of a block to the rows of before [rows, block]."""
+    for k, column in enumerate(motion(q)):
         for i in range(column.size):
             before[k, i] = column[i]
 
 
 def restore(q: Any, before: Any) -> None:
     """Undo `save`."""
-    for k, column in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+    for k, column in enumerate(motion(q)):
         for i in range(column.size):
             column[i] = before[k, i]
 
@@ -220,6 +233,14 @@ def back_to_beginning(before: Any, c: Any, share: Any) -> None:
         restore(block_of(c, share.first, share.last), before[:, share.first : share.last])
 
 
+def begin_turns(c: Any, share: Any) -> None:
+    """Angles count from here on; returns when those of all shares do."""
+    if c.spin is not None:
+        for i in range(share.first, share.last):
+            c.spin.ax[i] = c.spin.ay[i] = c.spin.az[i] = 0
+        meet(share.gate, share.threads)
+
+
 def begin_step(c: Any, work: Any, share: Any) -> None:
     """Keep the state at the beginning of a step."""
     keep_beginning(work.before, c, share)
@@ -237,6 +258,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     good = share.wild.sum() == 0
     if good:
         conclude_elements(share.elements, parts, c, work.before, share, end, h)
+        begin_turns(c, share)
         break_bonds(bonds, c, share, end)
     else:
         back_to_beginning(work.before, c, share)
@@ -245,6 +267,7 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
 
 def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
     """Velocities at the end of an interval of those that are led or have no inertia."""
+    leave_elements(share.elements)
     settle_all(parts, bonds, in_step(c, end, end), work, share, end)
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
 

@@ -8,21 +8,26 @@ import numpy as np
 
 from particlesim.compiler.barrier import new_gate
 from particlesim.engine.constraints.constraint import Constraint
-from particlesim.engine.interactions.bond_layout import chunk_size, shares
+from particlesim.engine.interactions.bond_layout import shares
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.whfast import WisdomHolmanMethod
 
 
 class Part(NamedTuple):
-    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last)."""
+    """A group inside an island: its dynamics, forces and contacts, and its particles [first, last). `cores`: contacts that
+    particles of half the radius have, where a softer law acts before; None where there are none. `rubbing`: colliders with
+    the friction that those in `contacts` lack, as particles spin."""
 
     dynamics: tuple[Any, ...]
     forces: tuple[Any, ...]
     contacts: tuple[Any, ...]
     first: int
     last: int
+    cores: Any = None
+    rubbing: tuple[Any, ...] = ()
 
 
 class StagedComposition(NamedTuple):
@@ -62,8 +67,9 @@ class StagedEmbedded(NamedTuple):
 
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
-    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk].
-    `system`: the equations of implicit methods; `radau`: the polynomials of IAS15; None for other methods."""
+    [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk]. Where
+    particles spin there are as many rows again of the first three: torques, angles and angular velocities. `system`: the
+    equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods."""
 
     force: Any
     before: Any
@@ -72,6 +78,7 @@ class Work(NamedTuple):
     spread: Any
     system: Any = None
     radau: Any = None
+    orbits: Any = None
 
 
 class Share(NamedTuple):
@@ -128,35 +135,44 @@ def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
     return StagedVerlet()
 
 
-def scratch(method: Method, count: int, dtype: Any, *, looks_back: bool) -> Work:
-    """Scratch arrays for an island; without `looks_back`, contacts and rods do not need the beginning of a step."""
+NO_LOOK_BACK = Composition | Verlet | WisdomHolmanMethod
+"""Methods that do not need the state at the beginning of a step."""
+
+
+def scratch(
+    method: Method, count: int, chunk: int, dtype: Any, *, looks_back: bool, spins: bool = False
+) -> Work:
+    """Scratch arrays for an island in chunks of some size; without `looks_back`, contacts and rods do not need the beginning
+    of a step."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
+    rows = 12 if spins else 6
     return Work(
-        np.zeros((3, count), dtype),
-        np.zeros((6, count), dtype) if looks_back or not isinstance(method, Composition | Verlet) else None,
-        np.zeros((stages, 6, count), dtype),
-        np.zeros((3, chunk_size(count)), dtype),
-        np.zeros((estimates, 6, chunk_size(count)), dtype),
+        np.zeros((rows // 2, count), dtype),
+        np.zeros((rows, count), dtype) if looks_back or not isinstance(method, NO_LOOK_BACK) else None,
+        np.zeros((stages, rows, count), dtype),
+        np.zeros((3, chunk), dtype),
+        np.zeros((estimates, 6, chunk), dtype),
     )
 
 
 def share_out(
     count: int,
     threads: int,
+    chunk: int,
     driven: tuple[Driven, ...],
     elements: tuple[Interaction, ...],
     constraint: Constraint | None,
 ) -> list[Share]:
     """Shares of an island for some threads, at most one for every chunk; without an order."""
-    ranges = shares(count, threads)
+    ranges = shares(count, threads, chunk)
     held = [None] * len(ranges) if constraint is None else constraint.records(len(ranges))
     gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
     return [
         Share(
             first,
             last,
-            chunk_size(count),
+            chunk,
             number,
             len(ranges),
             gate,

@@ -9,7 +9,7 @@ import numpy as np
 from particlesim.engine.world import World
 from particlesim.interactions.contact import Contact
 from particlesim.model.arrays import Floats, Ints
-from particlesim.scenario.reach import interacting
+from particlesim.scenario.reach import interacting, touches_by_surfaces
 
 TOUCHING = 1e-6
 """Overlap that still counts as touching, as a part of the sum of both radii."""
@@ -32,7 +32,10 @@ def crowded(world: World) -> list[Crowding]:
     for each in world.scenario.interactions:
         if not isinstance(each, Contact):
             continue
-        names = [group.name for group in interacting(each, world.scenario.groups)]
+        groups = interacting(each, world.scenario.groups)
+        if touches_by_surfaces(each, groups):
+            continue  # `tangles`
+        names = [group.name for group in groups]
         states = [state for name in names for state in world.states if state.name == name and state.count]
         if not states:
             continue

@@ -17,7 +17,7 @@ from particlesim.engine.diagnosis.strongest_force import strongest
 from particlesim.engine.diagnosis.undefined_paths import astray
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.stability.limits import remedy
+from particlesim.engine.stability.limits import explicit_sets, remedy
 from particlesim.engine.stability.linearised import IslandModel
 from particlesim.engine.state.columns import Columns, fetch
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, TOO_MANY, TOO_SHORT
@@ -48,6 +48,8 @@ WHY = {
 }
 """What is told of a particle whose own steps could not go on, and what to do about it."""
 
+UNCLOSED = "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step"
+"""What to do about joints of bodies."""
 UNHELD = (
     "try a smaller dt; where rods leave no way to move, as a straight chain between two pins or a braced square that is "
     "bent out of its plane, no step is small enough: leave a rod out, or use springs"
@@ -104,6 +106,11 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
             f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
         )
         return _report(world, number, sign, "not held", time, text, UNHELD)
+    if (joint := fault.unclosed) is not None:
+        place = row - rows.start
+        sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
+        text = f"joint {joint.name!r} could not be held in the step from t = {time:.9g} s; body {{who}} was"
+        return _report(world, number, sign, "not held", time, text, UNCLOSED)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(world, number, row, first, fault.step)
     if early is None:
@@ -270,14 +277,16 @@ def _report(
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
         structure = world.graph.islands[number]
-        hint += f": {remedy(stable, limited=bool(structure.constraints) or structure.has_pairs)}"
+        hint += (
+            f": {remedy(stable, limited=bool(structure.constraints) or bool(explicit_sets(world, number)))}"
+        )
     return DivergenceError(message, hint, found)
 
 
 def _stable_step(world: World, number: int, member: int, p: Particle) -> float | None:
     """The largest stable step of an island of springs when the interval began, or of a single particle at its place [s]."""
     island, structure = world.islands[number], world.graph.islands[number]
-    if structure.method.adaptive:
+    if not structure.method.by_modes:
         return math.inf
     island.go_back()
     try:

@@ -48,7 +48,7 @@ def _alone(world: World, structure: Island, member: int, particle: Particle) -> 
     """Sizes of the one-particle forces [N], by label."""
     sizes: dict[str, float] = {}
     group = structure.groups[member]
-    for label, law in zip(world.scenario.force_labels(), world.scenario.forces, strict=False):
+    for label, law in zip(world.scenario.labels.forces, world.scenario.forces, strict=True):
         if acts_on(law, group) and not law.on_surfaces:
             try:
                 sizes[label] = _length(evaluate(force, law.record(), particle))

@@ -15,7 +15,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, shared
 from particlesim.compiler.barrier import meet
-from particlesim.engine.coupled.forces import evaluate
+from particlesim.engine.coupled.forces import evaluate, roll, twist
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
 from particlesim.engine.coupled.workspace import team_of
 from particlesim.engine.implicit.krylov import (
@@ -33,7 +33,7 @@ from particlesim.engine.implicit.krylov import (
     summed,
 )
 from particlesim.engine.implicit.linear_system import linearise
-from particlesim.engine.state.columns import fetch, in_step, recall, span, type_of
+from particlesim.engine.state.columns import block_of, fetch, in_step, recall, span, type_of
 from particlesim.engine.step.newton import GROWTH, HALVINGS, ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
@@ -87,6 +87,7 @@ def evolve_implicit(
     s = work.system
     reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
     begin(method, parts, bonds, c, work, share, t, end, h)
+    turn_ahead(c, share, type_of(h, method.node) * h)
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
     first, last, goal, size = 0.0, np.inf, 0.0, 0.0
     while ended == GOING:
@@ -122,6 +123,7 @@ def evolve_implicit(
             meet(share.gate, share.threads)
     if ended == SOLVED:
         finish(method, c, work, share, reach, t, end, h)
+        turn(c, work.force, share, t, end, h)
     else:
         share.wild[8 * share.number] = 1
     if share.number == 0:
@@ -249,6 +251,29 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
                 c.z[i] = s.base[2, i] + reach * uz
         led = s.free[i] if method.linear else type_of(h, 0)
         s.lead[0, i], s.lead[1, i], s.lead[2, i] = led * ux, led * uy, led * uz
+
+
+def turn_ahead(c: Any, share: Any, ahead: Any) -> None:
+    """Spheres turn explicitly: by as much as they would at their present rate until the time at which forces are taken."""
+    if c.spin is not None:
+        s = c.spin
+        for i in range(share.first, share.last):
+            s.ax[i], s.ay[i], s.az[i] = ahead * s.wx[i], ahead * s.wy[i], ahead * s.wz[i]
+        meet(share.gate, share.threads)
+
+
+def turn(c: Any, force: Any, share: Any, t: Any, end: Any, h: Any) -> None:
+    """The end of a step of what turns, by the torques of the solved state."""
+    if c.spin is not None:
+        half, whole = type_of(h, 0.5), type_of(h, 1)
+        for i in range(share.first, share.last):
+            c.spin.ax[i] = c.spin.ay[i] = c.spin.az[i] = 0
+        for lo in range(share.first, share.last, share.chunk):
+            hi = min(lo + share.chunk, share.last)
+            q = block_of(c, lo, hi)
+            roll(q, half, t, end, h)
+            twist(q, force[3, lo:hi], force[4, lo:hi], force[5, lo:hi], whole, t, end, h)
+            roll(q, half, t, end, h)
 
 
 def cut_short(clock: Any, i: Any, before: Any, columns: Any, t: Any, end: Any, h: Any) -> Any:

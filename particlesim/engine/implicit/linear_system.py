@@ -356,7 +356,7 @@ def multiply(bonds: Any, springs: Any, s: Any, x: Any, y: Any, plain: Any, share
     _times_own(s.inertia, s.own, x, y, plain, share.first, share.last)
     for chunk in range(chunks_of(bonds)):
         _times_chunk(bonds, springs, s.pull, x, y, chunk)
-    multiply_elements(share.elements, s.forms, x, y, share.first, share.last)
+    multiply_elements(share.elements, s.forms, x, y, share)
 
 
 @shared
@@ -448,7 +448,7 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
         add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
     add_springs(bonds, s.springs, c, s, reach)
     gather_blocks(s.lattices, s.free, s.anchor, s.block, team_of(share))
-    stiffen_elements(share.elements, s.forms, c, s, share.first, share.last, t, reach)
+    stiffen_elements(share.elements, s.forms, c, s, share, t, reach)
     for lo in range(share.first, share.last, share.chunk):
         hi = min(lo + share.chunk, share.last)
         s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)

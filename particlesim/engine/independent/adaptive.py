@@ -49,7 +49,7 @@ from particlesim.engine.state.columns import (
     span,
     type_of,
 )
-from particlesim.engine.step.impacts import Simple, meet, overlapped, trace
+from particlesim.engine.step.impacts import Simple, crossings, meet, overlapped, passable, pushed, tell, trace
 from particlesim.engine.step.particle_step import Rate, derivative, moved, stages, weigh
 from particlesim.engine.step.step_size import (
     MOST_STEPS,
@@ -192,7 +192,10 @@ def land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Any:
     arrived = taken >= d.clock[STOP, k] - now
     then = d.clock[STOP, k] if arrived else now + taken
     q = at(d, k, AHEAD, then)
-    touched, r, outcome = touch(program, d, k, q)
+    touched, r, outcome = touch(program, c, d, k, q)
+    if c.missed is not None and len(passable(program.contacts)) > 0:
+        begin = at(d, k, STATE, now)
+        c.missed[d.row[k]] += crossings(program.contacts, begin, r, type_of(begin.x, taken))
     enter(log, d, k, q, r)
     d.clock[NOW, k] = then
     put(d, k, STATE, r)
@@ -206,12 +209,14 @@ def land(program: Any, c: Any, d: Any, k: Any, log: Any) -> Any:
     return arrived or outcome != PASS
 
 
-def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
+def touch(program: Any, c: Any, d: Any, k: Any, q: Any) -> Any:
     """Contacts of particle k of a desk, whose step ends as q: whether there was one, the particle, the outcome."""
     if isinstance(program.contacts, Simple):
-        if len(program.contacts.colliders) == 0:
+        if len(program.contacts.colliders) + len(program.contacts.soft) == 0:
             return False, q, PASS
         r, outcome = meet(program.contacts.colliders, q)
+        if len(program.contacts.soft) > 0:
+            r = pushed(program.contacts.soft, r, type_of(r.x, d.clock[TAKEN, k]))
         still = (r.x == q.x) & (r.y == q.y) & (r.z == q.z)
         still &= (r.vx == q.vx) & (r.vy == q.vy) & (r.vz == q.vz)
         return not still, r, outcome
@@ -220,7 +225,14 @@ def touch(program: Any, d: Any, k: Any, q: Any) -> Any:
     h = type_of(p.x, d.clock[TAKEN, k])
     inside = overlapped(program.contacts, p, q, h)
     if inside:
-        q, _, outcome = trace(program.method, program.dynamics, program.forces, program.contacts, p, h, (h,))
+        q, _, outcome, hit = trace(
+            program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
+        )
+        tell(c.hit, d.row[k], hit)
+    if len(program.contacts.soft) > 0:
+        r = pushed(program.contacts.soft, q, h)
+        inside |= (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
+        q = r
     return inside, q, outcome
 
 

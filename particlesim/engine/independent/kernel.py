@@ -33,17 +33,67 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.impacts import Simple, meet, overlapped, rest, trace
+from particlesim.engine.step.impacts import (
+    Simple,
+    crossings,
+    may_pass,
+    meet,
+    overlapped,
+    passable,
+    pushed,
+    rest,
+    tell,
+    trace,
+)
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
 
 def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
     """One step, from t to `end`, of all particles of a block. h is dt in the run's precision, `inverse` the
     inverse masses."""
+    _step_block(program, c, t, end, h, inverse, room)
+    if len(program.contacts.soft) > 0:
+        _yield(program, c, t, end, h, inverse)
+    if c.missed is not None and len(passable(program.contacts)) > 0:
+        _watch(program, c, t, end, h, room)
+
+
+def _yield(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any) -> None:
+    """What colliders that yield do to all particles of a block at the end of a step."""
+    for i in range(c.x.size):
+        _, hi = span(c.clock, i, t, end, h)
+        q = fetch_known(c, inverse, i, end)
+        r = pushed(program.contacts.soft, q, hi)
+        touched = (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)
+        store(c, i, chosen(still(c.clock, hi), q, r))
+        remember(c.memory, i, touched, restart(recall(c.memory, i)))
+
+
+def _watch(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> None:
+    """Count the colliders that particles of a block have passed in a step without being seen."""
+    found = False
+    for i in range(c.x.size):
+        begin, hi = span(c.clock, i, t, end, h)
+        q = fetch(c, i, end)
+        p = saved(room.before, i, q, begin)
+        looks = may_pass(program.contacts, p, q, hi) & (hi > 0)
+        room.marks[i] = looks
+        found |= looks
+    if found:
+        for i in range(c.x.size):
+            if room.marks[i]:
+                begin, hi = span(c.clock, i, t, end, h)
+                q = fetch(c, i, end)
+                c.missed[i] += crossings(program.contacts, saved(room.before, i, q, begin), q, hi)
+
+
+def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
     if isinstance(program.contacts, Simple):
         for i in range(c.x.size):
             begin, hi = span(c.clock, i, t, end, h)
             p = fetch_known(c, inverse, i, begin)
+            if c.missed is not None:
+                save(room.before, i, p)
             q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
             r, outcome = meet(program.contacts.colliders, q)
             idle = still(c.clock, hi)
@@ -76,7 +126,7 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
 
 def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
     """The step of the marked particles that lie on colliders, which then are no longer marked. Returns whether others are
-    left; these are back at the beginning of the step."""
+    left."""
     left = False
     for i in range(c.x.size):
         if program.contacts.one_by_one is not None and not room.marks[i]:
@@ -92,7 +142,7 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
         hits = room.marks[i] & (not calm)
         room.marks[i] = hits
         left |= hits
-        store(c, i, chosen(hits, p, chosen(lies, r, q)))
+        store(c, i, chosen(lies, r, q))
         remember(c.memory, i, lies, restart(recall(c.memory, i)))
     return left
 
@@ -102,8 +152,8 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
     for i in range(c.x.size):
         if room.marks[i]:
             begin, hi = span(c.clock, i, t, end, h)
-            p = fetch_known(c, inverse, i, begin)
-            q, memory, outcome = trace(
+            p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
+            q, memory, outcome, hit = trace(
                 program.method,
                 program.dynamics,
                 program.forces,
@@ -115,6 +165,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             store(c, i, q)
             remember(c.memory, i, True, memory)
             note(c.clock, i, outcome, q.t)
+            tell(c.hit, i, hit)
 
 
 def refresh(program: Any, c: Any, t: Any) -> None:

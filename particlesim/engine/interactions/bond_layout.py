@@ -26,13 +26,15 @@ they take slots without a spring, holes."""
 
 CHUNKS = 64
 """Chunks of an island, unless that makes them too small or too large; an island has no more threads than chunks."""
+FINEST = 64
+"""Particles per chunk at least where there are no pieces of bonds, as among pairs: a few hundred are worth two threads."""
 LEAST, MOST = 1024, 4096
 """Particles per chunk: fewer cost too many pieces of bonds, more do not fit into a second-level cache with their forces."""
 
 
-def chunk_size(count: int) -> int:
+def chunk_size(count: int, least: int = LEAST) -> int:
     """Particles per chunk of an island, a multiple of 64."""
-    return min(max(LEAST, -(-count // (CHUNKS * 64)) * 64), MOST)
+    return min(max(least, -(-count // (CHUNKS * 64)) * 64), MOST)
 
 
 class Slots(NamedTuple):
@@ -131,9 +133,8 @@ def order_of(
     return Order(np.maximum.accumulate(front), ready * chunk, after.astype(np.int64))
 
 
-def shares(count: int, threads: int) -> list[tuple[int, int]]:
+def shares(count: int, threads: int, chunk: int) -> list[tuple[int, int]]:
     """Ranges of particles for threads: whole chunks, about equally many. No more ranges than chunks."""
-    chunk = chunk_size(count)
     number = -(-count // chunk)
     threads = max(1, min(threads, number))
     borders = [chunk * (number * k // threads) for k in range(threads)] + [count]

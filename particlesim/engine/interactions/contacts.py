@@ -1,14 +1,15 @@
-"""Soft contacts: particles that overlap push each other apart by springs and dampers, and rub each other.
+"""Soft contacts: particles that overlap push each other apart by springs and dampers, rub each other, and turn.
 
-Along the normal forces are those of `laws.contact`. Along the surfaces a spring of stiffness k_t, that is fixed where the
-contact began, and a damper resist: f_t = −k_t ξ − γ_t v_t, but no more than μ_s N; what slides feels μ_k N, and the spring
-gives way. As particles have no spin, ξ is the way that the centres have gone past each other: a contact remembers its
-*anchor* a, and ξ is what a + l, l = x₁ − x₂, has along the surfaces. So forces within a step depend on places alone, and
-every method sees the same spring. At the end of every step anchors are brought up to date: springs that slide give way,
-contacts that have ended are forgotten.
+The forces of a contact are those of `laws.contact` along the normal, and of `pressing` along the surfaces. Once in a step,
+at its end, what contacts remember is brought up to date: springs that slide give way, contacts that have ended are
+forgotten. The forces of that moment are worked out with it, so that a method that looks at the beginning of its next step
+finds them.
 
-Each of two remembers their contact for itself, by the row of the other. What they work out is opposite bit by bit, as all
-of it is odd in l and v.
+Chunks of pairs (`contact_lists`) are taken by threads in turn. Of every chunk, some pairs at a time are tested; what touches
+is gathered in rows, so that the numbers of a contact are worked out in vectors; then forces go to the places of the chunk,
+in the order of the list, which depends on the state alone.
+
+Colliders act by the same laws (`contact_walls`).
 """
 
 from __future__ import annotations
@@ -19,57 +20,69 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import atomic_add, kernel, lanes, on_stack, outlined
+from particlesim.compiler import kernel, lanes, on_stack, outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
-from particlesim.engine.interactions.near_pairs import (
-    NearLists,
-    NearPairs,
-    bring_up,
-    look_in,
-    near_pairs_of,
+from particlesim.engine.interactions.contact_lists import (
+    BUILT,
+    CHUNK,
+    FRESH,
+    ROOM,
+    ROUND,
+    WANTED,
+    Draft,
+    Lists,
+    Memory,
+    contacts_in,
+    draft_for,
+    lists_of,
+    made,
+    new_lists,
+    new_memory,
 )
+from particlesim.engine.interactions.contact_walls import (
+    Marks,
+    Wall,
+    is_clear,
+    is_held_back,
+    press_wall,
+    surrounding,
+    wall_gap,
+    walls_of,
+)
+from particlesim.engine.interactions.interaction import Interaction, Ints, Site, lone
+from particlesim.engine.interactions.near_pairs import NearLists, NearPairs, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import (
     DUE,
+    FAR,
     GROUP,
-    TURN,
+    IMAGE_SHIFT,
+    MOST,
     Neighbours,
     enlarged,
     forget,
 )
-from particlesim.engine.interactions.neighbours.search import AT_ONCE
 from particlesim.engine.interactions.pair_blocks import Block
+from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
 from particlesim.engine.interactions.touching import normal_of, touching
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import Spin, in_step, type_of
+from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.laws.contact import touch
+from particlesim.laws.pair import Pair
 
-KISSING = 12
-"""Spheres that touch one of their size at most; room for contacts of a particle among others of about its size."""
-MOST_ROOM = 48
-"""Contacts per particle, on average, to have room for at first."""
-SIDE, LOST = range(2)
-"""In `flags` of a memory: which half holds, and whether contacts found no room."""
-
-
-class Memory(NamedTuple):
-    """What contacts remember, for every particle in places [begin[i], begin[i + 1]), of which it uses `used`; all of it
-    twice, as a new half is written from the old one.
-
-    `begin` [n + 1], `used` [2, n], `partner` [2, room]: row of the other; `anchor` [2, 3, room] [m]; `slides` [2, room]; and
-    `flags`.
-    """
-
-    begin: Any
-    used: Any
-    partner: Any
-    anchor: Any
-    slides: Any
-    flags: Any
+BATCH = 64
+"""Pairs that are tested, gathered and worked out together."""
+GAP = 1e-9
+"""Part of the radii by which centres that coincide count as apart, along x, away from the one with the larger row."""
+SPARE = 512
+"""Pairs to have room for beyond those of each particle."""
+PULLS = 6
+"""Force and torque."""
 
 
 class ContactColumns(NamedTuple):
-    """Contacts of one law: the first ten as in `NearColumns`; `memory` is None without friction."""
+    """Contacts of one law: the first ten as in `NearColumns`, with forces and torques [room, 6]; lists of pairs, and room to
+    make them; how members turn, in the order of the lists, None where they do not; colliders and what each remembers."""
 
     law: Any
     least: Any
@@ -81,7 +94,11 @@ class ContactColumns(NamedTuple):
     seen: Block
     pull: Any
     box: Any
-    memory: Any
+    lists: Lists
+    draft: Draft
+    spin: Any
+    walls: tuple[Wall, ...]
+    marks: tuple[Marks | None, ...]
 
 
 class Contacts(NearLists, ContactColumns):
@@ -90,291 +107,462 @@ class Contacts(NearLists, ContactColumns):
     __slots__ = ()
     prepares: ClassVar[bool] = True
     concludes: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(ContactColumns._fields) - {"memory"}
+    follows: ClassVar[frozenset[str]] = frozenset(ContactColumns._fields) - {"lists", "marks"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        near, groups = self.near, self.near.begin.size
-        changed = bring_up(self, c, share, t)
-        if changed or near.report[DUE] != 0:
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    push_on(self, g, t)
+        if self.lists.report[FRESH] != 0:
             meet(share.gate, share.threads)
             if share.number == 0:
-                near.report[DUE] = 0
+                self.lists.report[FRESH] = 0
+        else:
+            changed = look_at(self, c, share, t)
+            if changed or self.near.report[DUE] != 0:
+                take_chunks(self, c, share, t, Sum())
+                meet(share.gate, share.threads)
+                if share.number == 0:
+                    self.near.report[DUE] = 0
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
-        if self.memory is not None:
-            near, groups = self.near, self.near.begin.size
-            bring_up(self, c, share, t)
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    remember(self, g, t)
+        if remembers(self):
+            ahead = in_step(c, t, t + float(h))  # who is there in the next step, as forces will be asked for
+            look_at(self, ahead, share, t)
+            take_chunks(self, ahead, share, t, Settle())
             meet(share.gate, share.threads)
             if share.number == 0:
-                self.memory.flags[SIDE] = 1 - self.memory.flags[SIDE]
-                near.report[DUE] = 1
+                self.lists.time[0] = t
+                self.near.report[DUE] = 0
+                self.lists.report[FRESH] = 1
+                self.lists.report[ROUND] += 1
             meet(share.gate, share.threads)
+
+    def leave(self) -> None:
+        self.lists.report[FRESH] = 0
+
+    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        place, pull = self.near.place, self.pull
+        for i in range(first, last):
+            k = place[i]
+            if k >= 0:
+                for axis in range(3):
+                    total[axis, i] += pull[k, axis]
+                if c.spin is not None:
+                    for axis in range(3):
+                        total[3 + axis, i] += pull[k, 3 + axis]
 
     def renewed(self) -> Self:
         forget(self.near)
-        near, memory = enlarged(self.near), self.memory
-        if memory is not None and memory.flags[LOST]:
-            memory = resized(memory, 2 * np.diff(memory.begin), np.arange(memory.used.shape[1]))
-        if near is self.near and memory is self.memory:
+        near, lists, draft = enlarged(self.near), self.lists, self.draft
+        lists.report[FRESH] = 0
+        if lists.report[WANTED] > lists.first.size:
+            lists = with_room(lists, int(lists.report[WANTED]) * 5 // 4)
+        if draft.first.size != lists.first.size:
+            draft = draft_for(lists)
+        if near is self.near and lists is self.lists and draft is self.draft:
             return self
-        return self._replace(near=near, memory=memory)
+        return self._replace(near=near, lists=lists, draft=draft)
 
     def after(self, before: Interaction, place: Ints) -> Self:
-        if self.memory is None:
-            return self
         assert isinstance(before, Contacts)
-        room = np.diff(self.memory.begin)
-        kept = np.flatnonzero(place >= 0)
-        room[place[kept]] = np.maximum(room[place[kept]], np.diff(before.memory.begin)[kept])
-        return self._replace(memory=resized(before.memory, room, place))
+        near, lists, draft, marks = self.near, self.lists, self.draft, self.marks
+        if lists.memory is not None:
+            i, j, at = contacts_in(before.lists)
+            i, j = place[i], place[j]
+            left = (i >= 0) & (j >= 0)
+            room = max(lists.first.size, before.lists.first.size)
+            found = (i[left], j[left]), before.lists.memory, at[left]
+            lists = lists_of(near.members, near.order.size, near.place.size, room, *found)
+            draft = draft_for(lists)
+        lists.time[:] = before.lists.time
+        lists.report[ROUND] = before.lists.report[ROUND]
+        there = np.flatnonzero(place >= 0)
+        for mine, theirs in zip(marks, before.marks, strict=True):
+            for now, then in zip(mine or (), theirs or (), strict=True):
+                if now is not None:
+                    now[..., place[there]] = then[..., there]
+        return self._replace(lists=lists, draft=draft, marks=marks)
 
     def energy(self, c: Any) -> float:
-        return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), 0.0, Energies))
+        return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), 0.0, Energies()))
 
     @property
     def spends(self) -> bool:
-        return self.law.beta > 0 or self.memory is not None
+        laws = (self.law, *(wall.law for wall in self.walls))
+        moved = any(hasattr(wall.shape, "path") or wall.belt is not None for wall in self.walls)
+        return moved or any(law.beta > 0 or law.friction is not None for law in laws)
 
     def power(self, c: Any, t: float) -> float:
-        return float(contact_sum(self, c, lone(c.x.size), t, Powers))
+        return float(contact_sum(self, c, lone(c.x.size), t, Powers()))
 
     def changing(self) -> tuple[NDArray[Any], ...]:
-        return () if self.memory is None else tuple(self.memory)
+        if not remembers(self):
+            return ()
+        lists = [*self.lists[:8], *(self.lists.memory or ())]
+        arrays = [*lists, *(each for memory in self.marks for each in memory or ())]
+        return tuple(each for each in arrays if each is not None)
 
     def with_changed(self, arrays: Sequence[NDArray[Any]]) -> Self:
-        return self if self.memory is None else self._replace(memory=Memory(*arrays))
+        if not remembers(self):
+            return self
+        rest = iter(arrays)
+
+        def again(memory: Any) -> Any:
+            if memory is None:
+                return None
+            return type(memory)(*(None if each is None else next(rest) for each in memory))
+
+        lists = Lists(*[next(rest) for _ in range(8)], memory=None)  # type: ignore[misc]
+        lists = lists._replace(memory=again(self.lists.memory))
+        return self._replace(lists=lists, marks=tuple(again(memory) for memory in self.marks))
 
 
-# Forces
+def remembers(each: Any) -> bool:
+    """Whether there is something to remember from one step to the next."""
+    return each.lists.memory is not None or any(memory is not None for memory in each.marks)
 
 
-def place_in(memory: Any, side: Any, row: Any, other: Any) -> Any:
-    """Where a particle remembers its contact with another one; −1: nowhere."""
-    begin, found = memory.begin[row], -1
-    for k in range(begin, begin + memory.used[side, row]):
-        if memory.partner[side, k] == other:
-            found = k
-    return found
+def look_at(each: Any, c: Any, share: Any, t: Any) -> Any:
+    """Neighbour lists, lists of pairs, and all that the law reads of the members; returns whether any of it has changed."""
+    moving: Any = ()
+    quiet: Any = ()
+    if each.spin is not None:
+        s, own = c.spin, each.spin
+        moving = ((s.wx, own.wx), (s.wy, own.wy), (s.wz, own.wz))
+        quiet = ((s.ax, own.ax), (s.ay, own.ay), (s.az, own.az))
+    changed = bring_up(each, c, share, t, moving, quiet)
+    made(each.lists, each.draft, each.near, share)
+    return changed
 
 
-class Grip(NamedTuple):
-    """How a contact holds along the surfaces: the stretch ξ of its spring [m], the force of spring and damper [N] and what
-    is left of it, 1 where it holds; and whether it slides."""
-
-    x: Any
-    y: Any
-    z: Any
-    fx: Any
-    fy: Any
-    fz: Any
-    part: Any
-    slides: Any
+# What is made of a chunk
 
 
-def grip_of(each: Any, row: Any, other: Any, p: Any, n: Any, at: Any, push: Any, rate: Any) -> Any:
-    """The grip of a contact that is pushed with a force `push` along n and opens at a `rate`."""
-    memory, friction, none = each.memory, each.law.friction, push - push
-    side = memory.flags[SIDE]
-    k = place_in(memory, side, row, other)
-    known, slot = k >= 0, max(k, 0)
-    x = memory.anchor[side, 0, slot] + p.x if known else none
-    y = memory.anchor[side, 1, slot] + p.y if known else none
-    z = memory.anchor[side, 2, slot] + p.z if known else none
-    slid = known & (memory.slides[side, slot] != 0)
-    along = x * n.x + y * n.y + z * n.z
-    x, y, z = x - along * n.x, y - along * n.y, z - along * n.z
-    fx = -(at.stiffness * x + at.rub * (p.vx - rate * n.x))
-    fy = -(at.stiffness * y + at.rub * (p.vy - rate * n.y))
-    fz = -(at.stiffness * z + at.rub * (p.vz - rate * n.z))
-    size = np.sqrt(fx * fx + fy * fy + fz * fz)
-    pressed = max(push, none)
-    slides = size > (friction.kinetic if slid else friction.static) * pressed
-    one = type_of(push, 1)
-    # a static coefficient below the kinetic one must not speed up what slides
-    part = min(friction.kinetic * pressed / size, one) if slides else one
-    return Grip(x, y, z, fx, fy, fz, part, slides)
+class Sum(NamedTuple):
+    """Forces and torques."""
 
 
-def force_between(each: Any, row: Any, other: Any, p: Any) -> Any:
-    """Force on the first of a pair that touches, its elastic push, and the rate at which it opens."""
-    n = normal_of(p, row, other)
-    at = touch(each.law, p, n.overlap)
-    rate = p.vx * n.x + p.vy * n.y + p.vz * n.z
-    push = at.push - at.damping * rate
-    if each.memory is None:
-        return push * n.x, push * n.y, push * n.z, at, rate
-    g = grip_of(each, row, other, p, n, at, push, rate)
-    return push * n.x + g.part * g.fx, push * n.y + g.part * g.fy, push * n.z + g.part * g.fz, at, rate
-
-
-class Forces(NamedTuple):
-    """Forces of contacts, added to sums [3, GROUP]."""
-
-    sums: Any
-
-    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Add the force on lane i of a group."""
-        fx, fy, fz, _, _ = force_between(each, row, other, p)
-        self.sums[0, i] += fx
-        self.sums[1, i] += fy
-        self.sums[2, i] += fz
+class Settle(NamedTuple):
+    """Forces and torques, and what contacts remember."""
 
 
 class Energies(NamedTuple):
-    """Elastic energies of contacts, half to each of a pair, added to sums [1]."""
-
-    sums: Any
-
-    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Add half of the energy of a pair."""
-        self.sums[0] += 0.5 * float(touch(each.law, p, normal_of(p, row, other).overlap).energy)
+    """Elastic energies, half to each of a pair."""
 
 
 class Powers(NamedTuple):
-    """Powers of all forces of contacts but the elastic push, half to each of a pair, added to sums [1]."""
+    """Powers of all forces but the elastic push, half to each of a pair."""
 
-    sums: Any
 
-    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Add half of the power of a pair."""
-        fx, fy, fz, at, rate = force_between(each, row, other, p)
-        self.sums[0] += 0.5 * float(fx * p.vx + fy * p.vy + fz * p.vz - at.push * rate)
+def take_chunks(each: Any, c: Any, share: Any, t: Any, what: Any) -> None:
+    """All chunks, by threads in turn."""
+    for chunk in range(share.number, each.draft.slow.size, share.threads):
+        take_chunk(each, c, chunk, t, what)
+
+
+def since(each: Any, t: Any) -> Any:
+    """How long ago the present step began [s]."""
+    return t - each.lists.time[0]
 
 
 @outlined
-def push_on(each: Any, g: Any, t: Any) -> None:
-    """Sum up the forces on the members of a group."""
-    sums = on_stack(3, GROUP, each.near.x.dtype)
-    for i in range(GROUP):
-        sums[0, i] = sums[1, i] = sums[2, i] = 0
-    touching(each, g, Forces(sums), t)
-    for i in lanes(GROUP):
-        for k in range(3):
-            each.pull[GROUP * g + i, k] = sums[k, i]
+def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
+    """Contacts of the places of a chunk: a sum, where one is asked for."""
+    first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), each.near.order.size)
+    total = 0.0
+    if isinstance(what, Sum | Settle):
+        for k in range(first, last):
+            for axis in range(PULLS):
+                each.pull[k, axis] = 0
+    if each.draft.slow[chunk] != 0:
+        total += take_slowly(each, first // GROUP, last // GROUP, t, what)
+    elif each.near.box is None:
+        total += take_pairs(each, first, last, what, False)
+    else:
+        total += take_pairs(each, first, last, what, True)
+    if len(each.walls) > 0:
+        ball = surrounding(each, first, last)
+        for wall, memory in zip(each.walls, each.marks, strict=True):
+            if not is_clear(wall, ball, t):
+                total += take_wall(each, c, wall, memory, first, last, t, what)
+    return total
+
+
+LENGTH, SPEED, SIZE, LIGHT, KNOWN, TURN, ANGLE, SPUN, BENT, WAY = 0, 3, 6, 8, 10, 14, 17, 20, 23, 26
+"""Rows of what is gathered of a pair: l, v, radii, inverse masses, what it remembers, Ω, A, ω₁ − ω₂, α₁ − α₂, ρ."""
+GATHERED = 29
+FORCE, TWIST, MOMENT, STATE, ANCHOR, ROLLED, PUSH = 0, 3, 6, 9, 10, 13, 16
+"""Rows of what is found."""
+FOUND = 19
+
+
+@outlined
+def take_pairs(each: Any, first: Any, last: Any, what: Any, shifted: Any) -> Any:
+    """The pairs of a chunk's places."""
+    lists, near, seen, kind = each.lists, each.near, each.seen, each.near.x.dtype
+    memory, spin, friction = lists.memory, each.spin, each.law.friction
+    x, y, z, r, pull = near.x[0], near.x[1], near.x[2], seen.r, each.pull
+    given, found = on_stack(GATHERED, BATCH, kind), on_stack(FOUND, BATCH, kind)
+    at = on_stack(1, BATCH, np.int64)[0]
+    for row in range(GATHERED):
+        for i in range(BATCH):
+            given[row, i] = 1
+    g0, g1 = first // GROUP, last // GROUP - 1
+    begin, end, total = lists.begin[g0], lists.begin[g1] + lists.count[g1], 0.0
+    for lo in range(begin, end, BATCH):
+        count = 0
+        for e in range(lo, min(lo + BATCH, end)):
+            i, j = lists.first[e], lists.second[e]
+            q = j & (MOST - 1)
+            dx, dy, dz, reach = x[i] - x[q], y[i] - y[q], z[i] - z[q], r[i] + r[q]
+            if shifted:
+                image = j >> IMAGE_SHIFT
+                dx -= type_of(dx, near.images[0, image])
+                dy -= type_of(dx, near.images[1, image])
+                dz -= type_of(dx, near.images[2, image])
+            hit = (dx * dx + dy * dy + dz * dz < reach * reach) & (x[i] < FAR)
+            given[LENGTH, count], given[LENGTH + 1, count], given[LENGTH + 2, count] = dx, dy, dz
+            at[count] = e
+            count += 1 if hit else 0
+            if isinstance(what, Settle) and memory is not None:
+                memory.state[e] *= 1 if hit else 0  # APART, without a branch
+        column = 0
+        for k in range(count):
+            e = at[k]
+            gather(each, given, column, e, lists.first[e], lists.second[e] & (MOST - 1))
+            # k in other words, or this would be a loop over vectors: processors gather slower than they load
+            column += 1 if e >= 0 else 0
+        for b in range((count + GROUP - 1) // GROUP):
+            part, out = given[:, GROUP * b : GROUP * b + GROUP], found[:, GROUP * b : GROUP * b + GROUP]
+            for i in lanes(GROUP):
+                work_out(each, part, out, i, what)
+        for k in range(count):
+            e = at[k]
+            i, q = lists.first[e], lists.second[e] & (MOST - 1)
+            inside = (first <= q) & (q < last)
+            if isinstance(what, Sum | Settle):
+                for axis in range(3):
+                    pull[i, axis] += found[FORCE + axis, k]
+                    if friction is not None and spin is not None:
+                        pull[i, 3 + axis] -= r[i] * found[TWIST + axis, k]
+                        if each.law.rolling is not None:
+                            pull[i, 3 + axis] += found[MOMENT + axis, k]
+                if inside:
+                    for axis in range(3):
+                        pull[q, axis] -= found[FORCE + axis, k]
+                        if friction is not None and spin is not None:
+                            pull[q, 3 + axis] -= r[q] * found[TWIST + axis, k]
+                            if each.law.rolling is not None:
+                                pull[q, 3 + axis] -= found[MOMENT + axis, k]
+            else:
+                total += (1.0 if inside else 0.5) * float(found[PUSH, k])
+            if isinstance(what, Settle) and memory is not None:
+                memory.state[e] = int(found[STATE, k])
+                for axis in range(3):
+                    memory.anchor[axis, e] = found[ANCHOR + axis, k]
+                    if memory.rolled is not None:
+                        memory.rolled[axis, e] = found[ROLLED + axis, k]
+    return total
+
+
+def gather(each: Any, given: Any, k: Any, e: Any, i: Any, q: Any) -> None:
+    """Column k: what the law sees of the pair of places i and q, which is pair e of the lists."""
+    seen, memory, s = each.seen, each.lists.memory, each.spin
+    if (given[0, k] == 0) & (given[1, k] == 0) & (given[2, k] == 0):
+        side = GAP * (seen.r[i] + seen.r[q])
+        given[LENGTH, k] = -side if each.near.order[i] < each.near.order[q] else side
+    given[SIZE, k], given[SIZE + 1, k] = seen.r[i], seen.r[q]
+    given[LIGHT, k], given[LIGHT + 1, k] = seen.a[i], seen.a[q]
+    for axis, v in enumerate((seen.vx, seen.vy, seen.vz)):
+        if v is not None:
+            given[SPEED + axis, k] = v[i] - v[q]
+    if memory is not None:
+        given[KNOWN, k] = memory.state[e]
+        for axis in range(3):
+            given[KNOWN + 1 + axis, k] = memory.anchor[axis, e]
+            if memory.rolled is not None:
+                given[WAY + axis, k] = memory.rolled[axis, e]
+        if s is not None:
+            ri, rq = seen.r[i], seen.r[q]
+            for axis, (w, a) in enumerate(((s.wx, s.ax), (s.wy, s.ay), (s.wz, s.az))):
+                given[TURN + axis, k] = ri * w[i] + rq * w[q]
+                given[ANGLE + axis, k] = ri * a[i] + rq * a[q]
+                if memory.rolled is not None:
+                    given[SPUN + axis, k] = w[i] - w[q]
+                    given[BENT + axis, k] = a[i] - a[q]
+
+
+def three(rows: Any, first: Any, i: Any) -> Any:
+    """Three rows of a column."""
+    return rows[first, i], rows[first + 1, i], rows[first + 2, i]
+
+
+def work_out(each: Any, given: Any, out: Any, i: Any, what: Any) -> None:
+    """A contact, from the rows that are gathered to those that are found."""
+    dx, dy, dz = three(given, LENGTH, i)
+    none = dx - dx
+    v = three(given, SPEED, i) if each.seen.vx is not None else (none, none, none)
+    r1, r2 = given[SIZE, i], given[SIZE + 1, i]
+    light = given[LIGHT, i], given[LIGHT + 1, i]
+    p = Pair(dx, dy, dz, v[0], v[1], v[2], none, none, r1, r2, a1=light[0], a2=light[1])
+    far = np.sqrt(dx * dx + dy * dy + dz * dz)
+    by, reach = type_of(far, 1) / far, r1 + r2
+    n = (by * dx, by * dy, by * dz)
+    held, turning, rolling = None, None, None
+    if each.lists.memory is not None:
+        held = Held(given[KNOWN, i], *three(given, KNOWN + 1, i))
+        if each.spin is not None:
+            turning = Turning(far / reach, three(given, TURN, i), three(given, ANGLE, i))
+        if each.lists.memory.rolled is not None:
+            rolling = Rolling(three(given, SPUN, i), three(given, BENT, i), three(given, WAY, i))
+    at = press(each.law, p, n, reach - far, held, turning, rolling)
+    if isinstance(what, Energies):
+        out[PUSH, i] = at.energy
+    elif isinstance(what, Powers):
+        power = at.force[0] * v[0] + at.force[1] * v[1] + at.force[2] * v[2] - at.push * at.rate
+        if turning is not None:
+            w = three(given, TURN, i)
+            power -= at.twist[0] * w[0] + at.twist[1] * w[1] + at.twist[2] * w[2]
+        if rolling is not None:
+            w = three(given, SPUN, i)
+            power += at.moment[0] * w[0] + at.moment[1] * w[1] + at.moment[2] * w[2]
+        out[PUSH, i] = power
+    else:
+        for axis in range(3):
+            out[FORCE + axis, i] = at.force[axis]
+            if turning is not None:
+                out[TWIST + axis, i] = at.twist[axis]
+            if rolling is not None:
+                out[MOMENT + axis, i] = at.moment[axis]
+        if isinstance(what, Settle) and held is not None:
+            out[STATE, i], out[ANCHOR, i], out[ANCHOR + 1, i], out[ANCHOR + 2, i] = at.held
+            if rolling is not None:
+                for axis in range(3):
+                    out[ROLLED + axis, i] = at.rolled[axis]
+
+
+def take_wall(each: Any, c: Any, wall: Any, memory: Any, first: Any, last: Any, t: Any, what: Any) -> Any:
+    """What the places of a chunk feel of a collider."""
+    near, total, settles = each.near, 0.0, isinstance(what, Settle)
+    for k in range(first, last):
+        row = near.order[k]
+        if row >= 0:
+            touches = False
+            if is_held_back(wall, c, row):
+                touches = wall_gap(wall, c, row, t) < 0
+            if touches:
+                turn = each.lists.report[ROUND]
+                at = press_wall(wall, memory, c, each.a[row], row, t, since(each, t), turn, settles)
+                if isinstance(what, Energies):
+                    total += float(at.energy)
+                elif isinstance(what, Powers):
+                    total += float(wall_power(c, row, at))
+                else:
+                    for axis in range(3):
+                        each.pull[k, axis] += at.force[axis]
+                        each.pull[k, 3 + axis] += at.torque[axis]
+    return total
+
+
+def wall_power(c: Any, row: Any, at: Any) -> Any:
+    """The power of all forces of a wall but the elastic push [W]."""
+    power = at.force[0] * c.vx[row] + at.force[1] * c.vy[row] + at.force[2] * c.vz[row] - at.push * at.rate
+    if c.spin is not None:
+        s = c.spin
+        power += at.torque[0] * s.wx[row] + at.torque[1] * s.wy[row] + at.torque[2] * s.wz[row]
+    return power
+
+
+# Chunks whose pairs found no room: slowly, and as if contacts had just begun
+
+
+class Slowly(NamedTuple):
+    """What is made of the pairs of a group, into sums [4, GROUP]."""
+
+    sums: Any
+    what: Any
+
+    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
+        """Add what one of a group feels of another."""
+        n = normal_of(p, row, other)
+        at = touch(each.law, p, n.overlap)
+        rate = p.vx * n.x + p.vy * n.y + p.vz * n.z
+        push = at.push - at.pull - at.damping * rate
+        self.sums[0, i] += push * n.x
+        self.sums[1, i] += push * n.y
+        self.sums[2, i] += push * n.z
+        half = type_of(rate, 0.5)
+        if isinstance(self.what, Energies):
+            self.sums[3, i] += half * at.energy
+        else:
+            self.sums[3, i] += half * (push - at.push) * rate
+
+
+def take_slowly(each: Any, first: Any, last: Any, t: Any, what: Any) -> Any:
+    """The contacts of some groups by neighbour lists."""
+    sums, total = on_stack(4, GROUP, each.near.x.dtype), 0.0
+    for g in range(first, last):
+        for i in range(GROUP):
+            sums[0, i] = sums[1, i] = sums[2, i] = sums[3, i] = 0
+        touching(each, g, Slowly(sums, what), t)
+        for i in range(GROUP):
+            if isinstance(what, Energies | Powers):
+                total += float(sums[3, i])
+            else:
+                for axis in range(3):
+                    each.pull[GROUP * g + i, axis] = sums[axis, i]
+    return total
 
 
 @kernel
 def contact_sum(each: Any, c: Any, share: Any, t: Any, what: Any) -> float:
     """A sum over all contacts: `Energies` [J] or `Powers` [W]."""
-    look_in(each, c, share, t)
-    sums = on_stack(1, 1, np.float64)[0]
-    sums[0] = 0.0
-    for g in range(each.near.begin.size):
-        touching(each, g, what(sums), t)
-    return sums[0]
+    look_at(each, c, share, t)
+    each.near.report[DUE] = 1
+    total = 0.0
+    for chunk in range(each.draft.slow.size):
+        total += take_chunk(each, c, chunk, t, what)
+    return total
 
 
-# Memory
+# How contacts are laid out
 
 
-class Anchors(NamedTuple):
-    """New anchors of contacts go to the other half of the memory."""
+def with_room(lists: Lists, room: int) -> Lists:
+    """The same with more room."""
 
-    side: Any
+    def longer(array: Any) -> Any:
+        if array is None:
+            return None
+        made = np.zeros((*array.shape[:-1], room), array.dtype)
+        made[..., : array.shape[-1]] = array
+        return made
 
-    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Remember a contact; springs that slide give way."""
-        memory, none = each.memory, p.x - p.x
-        k = memory.begin[row] + memory.used[self.side, row]
-        if k >= memory.begin[row + 1]:
-            memory.flags[LOST] = 1
-        else:
-            n = normal_of(p, row, other)
-            at = touch(each.law, p, n.overlap)
-            rate = p.vx * n.x + p.vy * n.y + p.vz * n.z
-            push = at.push - at.damping * rate
-            g = grip_of(each, row, other, p, n, at, push, rate)
-            pull = at.stiffness * np.sqrt(g.x * g.x + g.y * g.y + g.z * g.z)
-            limit = each.law.friction.kinetic * max(push, none)
-            keep = limit / pull if g.slides & (pull > limit) else type_of(none, 1)
-            memory.partner[self.side, k] = other
-            memory.anchor[self.side, 0, k] = keep * g.x - p.x
-            memory.anchor[self.side, 1, k] = keep * g.y - p.y
-            memory.anchor[self.side, 2, k] = keep * g.z - p.z
-            memory.slides[self.side, k] = 1 if g.slides else 0
-            memory.used[self.side, row] += 1
-
-
-@outlined
-def remember(each: Any, g: Any, t: Any) -> None:
-    """Write the new half of the memory for the members of a group."""
-    side = 1 - each.memory.flags[SIDE]
-    for i in range(GROUP):
-        row = each.near.order[GROUP * g + i]
-        if row >= 0:
-            each.memory.used[side, row] = 0
-    touching(each, g, Anchors(side), t)
-
-
-def new_memory(room: Ints, dtype: Any) -> Memory:
-    """A memory of nothing, with room for some contacts of every particle."""
-    begin = np.concatenate([[0], np.cumsum(room)]).astype(np.int64)
-    size = int(begin[-1])
-    return Memory(
-        begin,
-        np.zeros((2, len(room)), np.int64),
-        np.zeros((2, size), np.int64),
-        np.zeros((2, 3, size), dtype),
-        np.zeros((2, size), np.int8),
-        np.zeros(2, np.int64),
+    memory = lists.memory
+    report = lists.report.copy()
+    report[BUILT] = -1
+    return lists._replace(
+        first=longer(lists.first),
+        second=longer(lists.second),
+        report=report,
+        memory=None if memory is None else Memory(*map(longer, memory)),
     )
 
 
-def resized(memory: Memory, room: Ints, place: Ints) -> Memory:
-    """What holds of a memory, of which row k is row `place[k]` now, −1 if it is gone, with other room."""
-    made = new_memory(room, memory.anchor.dtype)
-    side = int(memory.flags[SIDE])
-    used = memory.used[side]
-    rows = np.repeat(np.arange(len(used)), used)
-    at = memory.begin[rows] + np.arange(len(rows)) - np.repeat(np.cumsum(used) - used, used)
-    partner = memory.partner[side, at]
-    left = (place[rows] >= 0) & (place[partner] >= 0)
-    at, rows, partner = at[left], place[rows[left]], place[partner[left]]
-    order = np.argsort(rows, kind="stable")
-    at, rows, partner = at[order], rows[order], partner[order]
-    count = np.bincount(rows, minlength=len(room))
-    to = made.begin[rows] + np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
-    made.used[0] = count
-    made.partner[0, to] = partner
-    made.anchor[0][:, to] = memory.anchor[side][:, at]
-    made.slides[0, to] = memory.slides[side, at]
-    return made
-
-
-def room_for(radius: Floats) -> Ints:
-    """Contacts to have room for, by radii: as many spheres of the least size as find place on one, while that is not too
-    many in all."""
-    if not radius.size:
-        return np.zeros(0, np.int64)
-    least = radius.min()
-    while True:
-        room = np.ceil(KISSING / 4 * (1 + np.maximum(radius / least, 1)) ** 2).astype(np.int64)
-        if room.mean() <= MOST_ROOM:
-            return room
-        least *= 1.25
-
-
 def with_masses(site: Site, found: NearPairs) -> NearPairs:
-    """Near pairs that know inverse masses, 0 of what is held, as their numbers `a`."""
-    seen = found.seen._replace(a=np.zeros(found.near.order.size, site.dtype))
+    """Near pairs that know inverse masses, 0 of what is held, as their numbers `a`, and no masses."""
+    seen = found.seen._replace(a=np.zeros(found.near.order.size, site.dtype), m=None)
     return found._replace(a=site.inverse_mass().astype(site.dtype), seen=seen)
 
 
 def contacts_of(site: Site, pairs: PairSet) -> Contacts:
-    """Soft contacts among the particles of an island."""
-    found, memory = with_masses(site, near_pairs_of(site, pairs)), None
-    if pairs.law.record().friction is not None:  # type: ignore[attr-defined]
-        memory = new_memory(room_for(site.whole.radius[: site.whole.count].astype(float)), site.dtype)
-    return Contacts(*found, memory)
+    """Soft contacts among the particles of an island, and with its colliders."""
+    found = with_masses(site, near_pairs_of(site, pairs))
+    law, places = found.law, found.near.order.size
+    room = ROOM * places + SPARE
+    memory = None if law.friction is None else new_memory(room, site.dtype, rolls=law.rolling is not None)
+    lists = new_lists(places, site.whole.count, room, memory)
+    spin = None
+    if SPIN in site.whole.parts and memory is not None:
+        spin = Spin(*np.zeros((6, places), site.dtype))
+    walls, marks = walls_of(site, pairs)
+    found = found._replace(pull=np.zeros((places, PULLS), site.dtype))
+    return Contacts(*found, lists, draft_for(lists), spin, walls, marks)

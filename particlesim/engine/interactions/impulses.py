@@ -5,9 +5,11 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
-and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. So momentum is kept, and energy never grows,
-pair by pair. An approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles
-lie on take part in the turns, so that what lies on a floor holds what lies on it.
+and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. Surfaces go past each other at
+u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and u/((1 + 5 s²/2) (w₁ + w₂)) stops them, 2/7 of it where spheres
+just touch; both are turned by it. So momentum and angular momentum are kept, and energy never grows, pair by pair. An
+approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on take part in
+the turns, so that what lies on a floor holds what lies on it.
 
 Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as
 they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not
@@ -31,11 +33,13 @@ from particlesim.engine.interactions.interaction import Floats, Site
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
+from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.rubbing import rub
 from particlesim.interactions import PairSet
-from particlesim.laws.registry import PASS, gap_and_normal
+from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 PAIRS = 8
 """Pairs per particle to have room for at first; twice what dense packings of equal spheres have."""
@@ -56,9 +60,9 @@ COUNT, LOST = range(2)
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal and least speed of an impact that rebounds [4, room]; what to add to
-    the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there and
-    such speeds [4, n], and where those at each collider of each group end."""
+    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add
+    to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there
+    and such speeds [4, n], and where those at each collider of each group end."""
 
     rows: Any
     normal: Any
@@ -182,7 +186,9 @@ def look_at(each: Any, c: Any, before: Any) -> Any:
         bench.shift[0, k] -= c.x[i] - c.x[j]
         bench.shift[1, k] -= c.y[i] - c.y[j]
         bench.shift[2, k] -= c.z[i] - c.z[j]
-        x, y, z, _ = line_between(c, i, j, bench.shift, k)
+        x, y, z, far = line_between(c, i, j, bench.shift, k)
+        if c.spin is not None:
+            bench.normal[4, k] = far / (c.r[i] + c.r[j])
         bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
         now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
         then = (
@@ -216,13 +222,37 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             dx, dy, dz = change * x, change * y, change * z
             if friction is not None:
                 sx, sy, sz = vx + approach * x, vy + approach * y, vz + approach * z
+                share = one
+                if c.spin is not None:
+                    arm = bench.normal[4, k]
+                    tx, ty, tz = cross(turning(c, i, j), (x, y, z))
+                    sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
+                    share = one / (one + type_of(arm, 2.5) * arm * arm)
                 slip = np.sqrt(sx * sx + sy * sy + sz * sz)
-                holds = slip <= friction.static * change
-                part = one if holds else min(friction.kinetic * change / slip, one)
+                holds = share * slip <= friction.static * change
+                part = share if holds else min(friction.kinetic * change / slip, share)
                 dx, dy, dz = dx - part * sx, dy - part * sy, dz - part * sz
+                if c.spin is not None:
+                    turn = cross((x, y, z), (part / both * sx, part / both * sy, part / both * sz))
+                    spin_up(c, i, arm * wi, turn)
+                    spin_up(c, j, arm * wj, turn)
             give(c, i, wi / both, dx, dy, dz)
             give(c, j, -wj / both, dx, dy, dz)
     return worst
+
+
+def turning(c: Any, i: Any, j: Any) -> Any:
+    """r₁ ω₁ + r₂ ω₂ [m/s]."""
+    s, a, b = c.spin, c.r[i], c.r[j]
+    return a * s.wx[i] + b * s.wx[j], a * s.wy[i] + b * s.wy[j], a * s.wz[i] + b * s.wz[j]
+
+
+def spin_up(c: Any, i: Any, inverse: Any, turn: Any) -> None:
+    """Change the angular velocity of a sphere by r times `turn` [N s] over I = 2/5 r²/w, for an inverse mass w."""
+    k = type_of(inverse, 2.5) * inverse / c.r[i]
+    c.spin.wx[i] += k * turn[0]
+    c.spin.wy[i] += k * turn[1]
+    c.spin.wz[i] += k * turn[2]
 
 
 def give(c: Any, i: Any, part: Any, x: Any, y: Any, z: Any) -> None:
@@ -260,8 +290,11 @@ def move_apart(each: Any, c: Any) -> None:
 # Colliders that particles lie on
 
 
-def colliders_of(contacts: Any) -> Any:
+def colliders_of(part: Any) -> Any:
     """All colliders of a group."""
+    if len(part.rubbing) > 0:
+        return part.rubbing
+    contacts = part.contacts
     return contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
 
 
@@ -274,7 +307,7 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
     """List particles that are near a collider, collider after collider."""
     end, k = 0, 0
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             end = watch_wall(each, collider, c, before, t, part.first, part.last, end)
             each.bench.ends[k] = end
             k += 1
@@ -307,7 +340,7 @@ def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
     """Velocities of particles that lie on colliders and are pressed into them."""
     begin, k = 0, 0
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             push_off_wall(each, collider, c, begin, each.bench.ends[k], t)
             begin = each.bench.ends[k]
             k += 1
@@ -325,8 +358,14 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         if (least >= 0) & (rate < 0):
             one, none = type_of(rate, 1), type_of(rate, 0)
             bounce = response.bounce if -rate > least else one
-            once = ResponseRecord(bounce, none, one, PASS, response.friction, response.falling, response.belt)
+            friction = None if c.spin is not None else response.friction
+            belt = None if c.spin is not None else response.belt
+            once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
             vx, vy, vz = rebound(once, n, rate, p)
+            if c.spin is not None and response.friction is not None:
+                push = (vx - p.vx) * n[0] + (vy - p.vy) * n[1] + (vz - p.vz) * n[2]
+                dx, dy, dz = rub(collider, c, i, moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t), n, push)
+                vx, vy, vz = vx + dx, vy + dy, vz + dz
             c.vx[i], c.vy[i], c.vz[i] = vx, vy, vz
             if len(c.memory) > 0:
                 c.memory[-1][i] = 0
@@ -336,7 +375,7 @@ def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
     """Particles that have been moved into colliders go back to their surface."""
     begin, k = 0, 0
     for part in parts:
-        for collider in colliders_of(part.contacts):
+        for collider in colliders_of(part):
             put_on_wall(each, collider, c, begin, each.bench.ends[k], t)
             begin = each.bench.ends[k]
             k += 1
@@ -359,7 +398,7 @@ def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
     """Room for some pairs, for particles at colliders, and for the ends of their lists."""
     return Bench(
         np.zeros((2, room), np.int64),
-        np.zeros((4, room), dtype),
+        np.zeros((5, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((4, walls), dtype),

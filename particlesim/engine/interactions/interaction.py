@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import new_gate
+from particlesim.compiler.barrier import meet, new_gate
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
 from particlesim.process.threads import Team
@@ -75,6 +75,9 @@ class Interaction:
     spends_as: ClassVar[str | None] = None
     """The name in the ledger of the work that it does beside its potential; None: its own name."""
 
+    together: ClassVar[bool] = False
+    """Whether threads do what `stiffen` and `multiply` need together (`stiffen_together`, `multiply_together`)."""
+
     prepares: ClassVar[bool] = False
     """Whether it has something to find out before every sum of forces (`prepare`)."""
 
@@ -101,8 +104,12 @@ class Interaction:
         state at the beginning of the step, where it `looks_back`. It ends with a `meet`.
         """
 
+    def leave(self) -> None:
+        """Forget what held only since the last `conclude`: others may change the state before the next step."""
+
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        """Add its forces on particles [first, last) at time t to total [3, n].
+        """Add its forces on particles [first, last) at time t to total [3, n], and torques on them to rows 3 to 5 where
+        particles spin.
 
         Where particles may be born or die, what particle j does to others counts `presence(c.clock, j)` times; whether those
         are there themselves makes no difference here.
@@ -117,6 +124,12 @@ class Interaction:
     def multiply(self, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
         """Add its matrix times x [3, n] to y, on particles [first, last)."""
 
+    def stiffen_together(self, form: Any, c: Any, s: Any, share: Any, t: Any, reach: Any) -> None:
+        """What `stiffen` adds afterwards, once threads have met, to particles of any thread."""
+
+    def multiply_together(self, form: Any, x: Any, share: Any) -> None:
+        """What `multiply` adds afterwards, once threads have met, to particles of any thread."""
+
     # ---- Python
 
     @property
@@ -128,6 +141,11 @@ class Interaction:
         """The same for a new interval between frames, or for one that is repeated: what it has found out is forgotten, so
         that a run which is resumed there goes on with the same bits; with more room where it had too little."""
         return self
+
+    def new_form(self, dtype: Any) -> NDArray[Any]:
+        """Room for what it keeps of its linearisation, [numbers, n] unless it says otherwise: for every thread its own, or
+        for all what they find out `together`."""
+        return np.zeros((self.numbers, self.number), dtype)
 
     @property
     def effort(self) -> int:
@@ -289,6 +307,15 @@ def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t:
     for each in sets:
         if type(each).concludes:
             conclude_set(each, parts, c, before, share, t, h)
+    if sum([type(each).concludes for each in sets]) > 1:  # one may have changed what another has seen
+        leave_elements(sets)
+
+
+def leave_elements(sets: Any) -> None:
+    """Let sets forget what held only since they were concluded."""
+    for each in sets:
+        if type(each).concludes:
+            type(each).leave(each)
 
 
 @outlined
@@ -303,9 +330,13 @@ def add_elements(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -
         add_set(each, c, total, first, last, t)
 
 
-def new_forms(sets: Sequence[Interaction], dtype: Any) -> tuple[Any, ...]:
-    """Arrays for the linearisations of sets, [numbers, n] each."""
-    return tuple(np.zeros((each.numbers, each.number), dtype) for each in sets)
+def new_forms(sets: Sequence[Interaction], dtype: Any, common: Sequence[Any] = ()) -> tuple[Any, ...]:
+    """Arrays for the linearisations of sets; of those in `common` that threads have together."""
+    if not common:
+        return tuple(each.new_form(dtype) for each in sets)
+    return tuple(
+        theirs if each.together else each.new_form(dtype) for each, theirs in zip(sets, common, strict=True)
+    )
 
 
 @outlined
@@ -314,10 +345,20 @@ def stiffen_set(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: 
     type(each).stiffen(each, form, c, s, first, last, t, reach)
 
 
-def stiffen_elements(
-    sets: Any, forms: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any
-) -> None:
-    """Linearise all sets at the present state."""
+@outlined
+def stiffen_set_together(each: Any, form: Any, c: Any, s: Any, share: Any, t: Any, reach: Any) -> None:
+    """`stiffen_together` for one set."""
+    type(each).stiffen_together(each, form, c, s, share, t, reach)
+
+
+def stiffen_elements(sets: Any, forms: Any, c: Any, s: Any, share: Any, t: Any, reach: Any) -> None:
+    """Linearise all sets at the present state; all threads of an island come here, and all of it is in place."""
+    for each, form in zip(sets, forms, strict=True):
+        if type(each).together:
+            stiffen_set_together(each, form, c, s, share, t, reach)
+    if any(type(each).together for each in sets):
+        meet(share.gate, share.threads)
+    first, last = share.first, share.last
     for each, form in zip(sets, forms, strict=True):
         stiffen_set(each, form, c, s, first, last, t, reach)
 
@@ -328,8 +369,20 @@ def multiply_set(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) ->
     type(each).multiply(each, form, x, y, first, last)
 
 
-def multiply_elements(sets: Any, forms: Any, x: Any, y: Any, first: Any, last: Any) -> None:
-    """Add to y, on particles [first, last), what all sets make of x."""
+@outlined
+def multiply_set_together(each: Any, form: Any, x: Any, share: Any) -> None:
+    """`multiply_together` for one set."""
+    type(each).multiply_together(each, form, x, share)
+
+
+def multiply_elements(sets: Any, forms: Any, x: Any, y: Any, share: Any) -> None:
+    """Add to y, on the particles of a share, what all sets make of x; all threads of an island come here."""
+    for each, form in zip(sets, forms, strict=True):
+        if type(each).together:
+            multiply_set_together(each, form, x, share)
+    if any(type(each).together for each in sets):
+        meet(share.gate, share.threads)
+    first, last = share.first, share.last
     for each, form in zip(sets, forms, strict=True):
         multiply_set(each, form, x, y, first, last)
 

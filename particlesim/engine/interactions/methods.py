@@ -10,9 +10,11 @@ from particlesim.engine.interactions.interaction import Interaction, Site
 from particlesim.engine.interactions.mesh.mesh_pairs import mesh_of
 from particlesim.engine.interactions.near_pairs import near_pairs_of
 from particlesim.engine.interactions.pairs import pairs_of
+from particlesim.engine.interactions.surfaces.surface_contacts import surfaces_of
 from particlesim.engine.interactions.tree.tree_pairs import tree_of
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
+from particlesim.scenario.reach import touches_by_surfaces
 
 METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "direct": pairs_of,
@@ -21,6 +23,8 @@ METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
     "mesh": mesh_of,
 }
 
+IN_MATRICES = ("direct", "neighbours")
+"""Methods whose pairs are in the matrix of implicit integrators; far ones are too many, and soft."""
 WORTH_LISTS = 300
 """Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
 WORTH_A_TREE = 4_000
@@ -44,6 +48,10 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
     Raises UsageError for two at one place, if they have no force there.
     """
     if isinstance(pairs.law, Contact):
+        if touches_by_surfaces(
+            pairs.law, [group for group in site.scenario.groups if group.name in pairs.groups]
+        ):
+            return surfaces_of(site, pairs)
         return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
     count = sum(site.state[name].count for name in pairs.groups)
     boxed = site.scenario.simulation.box is not None

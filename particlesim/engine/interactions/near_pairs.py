@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.compiler import atomic_add, kernel, lanes, on_stack, outlined
 from particlesim.compiler.barrier import meet
@@ -34,6 +35,7 @@ from particlesim.engine.interactions.neighbours.record import (
 from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import AT_ONCE, BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block, energy_in, force_in, pair_of
+from particlesim.engine.interactions.pair_matrix import Push, add_terms, block_terms, product_terms
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.interactions.pairs import periods_of, refuse_coincident, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
@@ -128,6 +130,38 @@ class NearPairs(NearLists, NearColumns):
 
     __slots__ = ()
     follows: ClassVar[frozenset[str]] = frozenset(NearColumns._fields)
+    numbers: ClassVar[int] = 9
+    """Sums of the matrix, place by place; γ and the time in a place of their own at the end."""
+    together: ClassVar[bool] = True
+
+    def stiffen_together(self, form: Any, c: Any, s: Any, share: Any, t: Any, reach: Any) -> None:
+        last = form.shape[0] - 1
+        form[last, 0], form[last, 1] = reach, type_of(reach, t)
+        first, end = groups_of(self, share)
+        for g in range(first, end):
+            push_on(self, form, g, block_terms, Push(s.lead, reach), type_of(reach, t))
+
+    def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+        for i in range(first, last):
+            k = self.near.place[i]
+            if k >= 0:
+                add_terms(s, i, form[k])
+
+    def multiply_together(self, form: Any, x: Any, share: Any) -> None:
+        last = form.shape[0] - 1
+        first, end = groups_of(self, share)
+        for g in range(first, end):
+            push_on(self, form, g, product_terms, Push(x, form[last, 0]), form[last, 1])
+
+    def multiply(self, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+        for i in range(first, last):
+            k = self.near.place[i]
+            if k >= 0:
+                for axis in range(3):
+                    y[axis, i] += form[k, axis]
+
+    def new_form(self, dtype: Any) -> NDArray[Any]:
+        return np.zeros((self.near.order.size + 1, self.numbers), dtype)
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
         near, groups = self.near, self.near.begin.size
@@ -171,11 +205,12 @@ class NearPairs(NearLists, NearColumns):
 # What laws see of particles in the lists
 
 
-def bring_up(each: Any, c: Any, share: Any, t: Any) -> Any:
-    """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed."""
+def bring_up(each: Any, c: Any, share: Any, t: Any, further: Any = (), quiet: Any = ()) -> Any:
+    """Lists that hold, and what the law reads of all members, in their order; returns whether any of it has changed. So with
+    `further` columns and where they go; those that are `quiet` go there too, and whether they change does not matter."""
     columns, seen = columns_read(each, c), each.seen
     moving, fixed = _read(columns[3:6], seen[3:6]), _read(columns[6:], seen[6:])
-    return refresh(each.near, c, share, t, moving, fixed)
+    return refresh(each.near, c, share, t, (*moving, *further), fixed, quiet)
 
 
 def _read(columns: Any, rows: Any) -> Any:
@@ -224,6 +259,12 @@ def candidate(each: Any, entry: Any, shifted: Any) -> Any:
     return q, Block(*(x, y, z, *rest, None if seen.id is None else seen.id[q]))
 
 
+def groups_of(each: Any, share: Any) -> Any:
+    """The groups that a thread takes where their work is known."""
+    groups = each.near.begin.size
+    return groups * share.number // share.threads, groups * (share.number + 1) // share.threads
+
+
 # Sums over candidates
 
 
@@ -235,11 +276,12 @@ class IntoSums(NamedTuple):
     terms: Any
     sums: Any
     t: Any
+    push: Any
 
     def take(self, near: Any, g: Any, found: Any, number: Any, image: Any) -> None:
         """Add the terms of the candidates in some groups."""
         count = sieve(near, g, found, number, image, self.entries, 0)
-        add_candidates(self.each, g, self.entries, 0, count, self.terms, self.sums, self.t)
+        add_candidates(self.each, g, self.entries, 0, count, self.terms, self.sums, self.t, self.push)
 
 
 def force_terms(each: Any, p: Any, counts: Any) -> Any:
@@ -258,29 +300,38 @@ def virial_terms(each: Any, p: Any, counts: Any) -> Any:
     return tuple(p.x * y for y in f) + tuple(p.y * y for y in f) + tuple(p.z * y for y in f)
 
 
-def sum_group(each: Any, g: Any, terms: Any, sums: Any, t: Any) -> None:
-    """Sum up terms of the members of a group with all their candidates, into sums [terms, GROUP]."""
+def sum_group(each: Any, g: Any, terms: Any, sums: Any, t: Any, push: Any = None) -> None:
+    """Sum up terms of the members of a group with all their candidates, into sums [terms, GROUP]; with a `Push` those of
+    the matrix."""
     near = each.near
     for k in range(sums.shape[0]):
         for i in lanes(GROUP):
             sums[k, i] = 0
     if near.count[g] == NO_ROOM:
         entries = on_stack(1, GROUP * BATCH, np.uint32)[0]
-        search(near, g, IntoSums(each, entries, terms, sums, t))
+        search(near, g, IntoSums(each, entries, terms, sums, t, push))
     else:
         first = near.begin[g]
-        add_candidates(each, g, near.candidates, first, first + near.count[g], terms, sums, t)
+        add_candidates(each, g, near.candidates, first, first + near.count[g], terms, sums, t, push)
 
 
 @outlined
 def add_candidates(
-    each: Any, g: Any, entries: Any, first: Any, last: Any, terms: Any, sums: Any, t: Any
+    each: Any,
+    g: Any,
+    entries: Any,
+    first: Any,
+    last: Any,
+    terms: Any,
+    sums: Any,
+    t: Any,
+    push: Any,
 ) -> None:
     """Add the terms of candidates [first, last) of some entries with the members of a group to its sums."""
     if each.near.box is None or first == last or entries[last - 1] >> IMAGE_SHIFT == 0:  # images come last
-        _add(each, g, entries, first, last, terms, sums, t, False)
+        _add(each, g, entries, first, last, terms, sums, t, push, False)
     else:
-        _add(each, g, entries, first, last, terms, sums, t, True)
+        _add(each, g, entries, first, last, terms, sums, t, push, True)
 
 
 def _add(
@@ -292,10 +343,16 @@ def _add(
     terms: Any,
     sums: Any,
     t: Any,
+    push: Any,
     shifted: Any,
 ) -> None:
     near, block, own = each.near, members_of(each, g), on_stack(sums.shape[0], GROUP, sums.dtype)
     rows, x = near.order[GROUP * g : GROUP * g + GROUP], block.x
+    mine: Any = None if push is None else on_stack(3, GROUP, sums.dtype)
+    if push is not None:
+        for i in range(GROUP):
+            for axis in range(3):
+                mine[axis, i] = push.x[axis, max(rows[i], 0)]
     for k in range(own.shape[0]):
         for i in lanes(GROUP):
             own[k, i] = sums[k, i]
@@ -305,8 +362,14 @@ def _add(
         row, there = near.order[place], other.x < FAR
         for i in lanes(GROUP):
             counts = (rows[i] != row) & (x[i] < FAR) & there
-            for k, term in enumerate(terms(each, pair_of(lane(block, i), other, t), counts)):
-                own[k, i] += term if part is None else part * term
+            p = pair_of(lane(block, i), other, t)
+            if push is None:
+                for k, term in enumerate(terms(each, p, counts)):
+                    own[k, i] += term if part is None else part * term
+            else:  # a matrix is symmetric: who is there for a part of the step counts fully
+                u = tuple([mine[axis, i] - push.x[axis, max(row, 0)] for axis in range(3)])
+                for k, term in enumerate(terms(each, p, counts, u, push.reach)):
+                    own[k, i] += term
     for k in range(own.shape[0]):
         for i in lanes(GROUP):
             sums[k, i] = own[k, i]
@@ -320,6 +383,22 @@ def pull_on(each: Any, g: Any, t: Any) -> None:
     for i in lanes(GROUP):
         for k in range(3):
             each.pull[GROUP * g + i, k] = sums[k, i]
+
+
+@outlined
+def push_on(each: Any, form: Any, g: Any, terms: Any, push: Any, t: Any) -> None:
+    """Sum up terms of the matrix for the members of a group."""
+    if terms is block_terms:
+        _push_on(each, form, g, terms, push, t, on_stack(9, GROUP, each.near.x.dtype))
+    else:
+        _push_on(each, form, g, terms, push, t, on_stack(3, GROUP, each.near.x.dtype))
+
+
+def _push_on(each: Any, form: Any, g: Any, terms: Any, push: Any, t: Any, sums: Any) -> None:
+    sum_group(each, g, terms, sums, t, push)
+    for i in lanes(GROUP):
+        for k in range(sums.shape[0]):
+            form[GROUP * g + i, k] = sums[k, i]
 
 
 # For Python, on one thread

@@ -15,6 +15,8 @@ TARGETS = 32
 """Particles in a block: their places and sums fill the registers of AVX-512, and divide evenly into those of others."""
 BY_DIVIDER = 24
 """Those of a block that have their roots from the processor's divider; the others have them by products meanwhile."""
+FEW = 8
+"""Particles in a block of few bodies: a vector of AVX-512, all by the divider."""
 CHARGE = [each.name for each in FURTHER].index("charge")
 
 
@@ -56,17 +58,18 @@ def particle_of(each: Any, c: Any, i: Any) -> Any:
     )
 
 
-def gathered(each: Any, c: Any, start: Any, lo: Any, hi: Any) -> Any:
-    """The block of particles that begins at `start`, of which [lo, hi) count: copies of these take the places of others."""
-    room = on_stack(len(Block._fields) - 1, TARGETS, c.x.dtype)
+def gathered(each: Any, c: Any, start: Any, lo: Any, hi: Any, width: Any = TARGETS) -> Any:
+    """The block of `width` particles that begins at `start`, of which [lo, hi) count: copies of these take the places of
+    others."""
+    room = on_stack(len(Block._fields) - 1, width, c.x.dtype)
     numbers, ids = [room[k] for k in range(len(Block._fields) - 1)], None
-    for i in range(TARGETS):
+    for i in range(width):
         one = particle_of(each, c, max(min(start + i, hi - 1), lo))
         for row, number in zip(numbers, one[:-1], strict=True):
             row[i] = number
     if each.ids is not None:
-        ids = on_stack(1, TARGETS, np.int64)[0]
-        for i in range(TARGETS):
+        ids = on_stack(1, width, np.int64)[0]
+        for i in range(width):
             ids[i] = each.ids[max(min(start + i, hi - 1), lo)]
     return Block(*(*numbers, ids))
 

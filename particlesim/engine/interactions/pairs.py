@@ -11,14 +11,17 @@ at a multiple of its size, so that every particle has one place in its block, wh
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from particlesim.compiler import compiled, kernel, on_stack, outlined
+from particlesim.compiler import compiled, kernel, lanes, on_stack, outlined
+from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
+    FEW,
     TARGETS,
     energy_in,
     force_in,
@@ -26,11 +29,17 @@ from particlesim.engine.interactions.pair_blocks import (
     pair_in,
     particle_of,
 )
+from particlesim.engine.interactions.pair_matrix import (
+    ROWS,
+    multiply_direct,
+    new_direct_form,
+    stiffen_direct,
+)
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
-from particlesim.interactions import PairSet
+from particlesim.interactions import PairInteraction, PairSet
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
 from particlesim.model.vectors import square
@@ -39,15 +48,27 @@ MOST_LOOKED_AT = 50_000_000
 """Pairs that are looked at for the largest stable step: about a second; of more particles, some, evenly spread."""
 WORTH_COMPILING = 100_000
 """Pairs from which `psim check`, too, compiles what looks at them: a second of plain Python."""
+MOST_FEW = 16
+"""Targets up to which blocks are narrow."""
 PAIRS_PER_SPRING = 4
 """About how many pairs take as long as a spring."""
+
+
+class Last(NamedTuple):
+    """The last sum of forces, so that none is taken twice, as at the end of a step of a leapfrog and the beginning of the
+    next: where particles were, and how fast if the law reads it, three or six of [n], the forces on them [3, n], and for
+    every thread, on a cache line of its own, whether some of its particles have moved since."""
+
+    seen: Any
+    pull: Any
+    moved: Any
 
 
 class PairColumns(NamedTuple):
     """An interaction of pairs: the record of its law; `spans` [k, 4], first and last row of targets and of their sources;
     squares of the distances above which and below which it acts [m²], None where there is no such limit; what it keeps of
     every particle, [n], and ids, None where the law does not read them; how many pairs there are;
-    periods of the box [m], None along axes that have none, None without a box."""
+    periods of the box [m], None along axes that have none, None without a box; the `Last` sum, None where none is kept."""
 
     law: tuple[Any, ...]
     spans: Any
@@ -58,6 +79,7 @@ class PairColumns(NamedTuple):
     ids: Any
     pairs: int
     box: Any = None
+    last: Any = None
 
 
 class DirectPairs(Interaction, PairColumns):
@@ -65,12 +87,40 @@ class DirectPairs(Interaction, PairColumns):
 
     __slots__ = ()
     follows: ClassVar[frozenset[str]] = frozenset(PairColumns._fields)
+    numbers: ClassVar[int] = ROWS
+    prepares: ClassVar[bool] = True
+
+    def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
+        stiffen_direct(self, form, c, s, first, last, t, reach)
+
+    def multiply(self, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
+        multiply_direct(self, form, x, y, first, last)
+
+    def new_form(self, dtype: Any) -> NDArray[Any]:
+        return new_direct_form(self, dtype)
+
+    def prepare(self, c: Any, share: Any, t: Any) -> None:
+        if self.last is not None:
+            kept = self.last
+            kept.moved[8 * share.number] = has_moved(kept, c, share.first, share.last)
+            meet(share.gate, share.threads)
+            moved = False
+            for k in range(share.threads):
+                moved = moved | (kept.moved[8 * k] != 0)
+            if moved:
+                for i in range(share.first, share.last):
+                    for axis in range(3):
+                        kept.pull[axis, i] = 0
+                sum_on(self, c, kept.pull, share.first, share.last, t)
+            meet(share.gate, share.threads)
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
-        for k in range(len(self.spans)):
-            begin, end = max(first, self.spans[k, 0]), min(last, self.spans[k, 1])
-            for start in range(begin // TARGETS * TARGETS, end, TARGETS):
-                add_block(self, c, total, start, begin, end, self.spans[k, 2], self.spans[k, 3], t)
+        if self.last is None:
+            sum_on(self, c, total, first, last, t)
+        else:
+            for axis in range(3):
+                for i in range(first, last):
+                    total[axis, i] += self.last.pull[axis, i]
 
     @property
     def number(self) -> int:
@@ -79,6 +129,11 @@ class DirectPairs(Interaction, PairColumns):
     @property
     def effort(self) -> int:
         return 2 * self.number // PAIRS_PER_SPRING
+
+    def in_team(self, threads: int) -> Self:
+        if self.last is None:
+            return self
+        return self._replace(last=self.last._replace(moved=np.zeros(8 * threads, np.int64)))
 
     def energy(self, c: Any) -> float | None:
         return None if self.spends else float(sum_pairs(self, c))
@@ -124,22 +179,73 @@ class DirectPairs(Interaction, PairColumns):
         return np.asarray(total[:, row].astype(float))
 
 
+def sum_on(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """Sum up the forces on particles [first, last), and add them to total [3, n]."""
+    for k in range(len(each.spans)):
+        lowest, highest, source, end = (each.spans[k, j] for j in range(4))
+        lo, hi = max(first, lowest), min(last, highest)
+        if highest - lowest <= MOST_FEW:
+            for start in range(lowest + (lo - lowest) // FEW * FEW, hi, FEW):
+                add_few(each, c, total, start, lo, hi, source, end, t)
+        else:
+            for start in range(lo // TARGETS * TARGETS, hi, TARGETS):
+                add_block(each, c, total, start, lo, hi, source, end, t)
+
+
+def has_moved(kept: Any, c: Any, first: Any, last: Any) -> Any:
+    """Whether particles [first, last) are not as in the last sum; from now on they are."""
+    moved = False
+    for seen, column in zip(kept.seen, (c.x, c.y, c.z, c.vx, c.vy, c.vz), strict=False):
+        for i in range(first, last):
+            moved = moved | (seen[i] != column[i])
+            seen[i] = column[i]
+    return moved
+
+
 @outlined
 def add_block(
     each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
 ) -> None:
     """Add the forces of sources [begin, end) on those particles of the block from `start` that are among [first, last)."""
-    lo, hi = max(start, first), min(start + TARGETS, last)
-    block, sums = gathered(each, c, start, lo, hi), on_stack(3, TARGETS, c.x.dtype)
+    _add_block(each, c, total, start, first, last, begin, end, t, TARGETS)
+
+
+@outlined
+def add_few(
+    each: Any, c: Any, total: Any, start: Any, first: Any, last: Any, begin: Any, end: Any, t: Any
+) -> None:
+    """`add_block` for a narrow block."""
+    _add_block(each, c, total, start, first, last, begin, end, t, FEW)
+
+
+def _add_block(
+    each: Any,
+    c: Any,
+    total: Any,
+    start: Any,
+    first: Any,
+    last: Any,
+    begin: Any,
+    end: Any,
+    t: Any,
+    width: Any,
+) -> None:
+    """The forces on a block of `width` particles."""
+    lo, hi = max(start, first), min(start + width, last)
+    block, sums = gathered(each, c, start, lo, hi, width), on_stack(3, width, c.x.dtype)
     gx, gy, gz = sums[0], sums[1], sums[2]
-    for i in range(TARGETS):
+    few = ((0, FEW, False),)
+    many = ((0, BY_DIVIDER, False), (BY_DIVIDER, TARGETS - BY_DIVIDER, True))
+    parts = few if width == FEW else many
+    for i in lanes(width):
         gx[i] = gy[i] = gz[i] = 0
     for j in range(begin, end):
         part = type_of(gx[0], presence(c.clock, j))
         if part > 0:
             other = particle_of(each, c, j)
-            for some, by_products in ((range(BY_DIVIDER), False), (range(BY_DIVIDER, TARGETS), True)):
-                for i in some:
+            for begins, number, by_products in parts:
+                for lane in lanes(number):
+                    i = begins + lane
                     fx, fy, fz = force_in(each, pair_in(block, i, other, t, by_products, each.box))
                     gx[i] += weighed(c.clock, part, fx)
                     gy[i] += weighed(c.clock, part, fy)
@@ -170,7 +276,7 @@ def pair_bounds(each: Any, c: Any, w: Any, rows: Any, out: Any, t: Any) -> None:
 @kernel
 def one_force(each: Any, c: Any, total: Any, row: Any, t: Any) -> None:
     """Add the force on a single particle."""
-    type(each).add_forces(each, c, total, row, row + 1, t)
+    sum_on(each, c, total, row, row + 1, t)
 
 
 @outlined
@@ -182,7 +288,7 @@ def block_energy(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any) -> A
         u[i] = 0
     for j in range(begin, end):
         other = particle_of(each, c, j)
-        for i in range(TARGETS):
+        for i in lanes(TARGETS):
             u[i] += float(energy_in(each, pair_in(block, i, other, 0.0, False, each.box), lo + i != j))
     total = 0.0
     for i in range(hi - lo):
@@ -210,7 +316,7 @@ def add_virial(each: Any, c: Any, lo: Any, hi: Any, begin: Any, end: Any, t: Any
             sums[k, i] = 0
     for j in range(begin, end):
         other = particle_of(each, c, j)
-        for i in range(TARGETS):
+        for i in lanes(TARGETS):
             p = pair_in(block, i, other, t, False, each.box)
             for row, length in enumerate((p.x, p.y, p.z)):
                 for column, force in enumerate(force_in(each, p)):
@@ -229,8 +335,8 @@ def virial_of_pairs(each: Any, c: Any, t: Any, out: Any) -> None:
             add_virial(each, c, lo, min(lo + TARGETS, last), begin, end, t, out)
 
 
-def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
-    """An interaction among the particles of an island.
+def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
+    """An interaction among the particles of an island; `again` if the last sum of forces is worth to be kept.
 
     Raises UsageError for two at one place, if they have no force there.
     """
@@ -242,7 +348,15 @@ def pairs_of(site: Site, pairs: PairSet) -> DirectPairs:
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
-    return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs)))
+    again = again and not (law.random() or law.changes() or site.whole.clocked)
+    kept = None if not again else new_last(law, site.whole.count, site.dtype)
+    return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
+
+
+def new_last(law: PairInteraction, count: int, dtype: Any) -> Last:
+    """Room for the last sum of so many particles, which are nowhere yet."""
+    seen = tuple(np.full(count, np.nan, dtype) for _ in range(6 if law.needs_velocity() else 3))
+    return Last(seen, np.zeros((3, count), dtype), np.zeros(8, np.int64))
 
 
 def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
@@ -257,7 +371,9 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
         first, count = site.offset[name], site.state[name].count
         own[:, first : first + count] = np.array(law.numbers_of(name))[:, None]
     a, b = own if own.any() else (None, None)
-    return record, spans, least, most, a, b, site.whole.id[: site.whole.count] if law.random() else None
+    # those of laws that are new at every sum, too: the sums of these are never kept
+    ids = site.whole.id[: site.whole.count] if law.random() or law.changes() else None
+    return record, spans, least, most, a, b, ids
 
 
 def periods_of(site: Site, pairs: PairSet) -> tuple[float | None, ...] | None:

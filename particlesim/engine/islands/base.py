@@ -22,6 +22,7 @@ from particlesim.engine.ledger.sums import measure
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.state.table import HEARD
 from particlesim.engine.step.step_size import RESOLVED
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
@@ -68,6 +69,7 @@ class BaseIsland:
         )
         pairs = (each.law.needs() for each in structure.interactions if isinstance(each, PairSet))
         self._read = frozenset[str]().union(*read, *pairs)
+        self.impacts: dict[str, NDArray[np.float64]] = {}
         self.books = Books(scenario, structure, states[0].dtype) if scenario.output.work else None
 
     @property
@@ -88,6 +90,9 @@ class BaseIsland:
     def begin(self, team: Team) -> None:
         """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
         was asked for."""
+
+    def refuse_wild(self, time: float) -> None:
+        """Raise UsageError, which names both, for two particles that have no force or energy where they are."""
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         """Steps first … last − 1: births, motion, deaths."""
@@ -113,6 +118,23 @@ class BaseIsland:
             for source, state in zip(self._sources, self.states, strict=True)
         ]
 
+    def _gather(self) -> None:
+        """Keep the impacts of the steps just made for those who hear of them, the dead among them."""
+        if any(HEARD in state.parts for state in self.states):
+            self.impacts = {state.name: state.take_impacts() for state in self.states}
+
+    def hear(self, impacts: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, int]) -> None:
+        """Let emitters know of the impacts of groups in the step that comes; `numbers` are those of colliders by name."""
+        for source in self._sources:
+            if source is not None and source.emitter.on_impact is not None:
+                source.hear(impacts, numbers)
+
+    @property
+    def listens_to(self) -> frozenset[str]:
+        """Groups whose impacts its emitters hear."""
+        events = (source.emitter.on_impact for source in self._sources if source is not None)
+        return frozenset(name for event in events if event is not None for name in event.of)
+
     def columns(self) -> list[Columns]:
         """Columns of every group of the island."""
         raise NotImplementedError
@@ -133,6 +155,10 @@ class BaseIsland:
         """Of a group: kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], and the potential energy of each of
         some laws [J]."""
         return measure(records, self.columns()[member], time, team)
+
+    def stored(self) -> dict[str, float]:
+        """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
+        return {}
 
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
+from particlesim.emitters.emitter import Impacts
 from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, GroupState
+from particlesim.engine.state.table import HIT
 from particlesim.scenario.scenario import Scenario
+
+SPEED, COLLIDER, PLACE = (HIT.index(name) for name in ("speed", "collider", "x"))
 
 
 @dataclass
@@ -29,10 +34,31 @@ class Source:
         self.schedule = Schedule(emitter, self.streams)
         self.first_id, self.stride = ids
         self.born = 0
+        self.heard: Impacts | None = None
+        """Impacts of the present step that give birth in it."""
         self.waits = emitter.limit is not None and emitter.when_full == "wait"
+
+    def hear(self, impacts: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, int]) -> None:
+        """Impacts of groups in the present step, by the rows of `table.HIT` with radius and id, which give birth in it."""
+        event = self.emitter.on_impact
+        assert event is not None
+        some = np.concatenate([impacts[name] for name in event.of if name in impacts], axis=1)
+        chosen = some[SPEED] >= event.above
+        if event.at is not None:
+            chosen &= np.isin(some[COLLIDER], [numbers[name] for name in event.at])
+        some = some[:, chosen]
+        some = some[:, np.lexsort((some[-1], some[0]))].repeat(event.count, axis=1)
+        place, normal, velocity = (
+            some[PLACE : PLACE + 3],
+            some[PLACE + 3 : PLACE + 6],
+            some[PLACE + 6 : PLACE + 9],
+        )
+        self.heard = Impacts(some[0], place - some[-2] * normal, normal, velocity)
 
     def due(self, state: GroupState, end: float) -> int:
         """How many are to be born before `end`."""
+        if self.heard is not None:
+            return self.heard.times.size
         due = self.schedule.before(end)
         if self.waits and self.emitter.limit is not None:
             due = min(due, self.born + self.emitter.limit - state.count)
@@ -41,22 +67,31 @@ class Source:
     def emit(self, state: GroupState, begin: float, end: float) -> Births:
         """Births due before `end`; appended to the group, which has room for them, with their clocks set."""
         first, count = self.born, self.due(state, end)
-        times = self.schedule.times(first, first + count)
+        heard, self.heard = self.heard, None
+        times = self.schedule.times(first, first + count) if heard is None else heard.times
         if self.waits:
             times = np.maximum(times, begin)  # those that had to wait are born now
         ids = self.first_id + self.stride * np.arange(first, first + count)
         if count:
-            self._append(state, first, times, ids)
+            self._append(state, first, times, ids, heard)
             self.born += count
         if self.emitter.limit is not None and not self.waits:
             self._recycle(state)
         return Births(ids, times)
 
     def _append(
-        self, state: GroupState, first: int, times: NDArray[np.float64], ids: NDArray[np.int64]
+        self,
+        state: GroupState,
+        first: int,
+        times: NDArray[np.float64],
+        ids: NDArray[np.int64],
+        heard: Impacts | None,
     ) -> None:
         new = slice(state.count, state.count + len(times))
-        born = self.emitter.births(self.streams, first, times)
+        if heard is None:
+            born = self.emitter.births(self.streams, first, times)
+        else:
+            born = self.emitter.births_of(self.streams, first, heard)
         state.x[:, new] = born.position
         state.v[:, new] = born.velocity
         for name, values in born.attributes.items():

@@ -49,7 +49,7 @@ class Bookkeeper:
         free, given = None, 0.0
         if "contact" in self.books.names:
             free, copies = now.copied()
-            parts = tuple(part._replace(contacts=Simple(())) for part in layout.parts)
+            parts = tuple(part._replace(contacts=Simple(()), cores=None) for part in layout.parts)
             self._stepper.copy(layout, parts, copies, free, step, 1)
             given = self._given()
         return Opened(columns, begin, h, free, interactions=interactions, effort=given)
@@ -114,7 +114,7 @@ class Bookkeeper:
         """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
         bonds, work, share = self._layout.alone(interactions)
         island_forces(self._layout.parts, bonds, columns, work, share, time)
-        return np.array(work.force, float)
+        return np.array(work.force[:3], float)
 
 
 def _stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,10 @@ from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.constraints.registry import held
 from particlesim.engine.coupled.adaptive import Pace
 from particlesim.engine.coupled.forces import island_forces
+from particlesim.engine.coupled.wisdom_holman import gravity_among
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
+from particlesim.engine.interactions.beginnings import refuse_wild
 from particlesim.engine.interactions.interaction import Site
 from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
@@ -26,6 +29,7 @@ from particlesim.engine.islands.stepping import Stepper
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
+from particlesim.integrators import WisdomHolmanMethod
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -61,11 +65,18 @@ class CoupledIsland(BaseIsland):
     def _lay_out(self, interactions: Interactions, constraint: Constraint | None) -> None:
         """Make what kernels take for the particles and interactions that there are."""
         self._kept: list[NDArray[Any]] = []
-        self.layout = Layout(self._structure, self._joined, interactions, constraint)
+        with self._at_gravity(interactions):
+            self.layout = Layout(self._structure, self._joined, interactions, constraint)
         self._books = None
         if self.books is not None:
             given = (self._structure, self.names, self._joined, self.layout, self._stepper)
             self._books = Bookkeeper(self.books, *given)
+
+    def _at_gravity(self, interactions: Interactions) -> AbstractContextManager[None]:
+        """Where mistakes are told about bodies that are to follow orbits."""
+        if not isinstance(self._method, WisdomHolmanMethod):
+            return nullcontext()
+        return self._scenario.at_interaction(self.names[gravity_among(interactions)])
 
     def _lay_again(self, place: Ints) -> None:
         """Lay out all after births and deaths: what was in row k is in row `place[k]` now, and gone if that is −1."""
@@ -105,7 +116,7 @@ class CoupledIsland(BaseIsland):
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         ((bonds, work, share),) = self.layout.shares(1)
         island_forces(self.layout.parts, bonds, self.island_columns(), work, share, time)
-        return np.array(work.force)
+        return np.array(work.force[:3])
 
     def fit(self) -> None:
         if self.constraint is not None:
@@ -124,9 +135,15 @@ class CoupledIsland(BaseIsland):
                 found.append(each.calibrate(self.island_columns(), team))
         self.layout.take(tuple(found))
 
+    def refuse_wild(self, time: float) -> None:
+        for name, each in zip(self.names, self.interactions, strict=True):
+            with self._scenario.at_interaction(name):
+                refuse_wild(each, name, self.states, self.island_columns(), time)
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
         fault = self._move(first, last, team) if self.layout.count else None
+        self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         return born, deaths, fault
 

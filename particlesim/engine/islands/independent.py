@@ -94,6 +94,7 @@ class IndependentIsland(BaseIsland):
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
         self._close(opened, last)
+        self._gather()
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
         return born, deaths, None
 

@@ -12,8 +12,8 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, ROTATION
-from particlesim.engine.step.records import needs_clock
+from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, WATCHED
+from particlesim.engine.step.records import may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
@@ -21,8 +21,10 @@ from particlesim.groups.motion import Motion
 from particlesim.groups.selection import selected
 from particlesim.layouts import CHUNK
 from particlesim.model.attributes import ATTRIBUTES
+from particlesim.model.quaternions import UNTURNED, times
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
+from particlesim.scenario.reach import spins
 from particlesim.scenario.scenario import Scenario
 
 
@@ -48,6 +50,9 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *(name for name in ATTRIBUTES if group.has(name)),
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
+            *([SPIN] if spins(scenario, group) else []),
+            *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
+            *([WATCHED] if may_miss(colliders, group) else []),
         ],
         cooling=group.cooling,
     )
@@ -83,12 +88,17 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         _turn(state, group, streams)
     elif isinstance(group, Particles):
         _pin(state, group, motions)
+        if group.angular_velocity is not None:
+            state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
 
 
 def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:
     """Give bodies their orientations and angular momenta, L = R I Rᵀ ω."""
     turns, inertia = group.turns(streams, state.count), group.inertia()
+    state.axes = tuple(group.axes().tolist())
+    if state.axes != UNTURNED:  # kernels turn bodies about their principal axes
+        turns = np.array(times(turns, state.axes))
     state.turn[:, : state.count] = turns
     for k in range(state.count):
         rotation = np.reshape(matrix(turns[:, k]), (3, 3))

@@ -9,17 +9,19 @@ import numpy as np
 
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.coupled.gauss_radau import new_room
+from particlesim.engine.coupled.wisdom_holman import new_orbits
 from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
 from particlesim.engine.implicit.linear_system import new_system
-from particlesim.engine.interactions.bond_layout import chunk_size, order_of, owned
+from particlesim.engine.interactions.bond_layout import FINEST, LEAST, chunk_size, order_of, owned
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.table import SPIN
 from particlesim.engine.step.impacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
-from particlesim.integrators import GaussRadauMethod, ImplicitMethod
+from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
 from particlesim.model.arrays import Floats
 
 Interactions = tuple[Any, ...]
@@ -53,9 +55,23 @@ class Layout:
             or any(part.contacts != Simple(()) for part in self.parts)
             or any(each.looks_back for each in self.interactions)
         )
-        self.work = scratch(self._method, self.count, self.dtype, looks_back=looks_back)
+        pieces = any(each.by_chunks for each in interactions) or constraint is not None
+        pieces = pieces or isinstance(self._method, ImplicitMethod)
+        self._chunk = chunk_size(self.count, LEAST if pieces else FINEST)
+        self.work = scratch(
+            self._method,
+            self.count,
+            self._chunk,
+            self.dtype,
+            looks_back=looks_back,
+            spins=SPIN in whole.parts,
+        )
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
+        if isinstance(self._method, WisdomHolmanMethod):
+            moved = len(interactions) > 1 or any(structure.forces)
+            orbits = new_orbits(self._method, joined.states, interactions, moved=moved)
+            self.work = self.work._replace(orbits=orbits)
         self._shares: dict[int, list[tuple[Interactions, Work, Share]]] = {}
         self.place_equations(joined)
 
@@ -101,11 +117,11 @@ class Layout:
         return bonds, work, share._replace(elements=elements)
 
     def _shared(self, threads: int) -> list[tuple[Interactions, Work, Share]]:
-        chunk = chunk_size(self.count)
+        chunk = self._chunk
         chunks = -(-self.count // chunk)
         bonds, elements = apart(tuple(each.in_team(threads) for each in self.interactions))
-        found = []
-        for share in share_out(self.count, threads, self.driven, elements, self.constraint):
+        found, forms = [], () if self.work.system is None else new_forms(elements, self.dtype)
+        for share in share_out(self.count, threads, chunk, self.driven, elements, self.constraint):
             mine = tuple(
                 bond._replace(table=table, begin=begin)
                 for bond in bonds
@@ -113,7 +129,7 @@ class Layout:
             )
             tables = [bond.table for bond in mine]
             order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
-            found.append((mine, _own(self.work, share, self.dtype), share._replace(order=order)))
+            found.append((mine, _own(self.work, share, forms, self.dtype), share._replace(order=order)))
         return found
 
 
@@ -123,35 +139,41 @@ def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:
     return by_chunks, interactions[len(by_chunks) :]
 
 
-def _own(work: Work, share: Share, dtype: Any) -> Work:
-    """Scratch arrays of a thread: those of the island, but for what each thread has to itself."""
+def _own(work: Work, share: Share, forms: tuple[Any, ...], dtype: Any) -> Work:
+    """Scratch arrays of a thread: those of the island, but for what each thread has to itself; `forms` are those that
+    threads have together."""
     work = work._replace(pull=np.zeros_like(work.pull), spread=np.zeros_like(work.spread))
+    if work.orbits is not None:
+        return work._replace(orbits=work.orbits.kicking(share.elements))
     if work.system is None:
         return work
     system = work.system
     own = system._replace(
         pull=np.zeros_like(system.pull),
         lanes=np.zeros_like(system.lanes),
-        forms=new_forms(share.elements, dtype),
+        forms=new_forms(share.elements, dtype, forms),
     )
     return work._replace(system=own)
 
 
 def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:
     """The groups of an island as kernels take them; `bounds` are the borders of their rows."""
-    return tuple(
-        as_precision(
-            Part(
-                dynamics_record(group),
-                tuple(force.record() for force in island.forces[k]),
-                contacts_record(island.colliders[k], group, dtype),
-                bounds[k],
-                bounds[k + 1],
-            ),
-            dtype,
-        )
-        for k, group in enumerate(island.groups)
-    )
+    parts = []
+    for k, group in enumerate(island.groups):
+        colliders, cores = island.colliders[k], None
+        heard = dict(zip(map(id, colliders), island.heard[k], strict=True)) if island.heard else {}
+        if island.touched_softly(group.name):
+            bouncing = [each for each in colliders if each.contact == "bounce"]
+            colliders = tuple(each for each in colliders if each.contact != "bounce")
+            cores = contacts_record(bouncing, group, dtype) if bouncing else None
+        forces = tuple(force.record() for force in island.forces[k])
+        turns = island.spins(group.name) and any(each.rubs for each in colliders)
+        rubbing = tuple(each.record() for each in colliders) if turns else ()
+        numbers = [heard.get(id(each)) for each in colliders]
+        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns)
+        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
+        parts.append(as_precision(part, dtype))
+    return tuple(parts)
 
 
 def _cooling(groups: Sequence[Group], bounds: Sequence[int]) -> tuple[Floats, Floats] | None:

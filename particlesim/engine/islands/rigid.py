@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.colliders import Collider
-from particlesim.engine.faults import Fault
+from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.sums import measure
+from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     NOBODY,
@@ -27,18 +28,34 @@ from particlesim.engine.rigid.bodies import (
     new_memory,
     new_motion,
 )
+from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.joint_system import (
+    Made,
+    body_springs,
+    made_joints,
+    new_joints,
+    partners_of,
+    require_speeds,
+)
 from particlesim.engine.rigid.kernel import (
     FULL,
+    UNHELD,
     Scene,
     Stretch,
+    close_joints,
     look_for_contacts,
     step_bodies,
     sum_energies,
     sum_forces_on,
     velocities_of,
 )
+from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
+from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.stiffness import longest_step
+from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
+from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
@@ -78,9 +95,17 @@ class RigidIsland(BaseIsland):
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
-        self._scene = _scene(structure, groups, self._joined.bounds, owner, self._joined.whole)
         self._still = _still(groups, owner)
+        self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
+        offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
+        self._made = made_joints(scenario, offset, self.bodies())
+        self._springs = body_springs(scenario, offset, self.bodies())
+        given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
+        springs, names = (
+            (tuple(part) for part in zip(*self._springs, strict=True)) if self._springs else ((), ())
+        )
+        self._scene, self._order = _scene(*given, scenario, self._made, names, self.books, springs)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -88,6 +113,12 @@ class RigidIsland(BaseIsland):
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
+        self.visitors: Visitors | None = None
+        """Particles that make the next step among the bodies."""
+        self.left: Left
+        """What became of them."""
+        if self._made:
+            self._close()
 
     def bodies(self) -> Bodies:
         """The bodies as kernels take them."""
@@ -95,27 +126,74 @@ class RigidIsland(BaseIsland):
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
 
+    def ids(self) -> NDArray[np.int64]:
+        """Ids of all bodies."""
+        return np.concatenate([state.id[: state.count] for state in self.states])
+
+    def _close(self) -> None:
+        """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
+        b = self.bodies()
+        given = b.v.copy(), b.spin.copy()
+        close_joints(self._scene, b, self._motion)
+        require_speeds(self._made, b, given)
+
+    def fit(self) -> None:
+        if self._made:
+            close_joints(self._scene, self.bodies(), self._motion)
+
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
-        done, report = first, np.zeros(2)
+        if self.visitors is not None:
+            return None, None, self._receive(first, self.visitors)
+        done, report, scene = first, np.zeros(2), self._booking()
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
-            done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
+            done += step_bodies(scene, *now, done, last - done, self.dt, report)
             if done < last and report[0] != FULL:
-                fault = self._fault(done)
+                fault = self._fault(done, opened=report[0] == UNHELD)
                 self.go_back()
                 return None, None, fault
             if done < last:
                 self._make_room(2 * int(report[1]))
         return None, None, None
 
+    def _receive(self, step: int, visitors: Visitors) -> Fault | None:
+        """A step with particles among the bodies."""
+        b = self.bodies()
+        n, report = b.w.size, np.zeros(2)
+        whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
+        scene, motion = self._booking()._replace(guests=guests), new_motion(whole.w.size)
+        if scene.joints is not None:
+            scene = scene._replace(
+                joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
+            )
+        while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
+            if report[0] != FULL:
+                return self._fault(step, opened=report[0] == UNHELD)
+            self._make_room(2 * int(report[1]))
+            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, :n]
+        self.left = left(whole, guests, visitors, self.dt)
+        return None
+
+    def _booking(self) -> Scene:
+        """What acts on the bodies, and the books of it."""
+        books, work = self.books, self._scene.work
+        return self._scene if books is None else self._scene._replace(work=work._replace(totals=books.totals))
+
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
         self._contacts = new_contacts(contacts)
         self.memory = larger(self.memory, contacts)
 
-    def _fault(self, step: int) -> Fault:
-        """The first body with a number that is not finite."""
+    def _fault(self, step: int, *, opened: bool) -> Fault:
+        """The joint that could not be held, or the first body with a number that is not finite."""
         b = self.bodies()
+        if opened:
+            j = self._scene.joints
+            g = int(j.failed[0])
+            member, row = self._joined.member_of(int(j.first[g]))
+            return Fault(member, row, step, unclosed=Unclosed(self._made[int(self._order[g])].name))
         good = np.isfinite(b.x).all(axis=0) & np.isfinite(b.v).all(axis=0)
         good &= np.isfinite(b.turn).all(axis=0) & np.isfinite(b.spin).all(axis=0)
         member, row = self._joined.member_of(int(np.argmin(good)))
@@ -131,7 +209,7 @@ class RigidIsland(BaseIsland):
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
-        ids = np.concatenate([state.id[: state.count] for state in self.states])
+        ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
         for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
@@ -165,10 +243,11 @@ class RigidIsland(BaseIsland):
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
+        scene = self._scene._replace(work=None)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
-            done += step_bodies(self._scene, *given, first + done, steps - done, self.dt, report)
+            done += step_bodies(scene, *given, first + done, steps - done, self.dt, report)
             if done < steps and report[0] == FULL:
                 self._make_room(2 * int(report[1]))
         there = copied(self.island_columns())
@@ -184,9 +263,18 @@ class RigidIsland(BaseIsland):
         return self._joined.whole.columns(self._read)
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
-        out = np.zeros((3, self._joined.whole.count))
-        sum_forces_on(self._scene, self.bodies(), self._motion, time, out)
-        return out
+        sum_forces_on(self._scene, self.bodies(), self._motion, time)
+        return np.ascontiguousarray(self._motion.pull[:, :3].T)
+
+    def longest_step(self) -> float:
+        """The longest stable step under springs at bodies [s]."""
+        return longest_step([springs for _, springs in self._springs], self.bodies())
+
+    def stored(self) -> dict[str, float]:
+        if not self._springs:
+            return {}
+        velocities_of(self.bodies(), self._motion)
+        return {name: stored(springs, self.bodies(), self._motion.now) for name, springs in self._springs}
 
     def turning(self) -> NDArray[np.float64]:
         velocities_of(self.bodies(), self._motion)
@@ -196,6 +284,8 @@ class RigidIsland(BaseIsland):
         motion = measure((), self.columns()[member], time, team)
         bounds, out = self._joined.bounds, np.zeros(4 + len(records))
         here = (bounds[member], bounds[member + 1])
+        shape = self._shapes[member]
+        records = tuple(through_surface(record, shape) or record for record in records)
         sum_energies(self._scene, records, self.bodies(), self._motion, *here, time, out)
         motion[0] += out[0]
         motion[4:7] += out[1:4]
@@ -221,14 +311,13 @@ def larger(memory: Memory, contacts: int) -> Memory:
     return found
 
 
-def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, ...]:
     """What never changes of bodies, as `Bodies` has it from `w` on."""
     mass = np.array([group.weight for group in groups])[owner]
     inertia = np.array([group.inertia() for group in groups]).T[:, owner]
-    kind = np.array([group.shape.kind for group in groups])[owner]
-    size = np.array([group.shape.sizes() for group in groups]).T[:, owner]
     reach = np.array([group.shape.reach() for group in groups])[owner]
-    return 1 / mass, np.ascontiguousarray(inertia), kind, np.ascontiguousarray(size), reach, owner
+    pieces = pieces_of([group.shape.own_pieces() for group in groups])
+    return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
 
 
 def _scene(
@@ -237,11 +326,16 @@ def _scene(
     bounds: Sequence[int],
     owner: NDArray[np.int64],
     whole: GroupState,
-) -> Scene:
-    """What acts on the bodies."""
+    scenario: Scenario,
+    made: Sequence[Made],
+    springs: tuple[BodySprings, ...],
+    books: Books | None,
+    names: Sequence[str],
+) -> tuple[Scene, NDArray[np.int64]]:
+    """What acts on the bodies, and which of the joints that were made each one of it is."""
     stretches = tuple(
-        Stretch(a, b, tuple(force.record() for force in forces))
-        for (a, b), forces in zip(pairwise(bounds), structure.forces, strict=True)
+        _stretch(a, b, [force.record() for force in forces], group)
+        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
     )
     walls: list[Wall] = []
     for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
@@ -251,15 +345,50 @@ def _scene(
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
-    return Scene(
+    joints, order = new_joints(made, n) if made else (None, np.empty(0, np.int64))
+    joined, partners, partner_from = partners_of(scenario, made, n)
+    feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
+    scene = Scene(
         stretches,
+        springs,
         tuple(walls),
         surfaces_of(groups),
         np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
         whole.mass[:n].astype(float),
         whole.radius[:n].astype(float),
         tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
-        SLOP * min(min(size for size in group.shape.sizes() if size > 0) for group in groups),
+        SLOP * min(group.shape.fineness() for group in groups),
+        2 if feel or any(np.any(each.c > 0) for each in springs) else 1,
+        joints,
+        joined,
+        partners,
+        partner_from,
+        None if books is None else _work(books, names, groups),
+    )
+    return scene, order
+
+
+def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
+    """How the work on bodies is booked; `names` are those of their springs."""
+
+    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
+        return tuple(through_surface(record, group.shape) or record for record in records)
+
+    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
+    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
+    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
+    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
+    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
+
+
+def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
+    """The forces on the bodies of a group, on points that have their mass and through their surface."""
+    others = [through_surface(record, group.shape) for record in records]
+    return Stretch(
+        first,
+        last,
+        tuple(record for record, other in zip(records, others, strict=True) if other is None),
+        tuple(other for other in others if other is not None),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from particlesim.engine.coupled.adaptive import Pace, new_pace, step_island_adaptive
 from particlesim.engine.coupled.gauss_radau import staged_gauss_radau, step_island_gauss_radau
 from particlesim.engine.coupled.kernel import step_island
+from particlesim.engine.coupled.wisdom_holman import staged_wisdom_holman, step_island_wisdom_holman
 from particlesim.engine.coupled.workspace import Part, staged
 from particlesim.engine.implicit.kernel import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.implicit.krylov import INDEFINITE, General, Symmetric
@@ -19,7 +20,7 @@ from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
-from particlesim.integrators import GaussRadauMethod, ImplicitMethod
+from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
 from particlesim.laws.registry import evaluate, force_dv, force_dx
 from particlesim.model.arrays import Floats
 from particlesim.process.threads import Team
@@ -101,6 +102,8 @@ def _stepper(island: Island, states: Sequence[GroupState]) -> tuple[tuple[Any, .
         return staged_implicit(method, states[0].dtype, solver), step_island_implicit
     if isinstance(method, GaussRadauMethod):
         return staged_gauss_radau(method), step_island_gauss_radau
+    if isinstance(method, WisdomHolmanMethod):
+        return staged_wisdom_holman(method), step_island_wisdom_holman
     step = step_island_adaptive if method.adaptive else step_island
     return staged(method, apart=bool(island.constraints)), step
 

@@ -36,9 +36,15 @@ def tally(potentials: Any, p: Any, row: Any, k: Any) -> None:
         row[k + n] += potential(each, p)
 
 
+def inertia_of(p: Any) -> Any:
+    """Moment of inertia of a sphere, 2/5 m r² [kg m²]."""
+    return 0.4 * float(p.m) * float(p.r) * float(p.r)
+
+
 @kernel
 def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, rows: Any) -> None:
-    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, potentials."""
+    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, potentials; spin is
+    part of the first and the third."""
     for lo in range(first, last, CHUNK):
         c = block_of(columns, lo, min(last, lo + CHUNK))
         row = rows[lo // CHUNK]
@@ -54,6 +60,13 @@ def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, row
             row[4] += m * (y * w - z * v)
             row[5] += m * (z * u - x * w)
             row[6] += m * (x * v - y * u)
+            if c.spin is not None:
+                inertia = inertia_of(p)
+                a, b, d = float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])
+                row[0] += 0.5 * inertia * (a * a + b * b + d * d)
+                row[4] += inertia * a
+                row[5] += inertia * b
+                row[6] += inertia * d
             tally(potentials, p, row, 7)
 
 
@@ -87,6 +100,9 @@ def each_energy(potentials: Any, c: Any, times: Any, out: Any) -> None:
         p = fetch(c, i, times[i])
         u, v, w = float(p.vx), float(p.vy), float(p.vz)
         out[0, i] = 0.5 * float(p.m) * (u * u + v * v + w * w)
+        if c.spin is not None:
+            a, b, d = float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])
+            out[0, i] += 0.5 * inertia_of(p) * (a * a + b * b + d * d)
         tally(potentials, p, out[:, i], 1)
 
 

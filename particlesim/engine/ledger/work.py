@@ -38,10 +38,19 @@ class Books:
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
         self.names = causes(scenario, [group.name for group in structure.groups])
         self.totals = np.zeros(len(self.names))
-        labels = scenario.force_labels()
-        named = list(zip(labels, scenario.forces, strict=False))
+        named = list(zip(scenario.labels.forces, scenario.forces, strict=True))
         self._spent = [_chosen(named, mine, dtype, conservative=False) for mine in structure.forces]
         self._stored = [_chosen(named, mine, dtype, conservative=True) for mine in structure.forces]
+
+    @property
+    def spent(self) -> list[tuple[tuple[str, ...], tuple[Any, ...]]]:
+        """For every group, labels and records of the forces without a potential."""
+        return self._spent
+
+    @property
+    def stored(self) -> list[tuple[tuple[str, ...], tuple[Any, ...]]]:
+        """The same of those with one."""
+        return self._stored
 
     def add(self, name: str, joule: float) -> None:
         """Book an amount of energy [J]."""

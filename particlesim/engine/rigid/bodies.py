@@ -8,7 +8,7 @@ import numpy as np
 
 WORLD = -1
 """The other side of a contact with a collider."""
-FEATURES = 16384
+FEATURES = 1 << 32
 """Numbers for the features of a body at each collider."""
 NOBODY = -2
 """A free place in the memory."""
@@ -16,8 +16,8 @@ NOBODY = -2
 
 class Bodies(NamedTuple):
     """Rigid bodies: place and velocity of the centre of mass [3, n], orientation [4, n], angular momentum [3, n]; 1/m
-    [n]; the principal moments of inertia [3, n]; kind of shape [n], its sizes [3, n] (radius; half edges; radius and
-    half the axis z), radius of a ball about it [n]; its group [n]."""
+    [n]; the principal moments of inertia [3, n]; radius of a ball about it [n]; its group [n]; the pieces of the shapes
+    of groups (`pieces`)."""
 
     x: Any
     v: Any
@@ -25,10 +25,9 @@ class Bodies(NamedTuple):
     spin: Any
     w: Any
     inertia: Any
-    kind: Any
-    size: Any
     reach: Any
     group: Any
+    pieces: Any
 
 
 class Surfaces(NamedTuple):
@@ -45,8 +44,9 @@ class Contacts(NamedTuple):
     """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
     from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
     collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
-    one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW].
-    `number`: how many there are, and how many found no room."""
+    one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
+    impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]. `number`: how
+    many there are, and how many found no room."""
 
     first: Any
     second: Any
@@ -59,6 +59,9 @@ class Contacts(NamedTuple):
     target: Any
     impulse: Any
     rows: Any
+    before: Any
+    onward: Any
+    order: Any
     number: Any
 
 
@@ -69,8 +72,11 @@ ROW = 16
 class Motion(NamedTuple):
     """What a solve works on, body by body [n, 6]: velocity and angular velocity; the inverse of the inertia in the
     world (xx, yy, zz, xy, xz, yz); velocities that only push apart what overlaps; angular momentum from contact [n, 3];
-    how far a body may come in a step [n]; velocities and momenta before impulses, and with rebounds [n, 9]; the body
-    that stands for those that touch it, and their energies [n]."""
+    how far a body may come in a step [n]; velocities and momenta before impulses, with rebounds, before a sweep, and how
+    sweeps go on [n, 9]; the body that stands for those that touch it, and their energies [n]; the cluster of each body, the
+    bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with
+    in each [n], and how many there are; forces and torques [n, 6]; the first of the components of joints in each cluster
+    [n], −1 for none; velocities before a kick, and those with which its forces are summed, where work is booked [n, 6]."""
 
     now: Any
     inverse: Any
@@ -79,10 +85,22 @@ class Motion(NamedTuple):
     margin: Any
     start: Any
     other: Any
+    before: Any
+    onward: Any
     parent: Any
     gain: Any
     low: Any
     bend: Any
+    cluster: Any
+    bodies: Any
+    body_from: Any
+    contact_from: Any
+    largest: Any
+    clusters: Any
+    pull: Any
+    first_component: Any
+    came: Any
+    stage: Any
 
 
 class Memory(NamedTuple):
@@ -100,7 +118,11 @@ def new_contacts(room: int) -> Contacts:
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
     gap, target = np.zeros(room), np.zeros(room)
     impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
-    return Contacts(first, second, feature, point, normal, gap, surface, belt, target, impulse, rows, number)
+    before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
+    return Contacts(
+        *(first, second, feature, point, normal, gap, surface, belt, target),
+        *(impulse, rows, before, onward, order, number),
+    )
 
 
 def new_memory(room: int, bodies: int) -> Memory:
@@ -112,9 +134,16 @@ def new_memory(room: int, bodies: int) -> Memory:
 def new_motion(bodies: int) -> Motion:
     """Room for a solve."""
     now, inverse, apart = (np.zeros((bodies, 6)) for _ in range(3))
-    start, other, parent = np.zeros((bodies, 9)), np.zeros((bodies, 9)), np.zeros(bodies, np.int64)
+    start, other, before, onward = (np.zeros((bodies, 9)) for _ in range(4))
     margin, gain, low, bend = (np.zeros(bodies) for _ in range(4))
-    return Motion(now, inverse, apart, np.zeros((bodies, 3)), margin, start, other, parent, gain, low, bend)
+    parent, cluster, ordered = (np.zeros(bodies, np.int64) for _ in range(3))
+    begins = (np.zeros(bodies + 1, np.int64), np.zeros(bodies + 1, np.int64))
+    gained = np.zeros((bodies, 3))
+    return Motion(
+        *(now, inverse, apart, gained, margin, start, other, before, onward),
+        *(parent, gain, low, bend, cluster, ordered, *begins, np.zeros(bodies), np.zeros(1, np.int64)),
+        *(np.zeros((bodies, 6)), np.zeros(bodies, np.int64), np.zeros((bodies, 6)), np.zeros((bodies, 6))),
+    )
 
 
 def place(b: Any, i: Any) -> Any:

@@ -1,9 +1,10 @@
-"""Where two bodies touch, or are about to: points, normals and gaps.
+"""Where two bodies touch, or are about to: points, normals and gaps, piece by piece.
 
 Spheres and capsules are a point and a segment with a radius; the signed distance of a box is exact and convex, so the place
 of a segment that is nearest to a box is found by sections. Two boxes are tried along the fifteen directions that may
 separate them: of the faces of both, and of the products of their edges. Faces that touch are clipped against each other
-(Sutherland and Hodgman), crossing edges touch where they are nearest.
+(Sutherland and Hodgman), crossing edges touch where they are nearest. All other pieces are convex, and that is all that is
+taken for granted (`manifold`).
 
 Sources: S. Gottschalk, M. Lin, D. Manocha, SIGGRAPH 1996 (fifteen axes); C. Ericson, Real-Time Collision Detection, 2005,
 chapters 4 and 5; I. Sutherland, G. Hodgman, Comm. ACM 17, 32 (1974).
@@ -15,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.bodies.shape import BOX, SPHERE
-from particlesim.compiler import on_stack, outlined
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
+from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
+from particlesim.compiler import on_stack, outlined, shared
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
+from particlesim.engine.rigid.manifold import SPAN, convex_contacts
+from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 
 PARALLEL = 1e-6
@@ -25,33 +28,56 @@ PARALLEL = 1e-6
 FACE_FIRST = 1e-3
 """Crossing edges must be this much better than faces, in units of the smaller box, to be taken for the contact: faces have
 several points, which rest more firmly."""
+NEARLY = 0.97
+"""Cosine of the angle between two directions, 14 degrees, from which on they count as nearly the same."""
 SECTIONS = 40
 """Golden sections of a segment, each of which leaves 0.618 of it."""
 GOLDEN = 0.6180339887498949
 
 
-@outlined
+@shared
 def touch(b: Any, k: Any, surfaces: Any, i: Any, j: Any, margin: Any) -> None:
     """Note the contacts of bodies i and j that are nearer than a margin."""
-    begin = k.number[0]
-    if b.kind[i] == BOX and b.kind[j] == BOX:
-        box_box(b, k, i, j, margin)
-    elif b.kind[i] == BOX:
-        core_box(b, k, j, i, margin, -1.0)
-    elif b.kind[j] == BOX:
-        core_box(b, k, i, j, margin, 1.0)
-    else:
-        core_core(b, k, i, j, margin)
+    begin, p = k.number[0], b.pieces
     g, h = b.group[i], b.group[j]
+    ri, rj = matrix(orientation(b, i)), matrix(orientation(b, j))
+    first, last, others = p.first[h], p.first[h + 1], p.first[h + 1] - p.first[h]
+    for one in range(p.first[g], p.first[g + 1]):
+        s = solid_of(p, one, place(b, i), ri)
+        d = minus(s.x, place(b, j))
+        near = p.ball[one] + b.reach[j] + margin
+        if dot(d, d) < near * near:
+            for two in range(first, last):
+                o = solid_of(p, two, place(b, j), rj)
+                d = minus(s.x, o.x)
+                near = p.ball[one] + p.ball[two] + margin
+                if dot(d, d) < near * near:
+                    code = SPAN * ((one - p.first[g]) * others + two - first)
+                    touch_pieces(k, p, i, j, s, o, margin, code)
     for number in range(begin, k.number[0]):
         set_surface(k, number, surfaces.restitution[g, h], surfaces.static[g, h], surfaces.kinetic[g, h])
 
 
-def half_axis(b: Any, i: Any) -> Any:
+def touch_pieces(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
+    """The contacts of piece s of body i and piece o of body j."""
+    if p.corners is not None and (s.kind > CAPSULE or o.kind > CAPSULE):
+        convex_contacts(k, p, i, j, s, o, margin, code)
+        return
+    if s.kind == BOX and o.kind == BOX:
+        box_box(k, i, j, s, o, margin, code)
+    elif s.kind == BOX:
+        core_box(k, j, i, o, s, margin, -1.0, code)
+    elif o.kind == BOX:
+        core_box(k, i, j, s, o, margin, 1.0, code)
+    else:
+        core_core(k, i, j, s, o, margin, code)
+
+
+def half_axis(s: Any) -> Any:
     """From the centre of a sphere or a capsule to an end of its core [m]."""
-    if b.kind[i] == SPHERE:
+    if s.kind == SPHERE:
         return 0.0, 0.0, 0.0
-    return to_world(matrix(orientation(b, i)), (0.0, 0.0, b.size[1, i]))
+    return to_world(s.r, (0.0, 0.0, s.size[1]))
 
 
 def plus(a: Any, s: Any, c: Any) -> Any:
@@ -72,36 +98,37 @@ def clamped(x: Any, low: Any, high: Any) -> Any:
 # ---- spheres and capsules
 
 
-def core_core(b: Any, k: Any, i: Any, j: Any, margin: Any) -> None:
-    """Contacts of two bodies that are points or segments with radii."""
-    p, q = place(b, i), place(b, j)
-    u, w = half_axis(b, i), half_axis(b, j)
+@outlined
+def core_core(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
+    """Contacts of two pieces that are points or segments with radii."""
+    p, q = s.x, o.x
+    u, w = half_axis(s), half_axis(o)
     uu, ww, uw = dot(u, u), dot(w, w), dot(u, w)
     d = minus(p, q)
     du, dw = dot(d, u), dot(d, w)
-    # The nearest points p + s u and q + t w with s, t in [−1, 1] (Ericson, 5.1.9).
+    # The nearest points p + a u and q + t w with a, t in [−1, 1] (Ericson, 5.1.9).
     slope = uu * ww - uw * uw
-    s = clamped((uw * dw - ww * du) / slope, -1.0, 1.0) if slope > PARALLEL * uu * ww else 0.0
-    t = clamped((dw + s * uw) / ww, -1.0, 1.0) if ww > 0 else 0.0
-    s = clamped((t * uw - du) / uu, -1.0, 1.0) if uu > 0 else 0.0
-    near_points(b, k, i, j, plus(p, s, u), plus(q, t, w), margin, 0)
+    a = clamped((uw * dw - ww * du) / slope, -1.0, 1.0) if slope > PARALLEL * uu * ww else 0.0
+    t = clamped((dw + a * uw) / ww, -1.0, 1.0) if ww > 0 else 0.0
+    a = clamped((t * uw - du) / uu, -1.0, 1.0) if uu > 0 else 0.0
+    near_points(k, i, j, s, o, plus(p, a, u), plus(q, t, w), margin, code)
     if uu > 0 and ww > 0 and slope <= PARALLEL * uu * ww:
         # Side by side: both ends of the stretch that they share.
         for end in range(2):
-            s = 1.0 - 2.0 * end
-            t = clamped((dw + s * uw) / ww, -1.0, 1.0)
-            s = clamped((t * uw - du) / uu, -1.0, 1.0)
-            near_points(b, k, i, j, plus(p, s, u), plus(q, t, w), margin, 1 + end)
+            a = 1.0 - 2.0 * end
+            t = clamped((dw + a * uw) / ww, -1.0, 1.0)
+            a = clamped((t * uw - du) / uu, -1.0, 1.0)
+            near_points(k, i, j, s, o, plus(p, a, u), plus(q, t, w), margin, code + 1 + end)
 
 
-def near_points(b: Any, k: Any, i: Any, j: Any, p: Any, q: Any, margin: Any, feature: Any) -> None:
-    """A contact of two points with the radii of their bodies."""
+def near_points(k: Any, i: Any, j: Any, s: Any, o: Any, p: Any, q: Any, margin: Any, feature: Any) -> None:
+    """A contact of two points with the radii of their pieces."""
     d = minus(p, q)
     distance = np.sqrt(dot(d, d))
-    gap = distance - b.size[0, i] - b.size[0, j]
+    gap = distance - s.size[0] - o.size[0]
     if gap < margin:
         n = (d[0] / distance, d[1] / distance, d[2] / distance) if distance > 0 else (0.0, 1.0, 0.0)
-        add_contact(k, i, j, feature, plus(q, b.size[0, j] + 0.5 * gap, n), n, gap)
+        add_contact(k, i, j, feature, plus(q, o.size[0] + 0.5 * gap, n), n, gap)
 
 
 # ---- a sphere or a capsule and a box
@@ -127,47 +154,36 @@ def box_normal(half: Any, a: Any) -> Any:
     return sx * ox * one, sy * oy * one, sz * oz * one
 
 
-def core_box(b: Any, k: Any, i: Any, j: Any, margin: Any, sign: Any) -> None:
-    """Contacts of body i, a point or a segment with a radius, and box j; sign −1 notes j as the first."""
-    r, half = matrix(orientation(b, j)), row(b.size, j)
-    a = to_body(r, minus(place(b, i), place(b, j)))
-    u = to_body(r, half_axis(b, i))
-    radius = b.size[0, i]
-    if b.kind[i] == SPHERE:
-        box_point(b, k, i, j, r, half, a, radius, margin, sign, 0)
+@outlined
+def core_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, sign: Any, code: Any) -> None:
+    """Contacts of a point or a segment with a radius, of body i, and a box, of body j; sign −1 notes j as the first."""
+    half = o.size
+    a = to_body(o.r, minus(s.x, o.x))
+    u = to_body(o.r, half_axis(s))
+    if s.kind == SPHERE:
+        box_point(k, i, j, s, o, a, margin, sign, code)
         return
     for end in range(2):
-        box_point(b, k, i, j, r, half, plus(a, 1.0 - 2.0 * end, u), radius, margin, sign, 1 + end)
+        box_point(k, i, j, s, o, plus(a, 1.0 - 2.0 * end, u), margin, sign, code + 1 + end)
     low, high = -1.0, 1.0
     for _ in range(SECTIONS):
-        s, t = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        if box_distance(half, plus(a, s, u)) < box_distance(half, plus(a, t, u)):
+        c, t = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        if box_distance(half, plus(a, c, u)) < box_distance(half, plus(a, t, u)):
             high = t
         else:
-            low = s
-    s = 0.5 * (low + high)
-    if abs(s) < 0.99:
-        box_point(b, k, i, j, r, half, plus(a, s, u), radius, margin, sign, 3)
+            low = c
+    c = 0.5 * (low + high)
+    if abs(c) < 0.99:
+        box_point(k, i, j, s, o, plus(a, c, u), margin, sign, code + 3)
 
 
-def box_point(
-    b: Any,
-    k: Any,
-    i: Any,
-    j: Any,
-    r: Any,
-    half: Any,
-    a: Any,
-    radius: Any,
-    margin: Any,
-    sign: Any,
-    feature: Any,
-) -> None:
-    """A contact of a point of body i, in the frame of box j, with a radius."""
-    gap = box_distance(half, a) - radius
+def box_point(k: Any, i: Any, j: Any, s: Any, o: Any, a: Any, margin: Any, sign: Any, feature: Any) -> None:
+    """A contact of a point of piece s, in the frame of box o, with a radius."""
+    radius = s.size[0]
+    gap = box_distance(o.size, a) - radius
     if gap < margin:
-        n = to_world(r, box_normal(half, a))
-        point = plus(plus(place(b, j), 1.0, to_world(r, a)), -(radius + 0.5 * gap), n)
+        n = to_world(o.r, box_normal(o.size, a))
+        point = plus(plus(o.x, 1.0, to_world(o.r, a)), -(radius + 0.5 * gap), n)
         if sign > 0:
             add_contact(k, i, j, feature, point, n, gap)
         else:
@@ -203,11 +219,10 @@ def extent(r: Any, half: Any, n: Any) -> Any:
 
 
 @outlined
-def box_box(b: Any, k: Any, i: Any, j: Any, margin: Any) -> None:
+def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
     """Contacts of two boxes."""
-    ri, rj = matrix(orientation(b, i)), matrix(orientation(b, j))
-    hi, hj = row(b.size, i), row(b.size, j)
-    d = minus(place(b, j), place(b, i))
+    ri, rj, hi, hj = s.r, o.r, s.size, o.size
+    d = minus(o.x, s.x)
     smallest = min(min(hi[0], min(hi[1], hi[2])), min(hj[0], min(hj[1], hj[2])))
     best, which = -np.inf, 0
     for axis in range(3):
@@ -234,12 +249,22 @@ def box_box(b: Any, k: Any, i: Any, j: Any, margin: Any) -> None:
                     crossing, first, second = apart, p, q
     if crossing > margin:
         return
-    if crossing > best + FACE_FIRST * smallest:
-        edges(b, k, i, j, ri, rj, hi, hj, d, first, second, crossing)
+    if crossing > best + FACE_FIRST * smallest and not nearly_face(ri, rj, which, first, second):
+        edges(k, i, j, s.x, ri, rj, hi, hj, d, first, second, crossing, code)
     elif which < 3:
-        faces(b, k, i, j, ri, rj, hi, hj, d, which, margin, 1.0)
+        faces(k, i, j, s.x, ri, rj, hi, hj, d, which, margin, 1.0, code)
     else:
-        faces(b, k, j, i, rj, ri, hj, hi, turned(d, -1.0), which - 3, margin, -1.0)
+        faces(k, j, i, o.x, rj, ri, hj, hi, turned(d, -1.0), which - 3, margin, -1.0, code)
+
+
+def nearly_face(ri: Any, rj: Any, which: Any, first: Any, second: Any) -> bool:
+    """Whether what is across two edges is nearly across the best face too. That face is what touches then: one point would
+    let boxes that lie on each other rock, and sink."""
+    n, face = cross_of(column(ri, first), column(rj, second)), column(ri, which)
+    if which >= 3:
+        face = column(rj, which - 3)
+    along = dot(n, face)
+    return bool(along * along > NEARLY * NEARLY * dot(n, n))
 
 
 def cross_of(a: Any, c: Any) -> Any:
@@ -248,9 +273,21 @@ def cross_of(a: Any, c: Any) -> Any:
 
 
 def edges(
-    b: Any, k: Any, i: Any, j: Any, ri: Any, rj: Any, hi: Any, hj: Any, d: Any, p: Any, q: Any, gap: Any
+    k: Any,
+    i: Any,
+    j: Any,
+    x: Any,
+    ri: Any,
+    rj: Any,
+    hi: Any,
+    hj: Any,
+    d: Any,
+    p: Any,
+    q: Any,
+    gap: Any,
+    code: Any,
 ) -> None:
-    """The contact of an edge of box i along its axis p and one of box j along its axis q."""
+    """The contact of an edge of the box i at x along its axis p and one of box j along its axis q."""
     u, w = column(ri, p), column(rj, q)
     n = cross_of(u, w)
     n = turned(n, np.copysign(1 / np.sqrt(dot(n, n)), -dot(d, n)))  # from j to i
@@ -264,7 +301,7 @@ def edges(
     t = (dot(e, w) - uw * dot(e, u)) / slope
     one, two = plus(a, s, u), plus(c, t, w)
     middle = ((one[0] + two[0]) * 0.5, (one[1] + two[1]) * 0.5, (one[2] + two[2]) * 0.5)
-    add_contact(k, i, j, 4096 + 3 * p + q, plus(place(b, i), 1.0, middle), n, gap)
+    add_contact(k, i, j, code + 4096 + 3 * p + q, plus(x, 1.0, middle), n, gap)
 
 
 def edge_middle(r: Any, half: Any, axis: Any, towards: Any) -> Any:
@@ -277,10 +314,10 @@ def edge_middle(r: Any, half: Any, axis: Any, towards: Any) -> Any:
 
 
 def faces(
-    b: Any,
     k: Any,
     i: Any,
     j: Any,
+    centre: Any,
     ri: Any,
     rj: Any,
     hi: Any,
@@ -289,9 +326,10 @@ def faces(
     axis: Any,
     margin: Any,
     sign: Any,
+    code: Any,
 ) -> None:
-    """Contacts of a face of box i across its axis and the face of box j that looks at it; d goes from i to j. Sign −1
-    notes j as the first."""
+    """Contacts of a face of the box i at `centre` across its axis and the face of box j that looks at it; d goes from i
+    to j. Sign −1 notes j as the first."""
     n = turned(column(ri, axis), np.copysign(1.0, dot(d, column(ri, axis))))
     towards = to_body(rj, n)
     x, y, z = abs(towards[0]), abs(towards[1]), abs(towards[2])
@@ -320,9 +358,9 @@ def faces(
     for m in range(number):
         gap = corners[2, m]
         if gap < margin:
-            at = plus(plus(place(b, i), corners[0, m], column(ri, one)), corners[1, m], column(ri, two))
+            at = plus(plus(centre, corners[0, m], column(ri, one)), corners[1, m], column(ri, two))
             at = plus(at, entry(hi, axis) + 0.5 * gap, n)
-            feature = int(corners[3, m]) + 1024 * axis
+            feature = code + int(corners[3, m]) + 1024 * axis
             if sign > 0:
                 add_contact(k, i, j, feature, at, turned(n, -1.0), gap)
             else:

@@ -17,18 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.compiler import outlined
+from particlesim.model.quaternions import times
+
 Quaternion = tuple[float, float, float, float]
 Triple = tuple[float, float, float]
-
-
-def times(a: Any, b: Any) -> Any:
-    """The product of two quaternions: first the turn b, then a."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
 
 
 def normalised(q: Any) -> Any:
@@ -86,6 +79,28 @@ def angular_velocity(q: Any, spin: Any, inertia: Any) -> Any:
     r = matrix(q)
     a = to_body(r, spin)
     return to_world(r, (a[0] / inertia[0], a[1] / inertia[1], a[2] / inertia[2]))
+
+
+@outlined
+def world_inverse(q: Any, inertia: Any, inverse: Any) -> None:
+    """The inverse of the inertia in the world: R I⁻¹ Rᵀ as xx, yy, zz, xy, xz, yz."""
+    r = matrix(q)
+    a, c, d = 1 / inertia[0], 1 / inertia[1], 1 / inertia[2]
+    inverse[0] = r[0] * r[0] * a + r[1] * r[1] * c + r[2] * r[2] * d
+    inverse[1] = r[3] * r[3] * a + r[4] * r[4] * c + r[5] * r[5] * d
+    inverse[2] = r[6] * r[6] * a + r[7] * r[7] * c + r[8] * r[8] * d
+    inverse[3] = r[0] * r[3] * a + r[1] * r[4] * c + r[2] * r[5] * d
+    inverse[4] = r[0] * r[6] * a + r[1] * r[7] * c + r[2] * r[8] * d
+    inverse[5] = r[3] * r[6] * a + r[4] * r[7] * c + r[5] * r[8] * d
+
+
+def turned_by(m: Any, a: Any) -> Any:
+    """A symmetric matrix times a vector."""
+    return (
+        m[0] * a[0] + m[3] * a[1] + m[4] * a[2],
+        m[3] * a[0] + m[1] * a[1] + m[5] * a[2],
+        m[4] * a[0] + m[5] * a[1] + m[2] * a[2],
+    )
 
 
 def turned_freely(q: Any, spin: Any, inertia: Any, h: Any) -> Any:

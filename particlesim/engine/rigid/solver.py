@@ -6,11 +6,13 @@ For every contact with the normal n and relative velocity u of its points the im
 
 with s the speed of rebound, or the approach that the gap leaves room for; a friction at its bound is against the sliding.
 They are found contact by contact until none changes (projected Gauss and Seidel), forwards and backwards in turn, beginning
-with the impulses of the last step. What overlaps by more than the slop is pushed apart by velocities of its own, which move
-bodies in this step and are then forgotten, so that they give no energy.
+with the impulses of the last step; sweeps are the steps of a method of conjugate gradients. Large heaps get fewer sweeps,
+and go on with them in the next step. What overlaps by more than the slop is pushed apart by velocities of its own, which
+move bodies in this step and are then forgotten, so that they give no energy.
 
 Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
-coherence, GDC 2005; split impulses: E. Coumans, GDC 2006.
+coherence, GDC 2005; M. Silcowitz, S. Niebe, K. Erleben, Visual Computer 26, 893 (2010) (conjugate gradients); split
+impulses: E. Coumans, GDC 2006.
 """
 
 from __future__ import annotations
@@ -19,14 +21,19 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, place, row
+from particlesim.engine.rigid.clusters import gather, root, unite
+from particlesim.engine.rigid.joints import level
 from particlesim.engine.rigid.narrow import clamped, minus
-from particlesim.engine.rigid.rotation import cross, dot, matrix
+from particlesim.engine.rigid.rotation import cross, dot, turned_by, world_inverse
 
-MOST_SWEEPS = 120
+WORK = 40_000
+"""Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
+LEAST_SWEEPS, MOST_SWEEPS = 16, 1000
+"""Sweeps over a cluster of any size, and over the smallest."""
 PUSHES = 12
-"""Sweeps over all contacts in a step at most: for impulses, and for pushing apart."""
+"""Sweeps that push apart."""
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
@@ -34,28 +41,6 @@ PART = 0.2
 """Part of an overlap that is taken away in a step."""
 RESTING = 2.0
 """A contact rebounds only if it approaches faster than this many times the speed that forces give in a step."""
-
-
-@outlined
-def world_inverse(q: Any, inertia: Any, inverse: Any) -> None:
-    """The inverse of the inertia in the world: R I⁻¹ Rᵀ as xx, yy, zz, xy, xz, yz."""
-    r = matrix(q)
-    a, c, d = 1 / inertia[0], 1 / inertia[1], 1 / inertia[2]
-    inverse[0] = r[0] * r[0] * a + r[1] * r[1] * c + r[2] * r[2] * d
-    inverse[1] = r[3] * r[3] * a + r[4] * r[4] * c + r[5] * r[5] * d
-    inverse[2] = r[6] * r[6] * a + r[7] * r[7] * c + r[8] * r[8] * d
-    inverse[3] = r[0] * r[3] * a + r[1] * r[4] * c + r[2] * r[5] * d
-    inverse[4] = r[0] * r[6] * a + r[1] * r[7] * c + r[2] * r[8] * d
-    inverse[5] = r[3] * r[6] * a + r[4] * r[7] * c + r[5] * r[8] * d
-
-
-def turned_by(m: Any, a: Any) -> Any:
-    """A symmetric matrix times a vector."""
-    return (
-        m[0] * a[0] + m[3] * a[1] + m[4] * a[2],
-        m[3] * a[0] + m[1] * a[1] + m[5] * a[2],
-        m[4] * a[0] + m[5] * a[1] + m[2] * a[2],
-    )
 
 
 def velocities(b: Any, motion: Any) -> None:
@@ -100,7 +85,7 @@ def strike(b: Any, k: Any, motion: Any, c: Any, d: Any, size: Any) -> None:
             g[axis] -= size * e[6 + axis]
 
 
-@outlined
+@shared
 def lay_out(b: Any, k: Any, motion: Any) -> None:
     """What impulses do at every contact along its normal and two tangents; the speed of approach, into `target`."""
     for c in range(k.number[0]):
@@ -137,11 +122,12 @@ def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any,
 
 
 @outlined
-def aim(k: Any, motion: Any, h: Any) -> float:
-    """Set the speed that each contact is to have along its normal; forces have been added since `lay_out`. Returns the
-    largest speed that contact has to deal with."""
+def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
+    """Set the speed that each contact of a cluster is to have along its normal; forces have been added since `lay_out`.
+    Returns the largest speed that contact has to deal with."""
     largest = 0.0
-    for c in range(k.number[0]):
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
         before, now = k.target[c], speed_along(k, motion, c, 0)
         gap = max(k.gap[c], 0.0)
         meets = now * h < -gap
@@ -154,11 +140,11 @@ def aim(k: Any, motion: Any, h: Any) -> float:
 
 
 @outlined
-def sweep(b: Any, k: Any, motion: Any, backwards: Any) -> float:
-    """One look at every contact; returns the largest change of a speed."""
-    number, worst = k.number[0], 0.0
-    for turn in range(number):
-        c = number - 1 - turn if backwards else turn
+def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) -> float:
+    """One look at every contact of a cluster; returns the largest change of a speed."""
+    worst = 0.0
+    for turn in range(first, last):
+        c = k.order[first + last - 1 - turn if backwards else turn]
         e = k.rows[c]
         had = k.impulse[c, 0]
         wish = had - e[0, 15] * (speed_along(k, motion, c, 0) - k.target[c])
@@ -182,18 +168,22 @@ def sweep(b: Any, k: Any, motion: Any, backwards: Any) -> float:
     return float(worst)
 
 
-@outlined
-def solve(b: Any, k: Any, motion: Any, memory: Any, h: Any) -> None:
-    """Find and give the impulses of a step; bodies have their velocities and angular momenta afterwards."""
-    largest = aim(k, motion, h)
+@shared
+def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None:
+    """Find and give the impulses of a step, of contacts and of joints, whose rows are ready (None without); bodies have
+    their velocities and angular momenta afterwards."""
+    gather(k, motion, joints)
+    for cluster in range(motion.clusters[0]):
+        level_all(b, motion, motion.now, motion.gained, joints, cluster)
+        motion.largest[cluster] = aim(k, motion, cluster, h)
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)
-    relax(b, k, motion, largest)
+    relax_all(b, k, motion, joints)
     rebounds = False
     for c in range(k.number[0]):
         rebounds = rebounds or k.target[c] > 0
-    if rebounds and gains(b, k, motion):
-        yield_energy(b, k, motion, largest)
+    if rebounds and gains(b, k, motion, joints):
+        yield_energy(b, k, motion, joints)
     remember(k, memory)
     for i in range(b.w.size):
         for axis in range(3):
@@ -201,11 +191,87 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, h: Any) -> None:
             b.spin[axis, i] += motion.gained[i, axis]
 
 
-def relax(b: Any, k: Any, motion: Any, largest: Any) -> None:
-    """Sweep until nothing changes any more."""
-    for turn in range(MOST_SWEEPS):
-        if not sweep(b, k, motion, turn % 2 == 1) > SETTLED * largest:
+def relax_all(b: Any, k: Any, motion: Any, joints: Any) -> None:
+    """Find the impulses of all clusters."""
+    for cluster in range(motion.clusters[0]):
+        level_all(b, motion, motion.now, motion.gained, joints, cluster)
+        if motion.contact_from[cluster] < motion.contact_from[cluster + 1]:
+            relax(b, k, motion, joints, cluster)
+
+
+def level_all(b: Any, motion: Any, now: Any, gained: Any, joints: Any, cluster: Any) -> None:
+    """Take away what bodies of a cluster have along their joints."""
+    if joints is not None:
+        component = motion.first_component[cluster]
+        while component >= 0:
+            level(joints, b, now, gained, component)
+            component = joints.next[component]
+
+
+@outlined
+def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
+    """Sweep over a cluster until nothing changes any more, or its share of work is done. Joints are solved for as a whole
+    after each sweep.
+
+    Sweeps are taken for steps of a descent, and followed by one in the direction conjugate to them (Fletcher and Reeves),
+    which is dropped where changes grow.
+    """
+    first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
+    most = min(max(WORK // (last - first), LEAST_SWEEPS), MOST_SWEEPS)
+    settled = SETTLED * motion.largest[cluster]
+    size = 0.0
+    for turn in range(most):
+        if turn % 2 == 0:
+            note(k, motion, cluster)
+        worst = sweep(b, k, motion, first, last, turn % 2 == 1)
+        level_all(b, motion, motion.now, motion.gained, joints, cluster)
+        if not worst > settled or turn == most - 1:
             break
+        if turn % 2 == 1:
+            size = go_on(k, motion, cluster, size)
+
+
+def note(k: Any, motion: Any, cluster: Any) -> None:
+    """Impulses and velocities before a sweep."""
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        for d in range(3):
+            k.before[c, d] = k.impulse[c, d]
+    for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
+        i = motion.bodies[at]
+        for d in range(6):
+            motion.before[i, d] = motion.now[i, d]
+        for d in range(3):
+            motion.before[i, 6 + d] = motion.gained[i, d]
+
+
+def go_on(k: Any, motion: Any, cluster: Any, size: Any) -> float:
+    """After a sweep, go on in the direction of those before it; `size` is the square of the change before, 0 for none.
+    Returns that of this one."""
+    change = 0.0
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        for d in range(3):
+            moved = k.impulse[c, d] - k.before[c, d]
+            change += moved * moved / k.rows[c, d, 15]
+    part = change / size if 0 < change <= size else 0.0
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        for d in range(3):
+            extra = part * k.onward[c, d] if part > 0 else 0.0
+            k.onward[c, d] = extra + k.impulse[c, d] - k.before[c, d]
+            k.impulse[c, d] += extra
+    for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
+        i = motion.bodies[at]
+        for d in range(6):
+            extra = part * motion.onward[i, d] if part > 0 else 0.0
+            motion.onward[i, d] = extra + motion.now[i, d] - motion.before[i, d]
+            motion.now[i, d] += extra
+        for d in range(3):
+            extra = part * motion.onward[i, 6 + d] if part > 0 else 0.0
+            motion.onward[i, 6 + d] = extra + motion.gained[i, d] - motion.before[i, 6 + d]
+            motion.gained[i, d] += extra
+    return float(change)
 
 
 # ---- rebounds that would give energy
@@ -225,16 +291,8 @@ def keep(now: Any, gained: Any, copy: Any) -> None:
             copy[i, 6 + axis] = gained[i, axis]
 
 
-def root(parent: Any, i: Any) -> int:
-    """The body that stands for all that body i touches."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return int(i)
-
-
 @outlined
-def gains(b: Any, k: Any, motion: Any) -> bool:
+def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
     """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that
     stands for it. Surfaces that run may give energy: what touches them counts as not gaining."""
     parent, gain = motion.parent, motion.gain
@@ -243,8 +301,11 @@ def gains(b: Any, k: Any, motion: Any) -> bool:
         gain[i] = 0.0
     for c in range(k.number[0]):
         if k.impulse[c, 0] > 0 and k.second[c] != WORLD:
-            one, two = root(parent, k.first[c]), root(parent, k.second[c])
-            parent[max(one, two)] = min(one, two)
+            unite(parent, k.first[c], k.second[c])
+    if joints is not None:
+        for g in range(joints.first.size):
+            if joints.second[g] != WORLD:
+                unite(parent, joints.first[g], joints.second[g])
     for i in range(b.w.size):
         was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
         work = 0.0
@@ -262,7 +323,7 @@ def gains(b: Any, k: Any, motion: Any) -> bool:
 
 
 @outlined
-def yield_energy(b: Any, k: Any, motion: Any, largest: Any) -> None:
+def yield_energy(b: Any, k: Any, motion: Any, joints: Any) -> None:
     """Take back what sets of bodies have gained; their velocities are those with rebounds, and `gain` is known."""
     other, gain, parent = motion.other, motion.gain, motion.parent
     keep(motion.now, motion.gained, other)
@@ -276,7 +337,7 @@ def yield_energy(b: Any, k: Any, motion: Any, largest: Any) -> None:
         k.normal[0, c], k.normal[1, c], k.normal[2, c] = k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]
         k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
         k.target[c] = min(k.target[c], 0.0)
-    relax(b, k, motion, largest)
+    relax_all(b, k, motion, joints)
     low, bend = motion.low, motion.bend
     for i in range(b.w.size):
         low[i] = bend[i] = 0.0
@@ -359,8 +420,8 @@ def remember(k: Any, memory: Any) -> None:
 # ---- pushing apart
 
 
-@outlined
-def push_apart(b: Any, k: Any, motion: Any, slop: Any, h: Any) -> bool:
+@shared
+def push_apart(b: Any, k: Any, motion: Any, joints: Any, slop: Any, h: Any) -> bool:
     """Velocities, into `apart`, that take away a part of what overlaps; whether there are any."""
     deep = False
     for c in range(k.number[0]):
@@ -375,6 +436,8 @@ def push_apart(b: Any, k: Any, motion: Any, slop: Any, h: Any) -> bool:
             c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
             if k.gap[c] < -slop:
                 nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h)
+        for cluster in range(motion.clusters[0]):
+            level_all(b, motion, motion.apart, motion.other, joints, cluster)
     return True
 
 

@@ -1,10 +1,10 @@
 """Contacts of bodies with colliders, through the gap and the normal that every shape of a collider gives.
 
 A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the place between them that
-is nearest; a box is its corners and, likewise, the nearest place of each edge. A ball that touches the inside of a face is
-found from its centre; what else touches it there, as the corner of another box, by projections in turn onto the box and
-onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10, 448,
-1959).
+is nearest; a box is its corners and, likewise, the nearest place of each edge; so is a hull. A ball that touches the inside
+of a face is found from its centre; what else touches it there, as the corner of another box, by projections in turn onto the
+face and onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10,
+448, 1959). The rims of cylinders and cones are eight places around, the first of them the lowest.
 
 The surface of a collider that moves carries its velocity into the contact, all of it; that of a belt, which runs along
 itself, only what is along the surface.
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.bodies.shape import BOX, SPHERE
+from particlesim.bodies.pieces import BOX, CONE, CYLINDER, HULL, SPHERE
 from particlesim.colliders.moving import MovingRecord, frame_at, out_of, surface_velocity
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.sphere import BallRecord
@@ -30,8 +30,10 @@ from particlesim.engine.rigid.bodies import (
     row,
     set_surface,
 )
+from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
 from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, clamped, half_axis, minus, plus
-from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
+from particlesim.engine.rigid.pieces import corner, solid_of
+from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
 from particlesim.laws.registry import Particle, gap, normal
 from particlesim.model.attributes import FURTHER
 
@@ -43,6 +45,14 @@ TURNS = 40
 """Projections in turn onto a box and a collider."""
 DRAWN_IN = 0.25
 """How far a collider is drawn in for them, in units of the smallest half edge of the box."""
+
+
+RIM = 4
+"""Turns of the search for the lowest place of a circle."""
+CORNERS = 8
+"""Places around a circle that may touch."""
+AROUND = 16
+"""Numbers for the features of a circle."""
 
 
 class Wall(NamedTuple):
@@ -77,26 +87,18 @@ def away(shape: Any, p: Any) -> Any:
 @outlined
 def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -> None:
     """Note the contacts of body i with a collider that are nearer than a margin."""
-    begin = k.number[0]
+    begin, p, g = k.number[0], b.pieces, b.group[i]
     if isinstance(wall.shape, MovingRecord):
         f = frame_at(wall.shape, t, 0.0)
         w = surface_velocity(wall.shape, f, b.x[0, i], b.x[1, i], b.x[2, i])
         rate = 0.0 if wall.shape.spin is None else abs(wall.shape.spin.rate)
         margin = margin + h * (np.sqrt(dot(w, w)) + rate * b.reach[i])
     if gap(wall.shape, probe(place(b, i), b.reach[i], t)) < margin:
-        code = FEATURES * (1 + wall.number)
-        if b.kind[i] == BOX:
-            if isinstance(wall.shape, BallRecord):
-                c = wall.shape
-                box_on_ball(c, (c.x, c.y, c.z), b, k, i, margin, code)
-            elif isinstance(wall.shape, MovingRecord) and isinstance(wall.shape.shape, BallRecord):
-                c, f = wall.shape.shape, frame_at(wall.shape, t, 0.0)
-                away_from = (c.x - wall.shape.x, c.y - wall.shape.y, c.z - wall.shape.z)
-                box_on_ball(c, plus((f.x, f.y, f.z), 1.0, out_of(f.rows, away_from)), b, k, i, margin, code)
-            else:
-                box_on_wall(wall, b, k, i, margin, t, code)
-        else:
-            core_on_wall(wall, b, k, i, margin, t, code)
+        r = matrix(orientation(b, i))
+        for number in range(p.first[g], p.first[g + 1]):
+            s = solid_of(p, number, place(b, i), r)
+            code = FEATURES * (1 + wall.number) + SPAN * (number - p.first[g])
+            touch_piece(wall, k, p, i, s, margin, t, code)
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
         n = row(k.normal, number)
@@ -109,9 +111,32 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -
                 k.belt[axis, number] += part
 
 
-def point_on_wall(
-    wall: Any, b: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any
-) -> None:
+@outlined
+def touch_piece(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """Note the contacts of a piece of body i with a collider."""
+    if not gap(wall.shape, probe(s.x, p.ball[s.number], t)) < margin:
+        return
+    if p.corners is not None:
+        if s.kind == HULL:
+            hull_on_wall(wall, k, p, i, s, margin, t, code)
+            return
+        if s.kind == CYLINDER or s.kind == CONE:
+            round_on_wall(wall, k, i, s, margin, t, code)
+            return
+    if s.kind != BOX:
+        core_on_wall(wall, k, i, s, margin, t, code)
+    elif isinstance(wall.shape, BallRecord):
+        c = wall.shape
+        box_on_ball(c, (c.x, c.y, c.z), k, i, s, margin, code)
+    elif isinstance(wall.shape, MovingRecord) and isinstance(wall.shape.shape, BallRecord):
+        c, f = wall.shape.shape, frame_at(wall.shape, t, 0.0)
+        away_from = (c.x - wall.shape.x, c.y - wall.shape.y, c.z - wall.shape.z)
+        box_on_ball(c, plus((f.x, f.y, f.z), 1.0, out_of(f.rows, away_from)), k, i, s, margin, code)
+    else:
+        box_on_wall(wall, k, i, s, margin, t, code)
+
+
+def point_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
     """A contact of a point of a body with a radius."""
     p = probe(at, radius, t)
     distance = gap(wall.shape, p)
@@ -120,50 +145,55 @@ def point_on_wall(
         add_contact(k, i, WORLD, code, plus(at, -(radius + distance), n), n, distance)
 
 
-def core_on_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, code: Any) -> None:
+def line_on_wall(
+    wall: Any, k: Any, i: Any, a: Any, c: Any, radius: Any, margin: Any, t: Any, code: Any
+) -> None:
+    """A contact between the ends of a line with a radius, where the collider is not flat and looks at its middle."""
+    d = minus(c, a)
+    middle = probe(plus(a, 0.5, d), radius + 0.5 * np.sqrt(dot(d, d)), t)
+    if gap(wall.shape, middle) < margin:
+        part = nearest_part(wall.shape, a, c, t)
+        if 0.01 < part < 0.99:
+            point_on_wall(wall, k, i, plus(a, part, d), radius, margin, t, code)
+
+
+def core_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
     """Contacts of a sphere or a capsule."""
-    radius, x = b.size[0, i], place(b, i)
-    if b.kind[i] == SPHERE:
-        point_on_wall(wall, b, k, i, x, radius, margin, t, code)
+    radius, x = s.size[0], s.x
+    if s.kind == SPHERE:
+        point_on_wall(wall, k, i, x, radius, margin, t, code)
         return
-    u = half_axis(b, i)
-    point_on_wall(wall, b, k, i, plus(x, 1.0, u), radius, margin, t, code + 1)
-    point_on_wall(wall, b, k, i, plus(x, -1.0, u), radius, margin, t, code + 2)
+    u = half_axis(s)
+    point_on_wall(wall, k, i, plus(x, 1.0, u), radius, margin, t, code + 1)
+    point_on_wall(wall, k, i, plus(x, -1.0, u), radius, margin, t, code + 2)
     if not isinstance(wall.shape, FLAT):
-        s = nearest_part(wall.shape, plus(x, -1.0, u), plus(x, 1.0, u), t)
-        if 0.01 < s < 0.99:
-            point_on_wall(wall, b, k, i, plus(x, 2 * s - 1, u), radius, margin, t, code + 3)
+        line_on_wall(wall, k, i, plus(x, -1.0, u), plus(x, 1.0, u), radius, margin, t, code + 3)
 
 
-def box_on_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, code: Any) -> None:
+def box_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
     """Contacts of the corners of a box, and of its edges where the collider is not flat."""
-    r, half, x = matrix(orientation(b, i)), row(b.size, i), place(b, i)
-    for corner in range(8):
-        at = plus(x, 1.0, to_world(r, corner_of(half, corner)))
-        point_on_wall(wall, b, k, i, at, 0.0, margin, t, code + corner)
+    r, half, x = s.r, s.size, s.x
+    for m in range(8):
+        at = plus(x, 1.0, to_world(r, corner_of(half, m)))
+        point_on_wall(wall, k, i, at, 0.0, margin, t, code + m)
     if not isinstance(wall.shape, FLAT):
         for edge in range(12):
             axis, first = edge // 4, first_corner(edge)
             one = plus(x, 1.0, to_world(r, corner_of(half, first)))
             two = plus(x, 1.0, to_world(r, corner_of(half, first + (1 << axis))))
-            s = nearest_part(wall.shape, one, two, t)
-            if 0.01 < s < 0.99:
-                at = plus(one, s, minus(two, one))
-                point_on_wall(wall, b, k, i, at, 0.0, margin, t, code + 8 + edge)
-        face_on_wall(wall.shape, b, k, i, r, half, margin, t, code + 20)
+            line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + 8 + edge)
+        face_on_wall(wall.shape, k, i, s, margin, t, code + 20)
 
 
-@outlined
-def face_on_wall(
-    shape: Any, b: Any, k: Any, i: Any, r: Any, half: Any, margin: Any, t: Any, code: Any
-) -> None:
+def face_on_wall(shape: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
     """The contact of a collider with the inside of a face of a box; corners and edges have been looked at."""
-    x, depth = place(b, i), DRAWN_IN * min(half[0], min(half[1], half[2]))
+    half = s.size
+    depth = DRAWN_IN * min(half[0], min(half[1], half[2]))
     y, last = (0.0, 0.0, 0.0), 0.0
     for _ in range(TURNS):
-        p = probe(plus(x, 1.0, to_world(r, y)), 0.0, t)
+        p = probe(plus(s.x, 1.0, to_world(s.r, y)), 0.0, t)
         step = gap(shape, p) + depth
-        z = plus(y, -step, to_body(r, away(shape, p)))
+        z = plus(y, -step, to_body(s.r, away(shape, p)))
         z = (
             clamped(z[0], -half[0], half[0]),
             clamped(z[1], -half[1], half[1]),
@@ -178,12 +208,172 @@ def face_on_wall(
         if abs(y[axis]) > 0.99 * half[axis]:
             bound += 1
     if bound == 1:
-        at = plus(x, 1.0, to_world(r, y))
-        p = probe(at, 0.0, t)
-        distance = gap(shape, p)
-        if distance < margin:
-            n = away(shape, p)
-            add_contact(k, i, WORLD, code, plus(at, -distance, n), n, distance)
+        inside_contact(shape, k, i, plus(s.x, 1.0, to_world(s.r, y)), margin, t, code)
+
+
+def inside_contact(shape: Any, k: Any, i: Any, at: Any, margin: Any, t: Any, code: Any) -> None:
+    """A contact of a place inside of a face."""
+    p = probe(at, 0.0, t)
+    distance = gap(shape, p)
+    if distance < margin:
+        n = away(shape, p)
+        add_contact(k, i, WORLD, code, plus(at, -distance, n), n, distance)
+
+
+# ---- hulls
+
+
+def hull_on_wall(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """Contacts of the corners of a hull, and of its edges and faces where the collider is not flat."""
+    first = p.first_corner[s.number]
+    for c in range(first, p.first_corner[s.number + 1]):
+        point_on_wall(wall, k, i, corner(p, s, c), 0.0, margin, t, code + c - first)
+    if not isinstance(wall.shape, FLAT):
+        for e in range(p.first_edge[s.number], p.first_edge[s.number + 1]):
+            one, two = corner(p, s, p.edges[0, e]), corner(p, s, p.edges[1, e])
+            number = e - p.first_edge[s.number]
+            line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + OTHER + number)
+        for f in range(p.first_face[s.number], p.first_face[s.number + 1]):
+            polygon_on_wall(
+                wall.shape, k, p, i, s, f, margin, t, code + OTHER // 2 + f - p.first_face[s.number]
+            )
+
+
+@outlined
+def polygon_on_wall(
+    shape: Any, k: Any, p: Any, i: Any, s: Any, f: Any, margin: Any, t: Any, code: Any
+) -> None:
+    """The contact of a collider with the inside of a face of a hull: steps down the gap, back onto the face."""
+    n = to_world(s.r, (p.planes[0, f], p.planes[1, f], p.planes[2, f]))
+    first, last = p.loop[f], p.loop[f + 1]
+    y, size = (0.0, 0.0, 0.0), 1.0 / (last - first)
+    for m in range(first, last):
+        y = plus(y, size, corner(p, s, p.loops[m]))
+    middle, wide = y, 0.0
+    for m in range(first, last):
+        d = minus(corner(p, s, p.loops[m]), middle)
+        wide = max(wide, dot(d, d))
+    wide = np.sqrt(wide)
+    if not gap(shape, probe(middle, wide, t)) < margin:
+        return
+    depth = DRAWN_IN * wide
+    for _ in range(TURNS):
+        q = probe(y, 0.0, t)
+        z = plus(y, -(gap(shape, q) + depth), away(shape, q))
+        z = plus(z, -dot(minus(z, middle), n), n)
+        z = onto_polygon(p, s, f, n, z)
+        d = minus(z, y)
+        y = z
+        if dot(d, d) < 1e-24 * depth * depth:
+            break
+    # Its own place inside: near an edge that edge, or a corner, has the contact.
+    room = wide
+    for m in range(first, last):
+        a, c = corner(p, s, p.loops[m]), corner(p, s, p.loops[m + 1 if m + 1 < last else first])
+        out = cross(minus(c, a), n)
+        room = min(room, dot(minus(a, y), out) / np.sqrt(dot(out, out)))
+    if room > 0.01 * wide:
+        inside_contact(shape, k, i, y, margin, t, code)
+
+
+def onto_polygon(p: Any, s: Any, f: Any, n: Any, z: Any) -> Any:
+    """The place of a face that is nearest to a place in its plane."""
+    first, last = p.loop[f], p.loop[f + 1]
+    inside, best, found = True, np.inf, z
+    for m in range(first, last):
+        a, c = corner(p, s, p.loops[m]), corner(p, s, p.loops[m + 1 if m + 1 < last else first])
+        e, d = minus(c, a), minus(z, a)
+        inside = inside and dot(cross(e, n), d) <= 0
+        part = clamped(dot(d, e) / dot(e, e), 0.0, 1.0)
+        near = plus(a, part, e)
+        away_by = minus(z, near)
+        if dot(away_by, away_by) < best:
+            best, found = dot(away_by, away_by), near
+    return z if inside else found
+
+
+# ---- cylinders and cones
+
+
+@outlined
+def round_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """Contacts of the rims of a cylinder, or of the rim and the tip of a cone; of the line between them that looks at the
+    collider, and of the ends, where the collider is not flat."""
+    axis = to_world(s.r, (0.0, 0.0, 1.0))
+    low = plus(s.x, -s.size[1] if s.kind == CYLINDER else -0.25 * s.size[1], axis)
+    high = plus(s.x, s.size[1] if s.kind == CYLINDER else 0.75 * s.size[1], axis)
+    rim_on_wall(wall, k, i, s, low, axis, margin, t, code)
+    if s.kind == CYLINDER:
+        rim_on_wall(wall, k, i, s, high, axis, margin, t, code + AROUND)
+    else:
+        point_on_wall(wall, k, i, high, 0.0, margin, t, code + AROUND)
+    if not isinstance(wall.shape, FLAT):
+        out = lowest(wall.shape, s, plus(low, 0.5, minus(high, low)), axis, t)
+        one = plus(low, s.size[0], out)
+        two = plus(high, s.size[0] if s.kind == CYLINDER else 0.0, out)
+        line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + 2 * AROUND)
+        end_on_wall(wall.shape, k, i, s, low, axis, margin, t, code + 2 * AROUND + 1)
+        if s.kind == CYLINDER:
+            end_on_wall(wall.shape, k, i, s, high, axis, margin, t, code + 2 * AROUND + 2)
+
+
+def lowest(shape: Any, s: Any, center: Any, axis: Any, t: Any) -> Any:
+    """The direction across an axis in which a circle about it comes nearest to a collider; the piece's own x direction where
+    all of it is as near."""
+    own = to_world(s.r, (1.0, 0.0, 0.0))
+    out, at = own, center
+    for _ in range(RIM):
+        n = away(shape, probe(at, 0.0, t))
+        d = plus((-n[0], -n[1], -n[2]), dot(n, axis), axis)
+        length = np.sqrt(dot(d, d))
+        if length < LEANING:
+            return own
+        out = (d[0] / length, d[1] / length, d[2] / length)
+        at = plus(center, s.size[0], out)
+    return out
+
+
+@outlined
+def rim_on_wall(
+    wall: Any, k: Any, i: Any, s: Any, center: Any, axis: Any, margin: Any, t: Any, code: Any
+) -> None:
+    """Contacts of places around a circle, the first of them the lowest."""
+    if not gap(wall.shape, probe(center, s.size[0], t)) < margin:
+        return
+    out = lowest(wall.shape, s, center, axis, t)
+    side = cross(axis, out)
+    for m in range(CORNERS):
+        turn = 2 * np.pi * m / CORNERS
+        d = (
+            np.cos(turn) * out[0] + np.sin(turn) * side[0],
+            np.cos(turn) * out[1] + np.sin(turn) * side[1],
+            np.cos(turn) * out[2] + np.sin(turn) * side[2],
+        )
+        point_on_wall(wall, k, i, plus(center, s.size[0], d), 0.0, margin, t, code + m)
+
+
+@outlined
+def end_on_wall(
+    shape: Any, k: Any, i: Any, s: Any, center: Any, axis: Any, margin: Any, t: Any, code: Any
+) -> None:
+    """The contact of a collider with the inside of a flat end."""
+    radius = s.size[0]
+    if not gap(shape, probe(center, radius, t)) < margin:
+        return
+    y, depth = center, DRAWN_IN * radius
+    for _ in range(TURNS):
+        q = probe(y, 0.0, t)
+        d = minus(plus(y, -(gap(shape, q) + depth), away(shape, q)), center)
+        d = plus(d, -dot(d, axis), axis)
+        size = np.sqrt(dot(d, d))
+        z = plus(center, radius / size if size > radius else 1.0, d)
+        d = minus(z, y)
+        y = z
+        if dot(d, d) < 1e-24 * depth * depth:
+            break
+    d = minus(y, center)
+    if dot(d, d) < 0.98 * radius * radius:
+        inside_contact(shape, k, i, y, margin, t, code)
 
 
 def corner_of(half: Any, corner: Any) -> Any:
@@ -218,12 +408,11 @@ def nearest_part(shape: Any, a: Any, c: Any, t: Any) -> float:
     return 0.5 * (low + high)
 
 
-def box_on_ball(c: Any, center: Any, b: Any, k: Any, i: Any, margin: Any, code: Any) -> None:
+def box_on_ball(c: Any, center: Any, k: Any, i: Any, s: Any, margin: Any, code: Any) -> None:
     """The contact of a box with a solid ball, whose centre is there now."""
-    r, half = matrix(orientation(b, i)), row(b.size, i)
-    a = to_body(r, minus(center, place(b, i)))
-    distance = box_distance(half, a) - c.radius
+    a = to_body(s.r, minus(center, s.x))
+    distance = box_distance(s.size, a) - c.radius
     if distance < margin:
-        n = to_world(r, box_normal(half, a))
+        n = to_world(s.r, box_normal(s.size, a))
         at = plus(center, -c.radius, n)
         add_contact(k, i, WORLD, code, at, (-n[0], -n[1], -n[2]), distance)

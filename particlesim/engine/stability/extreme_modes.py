@@ -67,20 +67,21 @@ def _ritz(matrix: Any) -> Floats:
     others are spread over the spectrum.
     """
     y = np.random.default_rng(0).standard_normal(matrix.shape[0])
-    basis = [y / np.linalg.norm(y)]
+    basis = np.empty((min(LANCZOS, len(y)) + 1, len(y)))
+    basis[0] = y / np.linalg.norm(y)
     diagonal: list[float] = []
     beside: list[float] = []
-    for _ in range(min(LANCZOS, len(y))):
-        y = matrix @ basis[-1]
-        diagonal.append(float(basis[-1] @ y))
-        space = np.array(basis)
+    for k in range(min(LANCZOS, len(y))):
+        y = matrix @ basis[k]
+        diagonal.append(float(basis[k] @ y))
+        space = basis[: k + 1]
         y -= space.T @ (space @ y)
         y -= space.T @ (space @ y)  # once more: what rounding left
         beside.append(float(np.linalg.norm(y)))
         if beside[-1] <= 1e-12 * max(map(abs, diagonal)):
             break
-        basis.append(y / beside[-1])
+        basis[k + 1] = y / beside[-1]
     number = len(diagonal)
     small = np.diag(diagonal) + np.diag(beside[: number - 1], 1) + np.diag(beside[: number - 1], -1)
-    found = np.linalg.eigh(small)[1].T @ np.array(basis[:number])
+    found = np.linalg.eigh(small)[1].T @ basis[:number]
     return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])

@@ -15,23 +15,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.coupled.wisdom_holman import longest_step
+from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
-from particlesim.integrators import METHODS, Method
+from particlesim.integrators import METHODS, ImplicitMethod, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
     amplification,
     eigenvalues,
     growth,
     has_function,
+    judged,
     largest_step,
 )
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
 oscillation grow, most often by too little to see."""
+ORBITS = "bounds: a sixteenth of the shortest passage of a pericentre"
+"""What limits the steps of methods that follow orbits."""
 MARGIN = 0.9
 """Part of the largest stable step that is recommended."""
 
@@ -41,7 +46,7 @@ class IslandStability:
     """What holds for an island: groups, method, the largest stable step [s] under each force alone (`forces`) and under all
     (`step`); 0: none is stable, infinite: no limit.
 
-    Adaptive methods have no limit: they choose steps that are short enough.
+    Adaptive methods have no limit: they choose steps that are short enough. WHFast has that of its orbits.
     `growth` is log10 of how much its least stable mode grows over the whole run with the step in use, and at most 0 for a
     stable one; `eigenvalues` are those of all forces together [1/s], and `spectra` those of every force alone; `how` is that
     of `Linearised`.
@@ -58,7 +63,7 @@ class IslandStability:
     rods: bool = False
     """Whether there are rods, which methods without a limit cannot hold."""
     pairs: bool = False
-    """Whether there are interactions of pairs, which have a limit with implicit methods, too: they are not in the matrix."""
+    """Whether there are interactions that have a limit with implicit methods, too: they are not in the matrix."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
@@ -148,7 +153,7 @@ def suspects(world: World) -> Stability:
 def remedy(step: float, *, limited: bool) -> str:
     """What to try when steps are longer than the largest stable one [s].
 
-    `limited`: with rods, which methods without a limit cannot hold, or interactions of pairs, which those leave explicit.
+    `limited`: with rods, which methods without a limit cannot hold, or interactions that those leave explicit.
     """
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
     names = () if limited else unlimited()
@@ -182,7 +187,8 @@ def _within_numbers(world: World, number: int) -> Iterator[None]:
         with np.errstate(over="raise", invalid="raise"):  # too large, and infinite from the beginning
             yield
     except (FloatingPointError, np.linalg.LinAlgError):
-        structure = world.graph.islands[number]
+        structure, island = world.graph.islands[number], world.islands[number]
+        island.refuse_wild(world.time)
         names = " and ".join(repr(group.name) for group in structure.groups)
         masses = [state.mass[: state.count] for state in world.islands[number].states if state.count]
         least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
@@ -210,25 +216,57 @@ def _judged(world: World, number: int) -> IslandStability:
     names = _names(structure)
     values = eigenvalues(found.together).ravel()
     spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
-    if method.adaptive:
+    if not method.by_modes:
         free = dict.fromkeys(found.forces, math.inf)
-        return IslandStability(names, method, free, math.inf, -math.inf, found.how, values, spectra)
+        step = _by_orbits(world, number)
+        grown, how = (math.inf, ORBITS) if grid.dt > step else (-math.inf, found.how)
+        return IslandStability(names, method, free, step, grown, how, values, spectra)
     factor = growth(method, found.together, grid.dt)
     total = grid.steps * math.log10(factor) if factor > 0 else -math.inf
     if not has_function(method) and factor <= 1 + SLIP_OF_STEPS:
         total = min(total, 0.0)  # rounding, not growth
+    excluded = explicit_sets(world, number)
+    left_out = excluded if isinstance(method, ImplicitMethod) else ()
+    forces = {label: largest_step(method, system) for label, system in found.forces.items()}
+    forces |= {label: _explicit_step(method, spectra[label]) for label in left_out if label in forces}
+    step = min(
+        largest_step(method, found.together), *(forces[each] for each in left_out if each in forces), math.inf
+    )
+    if left_out and grid.dt > step:
+        total = math.inf
     return IslandStability(
         names,
         method,
-        {label: largest_step(method, system) for label, system in found.forces.items()},
-        largest_step(method, found.together),
+        forces,
+        step,
         total,
         found.how,
         values,
         spectra,
         bool(structure.constraints),
-        structure.has_pairs,
+        bool(excluded),
     )
+
+
+def explicit_sets(world: World, number: int) -> tuple[str, ...]:
+    """Names of the interactions of an island that implicit methods have in the forces and not in the matrix."""
+    island = world.islands[number]
+    return tuple(
+        name
+        for name, each in zip(island.names, island.interactions, strict=False)
+        if not each.by_chunks and not each.numbers
+    )
+
+
+def _explicit_step(method: Method, values: NDArray[np.complex128]) -> float:
+    """The largest step of an implicit method under forces that are not in its matrix [s].
+
+    A single solve takes them at the beginning of the step, as symplectic Euler does: h ω < 2. Newton's iterations go on with
+    γ² h² ω² of their error, which must be less than 1.
+    """
+    assert isinstance(method, ImplicitMethod)
+    fastest = float(np.abs(judged(values)).max(initial=0.0))
+    return (1 / method.gamma if method.iterates else 2.0) / fastest if fastest > 0 else math.inf
 
 
 def _surely_stable(world: World, number: int) -> bool:
@@ -237,8 +275,10 @@ def _surely_stable(world: World, number: int) -> bool:
         return True
     model = _model(world, number)
     method, grid = model.structure.method, world.scenario.grid
-    if method.adaptive:
-        return True
+    if not method.by_modes:
+        return grid.dt <= _by_orbits(world, number)
+    if isinstance(method, ImplicitMethod) and explicit_sets(world, number):
+        return False
     limits = model.box()
     if limits is None:
         if model.structure.coupled:
@@ -250,6 +290,14 @@ def _surely_stable(world: World, number: int) -> bool:
     factor = growth(method, system, grid.dt)
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
+
+
+def _by_orbits(world: World, number: int) -> float:
+    """The largest step of a method that modes do not limit [s]."""
+    island = world.islands[number]
+    if not isinstance(island, CoupledIsland) or island.layout.work.orbits is None:
+        return math.inf
+    return longest_step(island.layout.work.orbits, island.island_columns())
 
 
 def _names(structure: Island) -> tuple[str, ...]:

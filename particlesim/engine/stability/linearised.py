@@ -67,11 +67,11 @@ class IslandModel:
 
     def __init__(self, scenario: Scenario, structure: Island, island: BaseIsland, time: float) -> None:
         self.scenario, self.structure, self.island, self.time = scenario, structure, island, time
-        labels = scenario.force_labels()
+        labels = scenario.labels.forces
         self.records: list[dict[str, Any]] = [
             {
                 label: law.record()
-                for label, law in zip(labels, scenario.forces, strict=False)
+                for label, law in zip(labels, scenario.forces, strict=True)
                 if any(law is mine for mine in forces)
             }
             for forces in structure.forces

@@ -40,9 +40,23 @@ class Clock(NamedTuple):
     end: Any = None
 
 
+class Spin(NamedTuple):
+    """The angular velocity of spheres [rad/s], and the angle by which each has turned since its step began [rad], which is
+    zero between steps: what has rolled on another since then."""
+
+    wx: Any
+    wy: Any
+    wz: Any
+    ax: Any
+    ay: Any
+    az: Any
+
+
 class Columns(NamedTuple):
     """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
-    each None where no law reads it."""
+    each None where no law reads it; `spin` is None where particles do not turn; `missed` how many colliders a particle has
+    passed unseen, None where none can be; `hit` the first impact of the present step, in the order of `HIT`, empty where
+    nobody hears of it."""
 
     x: Any
     y: Any
@@ -56,6 +70,9 @@ class Columns(NamedTuple):
     clock: Any
     memory: tuple[Any, ...]
     further: tuple[Any, ...] = ()
+    spin: Any = None
+    missed: Any = None
+    hit: tuple[Any, ...] = ()
 
 
 def cut(column: Any, first: Any, last: Any) -> Any:
@@ -164,6 +181,15 @@ def fetch_known(c: Any, inverse: Any, i: Any, t: Any) -> Any:
     return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r, p.T, p.t, inverse[i], *further(p))
 
 
+def motion(c: Any) -> Any:
+    """Columns of position and velocity, and where particles spin of the angle and the angular velocity."""
+    moves = (c.x, c.y, c.z, c.vx, c.vy, c.vz)
+    if c.spin is None:
+        return moves
+    s = c.spin
+    return (*moves, s.ax, s.ay, s.az, s.wx, s.wy, s.wz)
+
+
 def store(c: Any, i: Any, p: Any) -> None:
     """Write position and velocity of particle i."""
     c.x[i] = p.x
@@ -228,7 +254,23 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
     if c.clock is None:
         return c
     clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
-    return Columns(c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, c.thermal, clock, c.memory, c.further)
+    return Columns(
+        c.x,
+        c.y,
+        c.z,
+        c.vx,
+        c.vy,
+        c.vz,
+        c.m,
+        c.r,
+        c.thermal,
+        clock,
+        c.memory,
+        c.further,
+        c.spin,
+        c.missed,
+        c.hit,
+    )
 
 
 def presence(clock: Any, i: Any) -> Any:

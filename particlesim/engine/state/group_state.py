@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.state.columns import Clock, Columns, Thermal
+from particlesim.engine.state.columns import Clock, Columns, Spin, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, ROTATION, TABLE, column_of
+from particlesim.engine.state.table import CLOCK, HEARD, HIT, ROTATION, SPIN, TABLE, WATCHED, column_of
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
+from particlesim.model.quaternions import UNTURNED, times
 
 CAUSES = {0: "end", 1: "age", 2: "cold", 3: "recycled", 4: "plane", 5: "outside", 6: "collider"}
 """Why a particle died, by code."""
@@ -39,7 +40,8 @@ class GroupState:
 
     `memory` is how many numbers the method remembers per particle; `parts` what the group has beside the columns of all
     groups: CLOCK where particles may be born, die, stick or be pinned, and attributes such as "temperature". `cooling` is
-    None for constant temperatures.
+    None for constant temperatures. `axes` turns the principal axes of bodies, which `turn` is about, into those of their
+    shape.
     """
 
     x: NDArray[Any]
@@ -53,7 +55,11 @@ class GroupState:
     stop: NDArray[np.float64]
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
+    missed: NDArray[np.int64]
+    hit: NDArray[np.float64]
     heat: NDArray[np.float64]
+    angular_velocity: NDArray[Any]
+    turned: NDArray[Any]
     turn: NDArray[np.float64]
     spin: NDArray[np.float64]
 
@@ -73,6 +79,8 @@ class GroupState:
         self.cooling = cooling
         self.count = 0
         self.driven: tuple[Driven, ...] = ()
+        self.axes = UNTURNED
+        self.missed_by_dead = 0
         self._allocate(capacity, memory)
 
     def _allocate(self, capacity: int, memory: int) -> None:
@@ -118,9 +126,14 @@ class GroupState:
         return self.v[:, : self.count].T
 
     def orientations(self) -> NDArray[np.float64]:
-        """Unit quaternions w, x, y, z of bodies, shape [4, n]; particles, which do not turn, have that of no turn."""
+        """Unit quaternions w, x, y, z of the axes of bodies, shape [4, n]; particles, which do not turn, have that of no
+        turn."""
         if ROTATION in self.parts:
-            return self.turn[:, : self.count]
+            turns = self.turn[:, : self.count]
+            if self.axes == UNTURNED:
+                return turns
+            w, x, y, z = self.axes
+            return np.array(times(turns, (w, -x, -y, -z)))
         return np.repeat([[1.0], [0.0], [0.0], [0.0]], self.count, axis=1)
 
     def temperature(self, time: float) -> NDArray[np.float64]:
@@ -168,6 +181,9 @@ class GroupState:
             Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None,
             tuple(self.memory[:, :n]),
             tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
+            Spin(*self.angular_velocity[:, :n], *self.turned[:, :n]) if SPIN in self.parts else None,
+            self.missed[:n] if WATCHED in self.parts else None,
+            tuple(self.hit[:, :n]) if HEARD in self.parts else (),
         )
 
     def arrays(self) -> list[NDArray[Any]]:
@@ -234,11 +250,29 @@ class GroupState:
         keep = ~dead
         place = np.cumsum(keep) - 1
         self.driven = tuple(each._replace(rows=place[each.rows]) for each in self.driven)
+        self.missed_by_dead += int(self.missed[:n][dead].sum()) if WATCHED in self.parts else 0
         for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]
         self.count = int(keep.sum())
         return deaths
+
+    def take_impacts(self) -> NDArray[np.float64]:
+        """The impacts that somebody hears of since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
+        radius and id of what hit, in the order of time."""
+        if HEARD not in self.parts:
+            return np.empty((len(HIT) + 2, 0))
+        n = self.count
+        rows = np.flatnonzero(self.hit[HIT.index("speed"), :n] > 0)
+        found = np.concatenate(
+            [self.hit[:, rows], [self.radius[rows].astype(float)], [self.id[rows].astype(float)]]
+        )
+        self.hit[:, :n] = 0
+        return found[:, np.lexsort((found[-1], found[0]))]
+
+    def missed_crossings(self) -> int:
+        """How often particles have passed a collider that looks at the end of steps alone, the dead among them."""
+        return self.missed_by_dead + int(self.missed[: self.count].sum())
 
     def stuck(self) -> NDArray[np.bool_]:
         """Which particles stay where they touched, shape [n]."""

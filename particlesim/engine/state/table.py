@@ -43,8 +43,21 @@ METHOD = -1
 ROTATION = "rotation"
 """Part of groups of rigid bodies."""
 
+SPIN = "spin"
+"""Part of groups of grains, spheres that rub each other and turn."""
+
 CLOCK = "clock"
 """Part of groups whose particles may be born, die, stick or be pinned."""
+
+WATCHED = "watched"
+"""Part of groups that may pass a collider unseen."""
+
+HEARD = "heard"
+"""Part of groups whose impacts somebody hears of."""
+
+HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
+"""What is known of an impact: when [s], the number of the collider, the speed along its normal relative to it [m/s], the
+place of the particle [m], the normal, and the velocity before it [m/s]."""
 
 TABLE: tuple[Column, ...] = (
     Column("x", "m", ("x", "y", "z"), rows=3, changes=True),
@@ -58,8 +71,12 @@ TABLE: tuple[Column, ...] = (
     Column("stop", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
     Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
     Column("cause", "", dtype=np.uint8, part=CLOCK),
+    Column("missed", "", ("missed",), dtype=np.int64, changes=True, part=WATCHED),
+    Column("hit", "", ("hit",), rows=len(HIT), dtype=np.float64, changes=True, part=HEARD),
     Column("turn", "", rows=4, dtype=np.float64, changes=True, part=ROTATION),
     Column("spin", "kg m²/s", rows=3, dtype=np.float64, changes=True, part=ROTATION),
+    Column("angular_velocity", "rad/s", ("spin",), rows=3, changes=True, part=SPIN),
+    Column("turned", "", ("spin",), rows=3, changes=True, part=SPIN),
     Column("heat", "K", ("thermal",), dtype=np.float64, part="temperature"),
     *(Column(each.name, each.unit, ("further",), part=each.name) for each in FURTHER),
 )

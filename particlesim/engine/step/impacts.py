@@ -16,14 +16,19 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.colliders.moving import MovingRecord, alight, ride
-from particlesim.colliders.response import crossable, opposite
+from particlesim.colliders.response import along, crossable, opposite, yielded
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.particle_step import advance, restart
 from particlesim.engine.step.resting import borne, settled, wedged
-from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to
+from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to, normal
+
+EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
+"""The rounding error of 1 in each precision."""
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
@@ -40,9 +45,10 @@ LIVELY, CALM, SURE = 0, 1, 2
 
 
 class Simple(NamedTuple):
-    """Colliders met once after each step: none, one, or several that are perpendicular or parallel."""
+    """Colliders met once after each step: none, one, or several that are perpendicular or parallel; and those that yield."""
 
     colliders: tuple[Any, ...]
+    soft: tuple[Any, ...] = ()
 
 
 class Careful(NamedTuple):
@@ -59,6 +65,7 @@ class Careful(NamedTuple):
     reach: float
     one_by_one: tuple[()] | None = None
     """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
+    soft: tuple[Any, ...] = ()
 
 
 def meet(colliders: Any, p: Any) -> Any:
@@ -70,6 +77,13 @@ def meet(colliders: Any, p: Any) -> Any:
     q, first = contact(colliders[0], p)
     r, rest = meet(colliders[1:], q)
     return r, max(first, rest)
+
+
+def pushed(colliders: Any, p: Any, h: Any) -> Any:
+    """The particle after a step of h, with what colliders that yield do to it."""
+    for c in colliders:
+        p = yielded(c, p, h)
+    return p
 
 
 def nearest(colliders: Any, p: Any) -> Any:
@@ -173,6 +187,116 @@ def straight(p: Any, q: Any, h: Any) -> Any:
     """The particle p with the velocity that leads straight to q in a time h: the way of what glides."""
     k = type_of(h, 1) / h
     return moved_to(p, p.x, p.y, p.z, k * (q.x - p.x), k * (q.y - p.y), k * (q.z - p.z), p.t)
+
+
+# What discrete detection does not see
+
+
+def passable(contacts: Any) -> Any:
+    """The colliders that a particle may pass within a step without being seen: their ends alone are looked at."""
+    discrete = contacts.colliders if isinstance(contacts, Simple) else contacts.discrete
+    return tuple(c for c in discrete + contacts.soft if crossable(c))
+
+
+def _noise(p: Any, q: Any, h: Any) -> Any:
+    """Gaps that are nothing but rounding errors in a step from p to q, whose end is a place as good as its beginning [m]."""
+    here, there = abs(p.x) + abs(p.y) + abs(p.z), abs(q.x) + abs(q.y) + abs(q.z)
+    return type_of(h, 64 * EPSILON[type(h)]) * (max(here, there) + p.r)
+
+
+def _seen_way(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """The particle p with the velocity of the way that a step of h to q is taken to go: its parabola, or, where impacts
+    may have bent it, the straight line."""
+    if isinstance(contacts, Careful) and len(contacts.continuous) > 0:
+        return straight(p, q, h)
+    return p
+
+
+def may_pass(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """Whether the way of a step of h from p to q may lead through a collider that does not see it: a quick look."""
+    colliders = passable(contacts)
+    return not all_apart(colliders, nowhere(colliders), _seen_way(contacts, p, q, h), q, h, _noise(p, q, h))
+
+
+@outlined
+def crossings(contacts: Any, p: Any, q: Any, h: Any) -> int:
+    """How many colliders a step of h from p to q has led through: from outside to outside without a touch, or to the far
+    side of what it was found in at its end, from where it was put out there."""
+    number = 0
+    slack, begin = _noise(p, q, h), _seen_way(contacts, p, q, h)
+    for c in passable(contacts):
+        near = gap(c, p) >= -slack and not apart(c, begin, q, h, slack)
+        through = near and first_contact(c, begin, q, h, slack) < 1
+        if through and (gap(c, q) > slack or opposite(c, p, q)):
+            number += 1
+    return number
+
+
+# What others hear of
+
+
+class Hit(NamedTuple):
+    """An impact: the number of the collider, and the speed along its normal relative to it, 0 for none; the particle before
+    it, with its time, and the normal."""
+
+    collider: Any
+    speed: Any
+    p: Any
+    x: Any
+    y: Any
+    z: Any
+
+
+def silence(colliders: Any, p: Any) -> Any:
+    """No impact; None where nobody would hear of one."""
+    if all(c.response.heard is None for c in colliders):
+        return None
+    zero = p.x - p.x
+    return Hit(-1, zero, p, zero, zero, zero)
+
+
+def hear(colliders: Any, p: Any, hit: Any) -> Any:
+    """An impact of a particle that is inside of colliders, unless there has been one before it in the step."""
+    if hit is None:
+        return None
+    for c in colliders:
+        if c.response.heard is not None:
+            local, shape = p, c.shape
+            if isinstance(c.shape, MovingRecord):
+                local, shape = ride(c.shape, p), c.shape.shape
+            speed = -along(normal(shape, local), local)
+            zero = p.x - p.x
+            n = tuple(zero if axis is None else axis for axis in normal(c.shape, p))
+            new = (gap(c, p) < 0) & (speed > 0) & (not hit.speed > 0)
+            hit = Hit(
+                c.response.heard if new else hit.collider,
+                speed if new else hit.speed,
+                moved_to(
+                    p,
+                    p.x if new else hit.p.x,
+                    p.y if new else hit.p.y,
+                    p.z if new else hit.p.z,
+                    p.vx if new else hit.p.vx,
+                    p.vy if new else hit.p.vy,
+                    p.vz if new else hit.p.vz,
+                    p.t if new else hit.p.t,
+                ),
+                n[0] if new else hit.x,
+                n[1] if new else hit.y,
+                n[2] if new else hit.z,
+            )
+    return hit
+
+
+def tell(rows: Any, i: Any, hit: Any) -> None:
+    """Write the impact of particle i down, in the order of `state.table.HIT`, if there was one and it is the first."""
+    if hit is None or len(rows) == 0:
+        return
+    if hit.speed > 0 and not rows[2][i] > 0:
+        rows[0][i], rows[1][i], rows[2][i] = hit.p.t, hit.collider, hit.speed
+        rows[3][i], rows[4][i], rows[5][i] = hit.p.x, hit.p.y, hit.p.z
+        rows[6][i], rows[7][i], rows[8][i] = hit.x, hit.y, hit.z
+        rows[9][i], rows[10][i], rows[11][i] = hit.p.vx, hit.p.vy, hit.p.vz
 
 
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -375,19 +499,40 @@ def _reached(
 
 
 @outlined
+def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as what slides over an
+    edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if none."""
+    half = type_of(h, 0.5)
+    part, found, r = h, h - h, p
+    for _ in range(MAX_HALVINGS):
+        part = part * half
+        q, _, on, turn = _glide(method, dynamics, forces, contacts, p, part, memory, SURE)
+        if any(on) and turn >= 1 and ahead(contacts.continuous, on, q) >= 0:
+            late, _ = _crossing(contacts, on, p, q, part)
+            if late >= part:
+                found, r = part, q
+                break
+    return found, r
+
+
+@outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """One step of one particle from impact to impact: the particle, the method's memory, the outcome.
+    """One step of one particle from impact to impact: the particle, the method's memory, the outcome, and the first impact
+    that somebody hears of (None where nobody would).
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
     if isinstance(contacts, Simple):
-        return p, memory, PASS
+        return p, memory, PASS, None
     left = h
+    end = p.t + h
+    hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
     if len(contacts.continuous) > 0:
         impacts = 0
         stalls = 0
+        early = False
         calm = CALM
         p, outcome = _separate(contacts.continuous, p, p, contacts)
         legal = p
@@ -411,7 +556,15 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
+                early = outcome == PASS
                 break
+            if calm == SURE and not any(on):
+                tau, r = _lying(method, dynamics, forces, contacts, p, left, memory)
+                if tau > 0:
+                    p, memory = r, restart(memory)
+                    left = left - tau
+                    impacts += 1
+                    continue
             if stalls == MAX_STALLS:
                 # From now on it lies where it touches.
                 calm, stalls = SURE, 0
@@ -427,17 +580,22 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             impacts += 1
             if exact:
                 q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+            hit = hear(contacts.continuous, q, hit)
             p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
             left = left - tau
             calm = LIVELY
+        if early:  # what moves has gone on meanwhile
+            p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+            p, outcome = _separate(contacts.resting, p, p, contacts)
         if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
             p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
     else:
         q, after = advance(method, dynamics, forces, p, left, memory)
         p, memory = q, after
     if outcome == PASS and nearest(contacts.discrete, p) < 0:
+        hit = hear(contacts.discrete, p, hit)
         # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
         p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts)
         memory = restart(memory)
-    return p, memory, outcome
+    return p, memory, outcome, hit

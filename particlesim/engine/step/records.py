@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.colliders import BoundsRecord, Collider, Plane
-from particlesim.colliders.response import ColliderRecord
+from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.emitters import Emitter
 from particlesim.engine.step.impacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
@@ -41,27 +42,49 @@ def dynamics_record(group: Group) -> tuple[Any, ...]:
     return Newtonian()
 
 
-def contacts_record(colliders: Sequence[Collider], group: Group, dtype: np.dtype[Any]) -> Simple | Careful:
-    """What the particles of a group may touch, in the simplest form that is right."""
+def contacts_record(
+    colliders: Sequence[Collider],
+    group: Group,
+    dtype: np.dtype[Any],
+    heard: Sequence[int | None] = (),
+    *,
+    smooth: bool = False,
+) -> Simple | Careful:
+    """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those at which
+    somebody hears of impacts, None for others; none unless given. `smooth`: without friction."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         low, high = group.die.outside
         bounds = (BoundsRecord(*low, *high),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
-    continuous = [each.record() for each in colliders if each.detection == "continuous" and not inert]
+    numbers = heard or [None] * len(colliders)
+    records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
+    if inert or smooth:
+        records = {key: without_friction(each) for key, each in records.items()}
+    soft = tuple(each.record() for each in colliders if each.soft and not inert)
+    hard = [each for each in colliders if inert or not each.soft]
+    continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
     discrete = [
-        without_friction(each.record()) if inert else each.record()
-        for each in colliders
+        without_yielding(records[id(each)]) if inert else records[id(each)]
+        for each in hard
         if each.detection == "discrete" or inert
     ]
-    if not continuous and (len(colliders) == 1 or _at_right_angles(colliders)):
-        return Simple((*discrete, *bounds))
+    silent = all(number is None for number in numbers)
+    if silent and not continuous and (len(hard) <= 1 or _at_right_angles(hard)):
+        return Simple((*discrete, *bounds), soft)
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
-    one_by_one = () if any(each.costly for each in colliders) else None
-    reach = max((each.reach() for each in colliders), default=0.0)
-    return Careful(tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one)
+    one_by_one = () if any(each.costly for each in hard) else None
+    reach = max((each.reach() for each in hard), default=0.0)
+    return Careful(
+        tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one, soft
+    )
+
+
+def _numbered(c: ColliderRecord, number: int | None) -> ColliderRecord:
+    """The same collider, with impacts that somebody hears of under a number."""
+    return c._replace(response=c.response._replace(heard=number))
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
@@ -70,8 +93,13 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
 
 
 def without_friction(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and so no momentum to lose."""
+    """The same collider for what has no inertia, and so no momentum to lose, or loses it by turning."""
     return c._replace(response=c.response._replace(friction=None, belt=None))
+
+
+def without_yielding(c: ColliderRecord) -> ColliderRecord:
+    """The same collider for what has no inertia, and is put back at once."""
+    return c._replace(response=c.response._replace(yielding=None))
 
 
 def _at_right_angles(colliders: Sequence[Collider]) -> bool:
@@ -93,12 +121,22 @@ def group_program(
         island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
-        contacts_record(colliders, group, dtype),
+        contacts_record(colliders, group, dtype, island.heard[0] if island.heard else ()),
     )
     return as_precision(program, dtype)
+
+
+def may_miss(colliders: Sequence[Collider], group: Group) -> bool:
+    """Whether particles of a group may pass a collider within a step without being seen."""
+    inert = group.dynamics.type != "second_order"
+    return any(
+        crossable(each.record()) for each in colliders if each.detection == "discrete" or each.soft or inert
+    ) and not isinstance(group, Bodies)
 
 
 def needs_clock(group: Group, colliders: Sequence[Collider], led: bool) -> bool:
     """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
     pinned = isinstance(group, Particles) and (led or group.has_pins())
-    return isinstance(group, Emitter) or pinned or any(each.contact != "bounce" for each in colliders)
+    return (
+        isinstance(group, Emitter) or pinned or any(each.contact in ("stick", "kill") for each in colliders)
+    )

@@ -42,14 +42,16 @@ def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
     less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
     are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
-    have died out, only touching counts."""
+    have died out, only touching counts. What ends beside another face, as over an edge, does not lie on this one."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    deep, _ = sunk(c, p, q)
+    deep, m = sunk(c, p, q)
     _, n = gap_and_normal(c, p)
     calm = (
         (coasting >= type_of(h, 0.5) * deep - slack) & (h * along(n, p) >= -slack) & (c.response.bounce < 2)
     )
     calm |= (abs(coasting) <= slack) | sure
+    if crossable(c):
+        calm &= n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type_of(h, 0.5)
     return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
 
 

@@ -103,12 +103,15 @@ class Bodies:
     def rows(self, frame: Frame, ids: Array) -> Array:
         """Rows of particles in a frame, int32, the shape of `ids`; −1 for those that are not there."""
         present = np.asarray(frame.id)
-        if np.array_equal(present[: self._limit], np.arange(self._limit)):
+        if len(present) >= self._limit and np.array_equal(present[: self._limit], np.arange(self._limit)):
             return ids.astype(np.int32)
-        row = np.full(self._limit, -1, np.int32)
-        known = present < self._limit
-        row[present[known]] = np.flatnonzero(known)
-        return row[ids]
+        if not len(present):
+            return np.full(ids.shape, -1, np.int32)
+        order = np.argsort(
+            present, kind="stable"
+        )  # quick, as groups have rising ids; and ids may be any numbers
+        row = order[np.minimum(np.searchsorted(present, ids, sorter=order), len(order) - 1)]
+        return np.where(present[row] == ids, row, -1).astype(np.int32)
 
     def concealed(self, frame: Frame, sized: Array) -> Array:
         """Which particles are not drawn as such, bool [n]: those of surfaces, those hidden, and joints of lines that

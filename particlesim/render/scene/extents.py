@@ -7,8 +7,9 @@ finite, or hardly so, are left out, and a few particles that escape far from the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -92,6 +93,28 @@ def survey(
         float(radius.max()) if len(radius) else 0.0,
         _value_range(np.concatenate(values)),
     )
+
+
+def foreseen(source: FrameSource, bounds: tuple[Sequence[float], Sequence[float]]) -> Survey:
+    """A survey of what is known before the last frame is: these bounds [m], the number of particles that the run expected,
+    and the radii of those that come first. Values are not known: 0 to 1.
+
+    For old trajectories, which do not tell that number, the number of particles in the fullest frame.
+    """
+    most: int | None = getattr(source, "most", None)
+    if most is None:
+        most = max(len(source[k].position) for k in range(len(source)))
+    low, high = np.array(bounds, float)
+    points = np.array(list(product(*zip(low, high, strict=True))))
+    radius = np.empty(0)
+    for k in range(len(source)):
+        frame = source[k]
+        if len(frame.position):
+            radius = _radii(source, frame, slice(None))
+            radius = radius[np.isfinite(radius) & (radius > 0)]
+            break
+    typical, largest = (float(np.median(radius)), float(radius.max())) if len(radius) else (0.0, 0.0)
+    return Survey(points, low, high, most, typical, largest, (0.0, 1.0))
 
 
 def _radii(source: FrameSource, frame: Frame, some: slice) -> Array:

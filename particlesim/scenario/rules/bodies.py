@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.bodies import Bodies
+from particlesim.bonds import Springs
+from particlesim.bonds.pairs import SINGLE, WORLD
 from particlesim.colliders.friction import FallingRestitution
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import collider_tables, held_back
+from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables
+from particlesim.scenario.rules.joints import listed as particle_joints
 from particlesim.scenario.tables import Tables
 
 TURNING = ("orientation", "angular_velocity")
@@ -14,7 +20,7 @@ TURNING = ("orientation", "angular_velocity")
 
 
 def joined(scenario: Tables) -> Iterator[Invalid]:
-    """Springs, rods, hinges, motions and interactions join, lead and act on particles."""
+    """Angles, dihedrals, motions and interactions join, lead and act on particles."""
     tables: dict[str, Path] = {body.name: ("bodies", k) for k, body in enumerate(scenario.bodies)}
     for path, name, what in _named(scenario):
         if name in tables:
@@ -25,13 +31,6 @@ def joined(scenario: Tables) -> Iterator[Invalid]:
 
 def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
     """Where groups are named, and why none of them can be one of bodies."""
-    for section in ("springs", "rods"):
-        for k, joint in enumerate(getattr(scenario, section)):
-            what = f"{section} join particles"
-            if joint.on is not None:
-                yield (section, k, "on"), joint.on, what
-            for j, name in enumerate(joint.between or ()):
-                yield (section, k, "between", j), name, what
     for section in ("angles", "dihedrals"):
         for k, hinges in enumerate(getattr(scenario, section)):
             yield (section, k, "on"), hinges.on, f"{section} join particles"
@@ -39,18 +38,81 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
         if motion.on is not None:
             yield ("motions", k, "on"), motion.on, "motions lead pinned particles and colliders"
     for k, each in enumerate(scenario.interactions):
+        if isinstance(each, Contact):
+            continue  # bodies touch particles
         for key in ("on", "between"):
             for j, name in enumerate(getattr(each, key) or ()):
                 yield ("interactions", k, key, j), name, f"{each.label} acts between particles"
 
 
+def jointed(scenario: Tables) -> Iterator[Invalid]:
+    """Joints, and springs and rods at bodies, join bodies that there are, with each other or with the world."""
+    tables: dict[str, tuple[Path, Bodies]] = {
+        b.name: (("bodies", k), b) for k, b in enumerate(scenario.bodies)
+    }
+    particles = {group.name: path for path, group in group_tables(scenario) if group.name not in tables}
+    for here, joint in joint_tables(scenario):
+        first, second = joint.groups()
+        for end, name in enumerate((first, second)):
+            at: Path = (*here, "on") if joint.on is not None else (*here, "between", end)
+            if name in particles:
+                what = "joints join rigid bodies" if here[0] == "joints" else "one end is at a rigid body"
+                yield Invalid(
+                    f"{what}, and {name!r} are particles",
+                    at,
+                    ((particles[name], "here"),),
+                    hint="a body of the size of the particle, a small sphere, takes its place",
+                )
+            elif name not in tables and not (name == WORLD and end == 1):
+                known = [*tables, WORLD]
+                yield Invalid(
+                    f"unknown body {name!r}", at, allowed=", ".join(known), hint=did_you_mean(name, known)
+                )
+            elif name in tables:
+                path, group = tables[name]
+                number = group.layout.number() if group.layout is not None else 1
+                for j, pair in enumerate(joint.pairs or SINGLE):
+                    if number is not None and pair[end] >= number:
+                        yield Invalid(
+                            f"{name!r} has no body {pair[end]}",
+                            (*here, "pairs", j, end) if joint.pairs is not None else at,
+                            ((path, f"{number} {'body' if number == 1 else 'bodies'}"),),
+                            allowed=f"0 to {number - 1}",
+                        )
+        if isinstance(joint, Springs):
+            for key in ("within", "break_strain", "break_force"):
+                if getattr(joint, key) is not None:
+                    what = (
+                        "springs at bodies are listed"
+                        if key == "within"
+                        else "springs at bodies do not break"
+                    )
+                    yield Invalid(what, (*here, key), allowed="pairs, or points" if key == "within" else None)
+    if WORLD in (*tables, *particles) and any(WORLD in joint.groups() for _, joint in joint_tables(scenario)):
+        path = tables[WORLD][0] if WORLD in tables else particles[WORLD]
+        yield Invalid(
+            f"{WORLD!r} stands for what does not move", (*path, "name"), hint="call this group otherwise"
+        )
+    for here, other in particle_joints(scenario):
+        if other.points is not None:
+            yield Invalid(
+                "points are those of rigid bodies, and these are particles",
+                (*here, "points"),
+                hint="pairs = [[0, 1]] lists particles",
+            )
+
+
 def kept(scenario: Tables) -> Iterator[Invalid]:
-    """Bodies need double precision, their work is not booked, and only they turn."""
+    """Bodies need double precision, and only they turn."""
     output = scenario.output
     if not scenario.bodies:
         for j, name in enumerate(output.fields or ()):
-            if name in TURNING:
-                yield Invalid(f"no body has an {name}: there are no [[bodies]]", ("output", "fields", j))
+            if name in TURNING and not (name == "angular_velocity" and scenario.has_spin):
+                yield Invalid(
+                    f"nothing has an {name}: there are no [[bodies]]",
+                    ("output", "fields", j),
+                    hint="grains turn whose contacts have friction" if name == "angular_velocity" else None,
+                )
         return
     here = ((("bodies", 0), "rigid bodies"),)
     if scenario.simulation.precision == "single":
@@ -60,8 +122,6 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
             here,
             allowed='"double"',
         )
-    if output.work:
-        yield Invalid("the work on rigid bodies cannot be booked", ("output", "work"), here)
 
 
 def held(scenario: Tables) -> Iterator[Invalid]:
@@ -77,6 +137,13 @@ def held(scenario: Tables) -> Iterator[Invalid]:
             yield Invalid("rigid bodies do not stick to colliders", (*where, "contact"), also, hint=hint)
         elif each.contact == "kill":
             yield Invalid("rigid bodies do not die at colliders", (*where, "contact"), also, hint=hint)
+        elif each.contact == "penalty":
+            yield Invalid(
+                "rigid bodies bounce off colliders, and are not pushed out by a spring",
+                (*where, "contact"),
+                also,
+                hint=hint,
+            )
         elif each.detection == "discrete":
             yield Invalid(
                 "contacts of rigid bodies are foreseen, not looked for at the ends of steps",

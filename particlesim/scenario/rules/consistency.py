@@ -10,10 +10,11 @@ from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
-from particlesim.scenario.rules import bodies, interactions, joints, periodic
+from particlesim.scenario.rules import bodies, impacts, interactions, joints, periodic, walls
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
+from particlesim.scenario.rules.orbits import orbits
 from particlesim.scenario.rules.tolerances import few_bodies, too_fine
 from particlesim.scenario.tables import Tables
 
@@ -62,6 +63,11 @@ def references(scenario: Tables) -> Iterator[Invalid]:
         if joint.on is not None:
             places.append(((*here, "on"), joint.on))
         places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
+    places += [
+        (("emitters", k, "on_impact", "of", j), name)
+        for k, emitter in enumerate(scenario.emitters)
+        for j, name in enumerate(emitter.on_impact.of if emitter.on_impact is not None else ())
+    ]
     places += interactions.named_groups(scenario)
     places += [(("motions", k, "on"), m.on) for k, m in enumerate(scenario.motions) if m.on is not None]
     for path, name in places:
@@ -171,7 +177,7 @@ def times(scenario: Tables) -> Iterator[Invalid]:
                 duration,
                 allowed=f"at most {MOST_BIRTHS:.0e} births",
             )
-        elif Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
+        elif emitter.on_impact is None and Schedule(emitter, scenario.streams(emitter)).before(end) == 0:
             yield Invalid("nothing is emitted before the end of the run", ("emitters", k), duration)
 
 
@@ -208,10 +214,13 @@ CHECKS = (
     names,
     references,
     bodies.joined,
+    bodies.jointed,
     bodies.kept,
     bodies.held,
     needs,
     interactions.felt,
+    interactions.turned,
+    interactions.against_walls,
     interactions.kicked,
     periodic.repeated,
     interactions.fixed_steps,
@@ -222,6 +231,8 @@ CHECKS = (
     joints.pins,
     joints.motions,
     led_colliders,
+    impacts.heard,
+    walls.room,
     joints.pairs,
     joints.pulled,
     joints.joined,
@@ -229,6 +240,7 @@ CHECKS = (
     pictures.colors,
     too_fine,
     few_bodies,
+    orbits,
     pictures.styles,
     disagreements,
 )

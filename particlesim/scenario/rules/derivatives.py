@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from particlesim.forces.field import Field
 from particlesim.integrators import ImplicitMethod, method_for
+from particlesim.interactions.formula import PairFormula
 from particlesim.laws.registry import force_dv, force_dx, has_law, triangle_force_dv
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import acts_on, group_tables
+from particlesim.scenario.reach import acts_on, group_tables, interacting
 from particlesim.scenario.tables import Tables
 
 HINT = (
@@ -41,8 +42,7 @@ def undifferentiable(scenario: Tables) -> Iterator[Invalid]:
 
 def _without_derivatives(scenario: Tables) -> Iterator[tuple[Path, str, str, list[str]]]:
     """Every force without derivatives: its place, its name, why it has none, and the groups that it acts on."""
-    labels = scenario.force_labels()
-    for k, (label, force) in enumerate(zip(labels, scenario.forces, strict=False)):
+    for k, (label, force) in enumerate(zip(scenario.labels.forces, scenario.forces, strict=True)):
         groups = [group.name for group in scenario.groups if acts_on(force, group)]
         needed = (triangle_force_dv,) if force.on_surfaces else (force_dx, force_dv)
         if not all(has_law(derivative, force.record()) for derivative in needed):
@@ -50,3 +50,8 @@ def _without_derivatives(scenario: Tables) -> Iterator[tuple[Path, str, str, lis
         elif isinstance(force, Field) and force.kink() is not None and (jump := force.jump()) is not None:
             key, cause = jump
             yield ("forces", k, *key), label, f"has none where it jumps ({cause})", groups
+    for k, each in enumerate(scenario.interactions):
+        if isinstance(each, PairFormula) and (found := each.jump()) is not None:
+            names = [group.name for group in interacting(each, scenario.groups)]
+            why = f"has none at r = {found.at:.4g} m, where its {found.of} jumps"
+            yield ("interactions", k, "potential"), each.label, why, names

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.colliders.friction import FallingRestitution
 from particlesim.groups.group import Group
 from particlesim.integrators import method_for
 from particlesim.interactions import PairInteraction
 from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import group_tables, interacting, unmoved
+from particlesim.scenario.reach import collider_tables, group_tables, held_back, interacting, spins, unmoved
 from particlesim.scenario.tables import Tables
 
 STOCHASTIC = ("velocity_verlet", "symplectic_euler")
@@ -37,7 +38,8 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
         for key, name in strangers(each, [group.name for group in groups]):
             yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
         if not groups:
-            yield Invalid(f"no group can feel {each.label}", ("interactions", k))
+            hint = "rigid bodies touch each other without it" if scenario.bodies else None
+            yield Invalid(f"no group of particles can feel {each.label}", ("interactions", k), hint=hint)
         for group in groups:
             path, _ = tables[group.name]
             if missing := each.lacks(group.name):
@@ -62,6 +64,43 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
                         ((path, f"no {attribute} here"),),
                         hint=f"give the group a {attribute}, or name the groups that interact with on = [...]",
                     )
+
+
+def turned(scenario: Tables) -> Iterator[Invalid]:
+    """Only what rubs turns."""
+    for k, group in enumerate(scenario.particles):
+        if group.angular_velocity is not None and not spins(scenario, group):
+            yield Invalid(
+                f"the particles of {group.name!r} do not turn",
+                ("particles", k, "angular_velocity"),
+                hint='[[interactions]] of type "contact" with friction let them',
+            )
+
+
+def against_walls(scenario: Tables) -> Iterator[Invalid]:
+    """What colliders say of impacts that soft contacts, which are not impacts, cannot do."""
+    for k, each in enumerate(scenario.interactions):
+        if not isinstance(each, Contact) or not each.soft:
+            continue
+        names = [group.name for group in interacting(each, scenario.groups)]
+        for path, collider in collider_tables(scenario):
+            if collider.contact != "bounce" or not held_back(collider, names):
+                continue
+            here = ((("interactions", k), f"contacts of model {each.model} here"),)
+            if isinstance(collider.restitution, FallingRestitution):
+                yield Invalid(
+                    "restitution that falls with speed belongs to impacts, and soft contacts have none",
+                    (*path, "restitution"),
+                    here,
+                    allowed="one number, or groups that it holds back, on = [...]",
+                )
+            if collider.tangential_loss > 0:
+                yield Invalid(
+                    "tangential_loss belongs to impacts, and soft contacts have none",
+                    (*path, "tangential_loss"),
+                    here,
+                    allowed="friction = 0.3, say",
+                )
 
 
 def kicked(scenario: Tables) -> Iterator[Invalid]:
@@ -92,7 +131,14 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
     """Contacts that look at the ends of steps need steps of one length: they cannot be undone."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, each in enumerate(scenario.interactions):
-        if not isinstance(each, Contact) or not each.remembers():
+        if not isinstance(each, Contact):
+            continue
+        names = [group.name for group in interacting(each, scenario.groups)]
+        walls = each.soft and any(
+            collider.rubs and collider.contact == "bounce" and held_back(collider, names)
+            for collider in scenario.all_colliders
+        )
+        if not (each.remembers() or walls):
             continue
         why = "impulses are given" if each.model == "impulse" else "friction remembers where contacts began"
         for group in interacting(each, scenario.groups):

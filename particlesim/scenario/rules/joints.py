@@ -65,11 +65,11 @@ def motions(scenario: Tables) -> Iterator[Invalid]:
 
 
 def listed(scenario: Tables) -> Iterator[tuple[Path, Springs | Rods]]:
-    """Where pairs of particles are joined, and how."""
-    for k, springs in enumerate(scenario.springs):
-        yield ("springs", k), springs
-    for k, rods in enumerate(scenario.rods):
-        yield ("rods", k), rods
+    """Where pairs of particles are joined, and how; not those of rigid bodies."""
+    for section in ("springs", "rods"):
+        for k, joint in enumerate(getattr(scenario, section)):
+            if not scenario.at_bodies(joint):
+                yield (section, k), joint
 
 
 def pairs(scenario: Tables) -> Iterator[Invalid]:
@@ -173,10 +173,18 @@ def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], 
                 yield ("forces", j), (group.name, group.name), SpringLaw(0.0)
 
 
+def joint_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
+    """Where particles are joined, by springs, rods, angles, dihedrals or drag on a surface, and the groups."""
+    for place, names, _ in _coupling_tables(scenario):
+        if place[0] != "interactions":
+            yield place, names
+
+
 def bond_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
     """Where springs are stated, the groups that they join, and their law."""
     for k, springs in enumerate(scenario.springs):
-        yield ("springs", k), springs.groups(), springs.spring_law()
+        if not scenario.at_bodies(springs):
+            yield ("springs", k), springs.groups(), springs.spring_law()
     for k, group in enumerate(scenario.particles):
         if group.springs is not None and (laws := group.springs.laws()):
             yield ("particles", k, "springs"), (group.name, group.name), next(iter(laws.values()))

@@ -19,7 +19,8 @@ CANNOT = {
 def rod_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
     """Where rods are stated, and the groups that they join."""
     for k, rods in enumerate(scenario.rods):
-        yield ("rods", k), rods.groups()
+        if not scenario.at_bodies(rods):
+            yield ("rods", k), rods.groups()
     for k, group in enumerate(scenario.particles):
         if group.springs is not None and group.springs.rigid:
             yield ("particles", k, "springs", "rigid"), (group.name, group.name)

@@ -1,7 +1,8 @@
 """What to say of a word that a scenario may not say at its place: what psim calls it, where it belongs, or how it is spelt.
 
-In this order: a word of other tools by the thesaurus, a word of psim that belongs elsewhere, a near miss of the words that
-may stand there. Where none of them is sure, nothing is said: a suggestion never misleads.
+In this order: a long word with one wrong letter, a word of other tools by the thesaurus, a word of psim that belongs
+elsewhere, a near miss of the words that may stand there. Where none of them is sure, nothing is said: a suggestion never
+misleads.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from particlesim.model.spelling import did_you_mean, folded, near_miss
+from particlesim.model.spelling import did_you_mean, folded, near_miss, slips
 from particlesim.scenario.text.vocabulary import Place, vocabulary, whereabouts
 
 THESAURUS = Path(__file__).with_name("thesaurus.toml")
@@ -33,13 +34,25 @@ def suggestion(
     steps = [step for step in at if isinstance(step, str)]
     known = list(known)
     numbers = [name for name in known if f"{word}s" == name or word == f"{name}s"]  # singular for plural
-    sure = did_you_mean(word, numbers) or translation(word, steps)
+    sure = did_you_mean(word, numbers) or _slip(word, known) or translation(word, steps)
     if sure is not None:
         return sure
     for ours in (word, _singular(word)):
         if ours in vocabulary(root):  # spelt as it should be
             return _belongs(ours, steps, root, key=key)
     return did_you_mean(word, known) or _near_translation(word, steps)
+
+
+def _slip(word: str, known: Iterable[str]) -> str | None:
+    """A hint with a long word of `known` that `word` is but for one letter: that is meant, whatever it means elsewhere."""
+    return next(
+        (f'did you mean "{name}"?' for name in known if len(name) >= LONG and _one_letter_off(word, name)),
+        None,
+    )
+
+
+def _one_letter_off(word: str, name: str) -> bool:
+    return slips(folded(word), folded(name), 2) < 2
 
 
 def translation(word: str, steps: Sequence[str] | None = None) -> str | None:

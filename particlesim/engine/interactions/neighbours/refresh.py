@@ -41,10 +41,11 @@ from particlesim.engine.state.columns import presence, type_of
 
 
 @outlined
-def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any) -> None:
+def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any, quiet: Any = ()) -> None:
     """Present places of all members, and how far they have moved since the lists were built, slice by slice.
 
-    For each pair of columns in `carried`, what is in a row of the first goes to its place in the second.
+    For each pair of columns in `carried` and `quiet`, what is in a row of the first goes to its place in the second; that
+    those of the second kind have changed is not noted.
     """
     nowhere = type_of(near.x[0, 0], FAR)
     places = (near.x[0], near.x[1], near.x[2])
@@ -73,6 +74,8 @@ def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any) -> None:
                     goes_to[k] = number
                 for column, goes_to in carried:
                     changed = changed | (goes_to[k] != column[i])
+                    goes_to[k] = column[i]
+                for column, goes_to in quiet:
                     goes_to[k] = column[i]
                 dx, dy, dz = x - near.base[0, k], y - near.base[1, k], z - near.base[2, k]
                 d = dx * dx + dy * dy + dz * dz
@@ -188,14 +191,14 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
     find_candidates(near, share)
 
 
-def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any = ()) -> Any:
+def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any = (), quiet: Any = ()) -> Any:
     """Present places of all members, and lists that hold; returns whether anything has changed since the last time.
 
     For each pair of columns in `moving`, what is in a row of the first goes to its place in the second; for those in
-    `fixed`, which steps do not change, only when places are new.
+    `fixed`, which steps do not change, only when places are new; changes of those in `quiet` do not count.
     All threads of an island must call it, when all particles are in their places. It sets `report[TURN]` to 0.
     """
-    _gather(near, c, share, t, moving)
+    _gather(near, c, share, t, moving, quiet)
     if share.number == 0:
         near.report[TURN] = 0
         near.report[LIVED] += 1
@@ -205,6 +208,6 @@ def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any 
         return changed > 0.0
     where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
     build(near, where, Crew(share.number, share.threads, share.gate), t)
-    _gather(near, c, share, t, (*moving, *fixed))
+    _gather(near, c, share, t, (*moving, *fixed), quiet)
     meet(share.gate, share.threads)
     return True

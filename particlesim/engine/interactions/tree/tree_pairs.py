@@ -164,7 +164,7 @@ def tree_of(site: Site, pairs: PairSet) -> TreePairs:
     """
     law = pairs.law
     assert isinstance(law, FarInteraction)
-    direct = pairs_of(site, pairs)
+    direct = pairs_of(site, pairs, again=False)
     count = site.whole.count
     member = np.zeros(count, np.int8)
     for name in pairs.groups:

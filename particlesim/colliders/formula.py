@@ -1,0 +1,183 @@
+"""Formulas: solids where a written function of the place is negative, inside of a box."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr, StringConstraints, model_validator
+
+from particlesim.colliders.box import Size
+from particlesim.colliders.level_set import BAND, FormulaRecord, LevelRecord
+from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
+from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
+from particlesim.colliders.surface_net import surface_net
+from particlesim.colliders.triangulation import Triangles
+from particlesim.expressions.arrays import value_at
+from particlesim.expressions.constants import check_constant
+from particlesim.expressions.operations import VARIABLES, Node
+from particlesim.expressions.parser import ExpressionError, parse
+from particlesim.model.arrays import Floats
+from particlesim.model.base import Name
+from particlesim.model.mistakes import invalid
+from particlesim.model.units import Metres, Number
+from particlesim.model.units import Vector as VectorOf
+from particlesim.model.vectors import norm
+
+PLACE = {name: VARIABLES[name] for name in "xyz"}
+
+CELLS = 48
+"""Cells of the grid on which a formula is looked at, along the longest side of its box."""
+
+STEEPER = 1.25
+"""Its slope may be this many times the largest one seen on that grid."""
+
+FLAT = 1e-4
+"""Slope of a formula on its surface, in parts of its steepest slope, below which it is taken for none."""
+
+
+class Formula(Solid):
+    """A solid where a formula of x, y and z is negative, inside of a box; best one that is nearly the distance from it."""
+
+    kind: ClassVar[str] = "formula"
+    convex: ClassVar[bool] = False
+
+    type: Literal["formula"] = "formula"
+    distance: Annotated[str, StringConstraints(max_length=2000)]
+    """The signed distance from the surface in metres, negative inside, as an expression of x, y and z [m] in the frame of
+    the box, and of the constants. Any function with this sign will do."""
+    constants: dict[Name, Number] = Field(default_factory=dict)
+    """Numbers by name, for use in the expression."""
+    center: VectorOf[Metres] = (0.0, 0.0, 0.0)
+    """Centre of the box, where x, y and z are 0."""
+    size: Size
+    """Edges of the box; the solid ends there."""
+    orientation: Orientation | None = None
+    """How it is turned about its centre."""
+
+    _steep: float = PrivateAttr(default=1.0)
+
+    @model_validator(mode="after")
+    def _encloses(self) -> Formula:
+        for name in self.constants:
+            check_constant(name, PLACE)
+        try:
+            self.node()
+        except ExpressionError as error:
+            hint = error.hint
+            if any(
+                error.message.startswith(f"unknown name {name!r}") for name in set(VARIABLES) - set(PLACE)
+            ):
+                hint = "a shape depends on the place alone; [[motions]] let it move"
+            raise invalid(
+                error.message, at=("distance",), hint=hint, within=(error.offset, error.length)
+            ) from None
+        values = self._values()
+        if not np.isfinite(values).all():
+            where = np.argwhere(~np.isfinite(values))[0]
+            x, y, z = (axis[k] for axis, k in zip(self._axes(), where, strict=True))
+            raise invalid(
+                f"it has no value at ({x:g}, {y:g}, {z:g})",
+                at=("distance",),
+                also=[(("size",), "in the box of this size")],
+                hint="it must have a value everywhere in its box",
+            )
+        if not (values < 0).any():
+            raise invalid(
+                "it is negative nowhere in its box, so that nothing is solid",
+                at=("distance",),
+                also=[(("size",), "the box")],
+            )
+        if not (values > 0).any():
+            raise invalid(
+                "it is negative in all of its box",
+                at=("distance",),
+                also=[(("size",), "the box")],
+                hint='this is a collider of type "box"',
+            )
+        self._steep = STEEPER * _steepest(values, self._axes())
+        self._require_slope()
+        return self
+
+    def _require_slope(self) -> None:
+        """Refuse a formula that touches zero without going through it, as a square does: it leads nowhere."""
+        corners = surface_net(self._values(), self._axes(), self._at).corners
+        h = 1e-6 * max(self.size)
+        rise = [(self._at(corners + h * axis) - self._at(corners - h * axis)) / (2 * h) for axis in np.eye(3)]
+        half = 0.5 * np.asarray(self.size)
+        inner = (np.abs(corners) < half - 2 * h).all(axis=1)
+        slope = np.linalg.norm(rise, axis=0)
+        if inner.any() and not np.median(slope[inner]) > FLAT * self._steep:
+            raise invalid(
+                "it has no slope on its surface, so that it does not tell how far that is",
+                at=("distance",),
+                hint="write the distance itself rather than a power of it",
+            )
+
+    def node(self) -> Node:
+        """The expression as a tree of records."""
+        return parse(self.distance, self.constants, PLACE)
+
+    def _axes(self) -> list[Floats]:
+        """Coordinates of the grid on which it is looked at, along each axis [m]."""
+        cell = max(self.size) / CELLS
+        return [
+            np.linspace(-0.5 * side, 0.5 * side, max(int(np.ceil(side / cell)), 4) + 1) for side in self.size
+        ]
+
+    def _values(self) -> Floats:
+        """The formula on that grid."""
+        return value_at(self.node(), *np.meshgrid(*self._axes(), indexing="ij"))
+
+    def _at(self, places: Floats) -> Floats:
+        """The formula at places [n, 3] in its frame."""
+        return value_at(self.node(), *places.T)
+
+    def rotation(self) -> Rows:
+        """From its own axes to those of the world."""
+        return UNTURNED if self.orientation is None else self.orientation.rotation()
+
+    def level(self, side: float) -> Any:
+        """The solid, or its inside (−1), as kernels take it."""
+        a, b, c = (0.5 * each for each in self.size)
+        field, band = FormulaRecord(self.node()), BAND * max(self.size)
+        level = LevelRecord(field, (-a, -b, -c), (a, b, c), self._steep, band, self.grain(), side)
+        return placed(level, self.center, self.rotation())
+
+    def geometry(self) -> Any:
+        return self.level(1.0)
+
+    def grain(self) -> float:
+        return GRAIN * max(self.size) / CELLS
+
+    def farthest(self) -> float:
+        return max(map(abs, self.center)) + norm(self.size) / 2
+
+    def words(self) -> str:
+        x, y, z = self.center
+        return f"{self.distance} < 0 at ({x:g}, {y:g}, {z:g})"
+
+    def triangles(self) -> Triangles:
+        return surface_net(self._values(), self._axes(), self._at).placed(self.center, self.rotation())
+
+
+def _steepest(values: Floats, axes: list[Floats]) -> float:
+    """The largest slope of numbers over a grid."""
+    rise = [np.diff(values, axis=k) / (axes[k][1] - axes[k][0]) for k in range(3)]
+    cells = [np.abs(each) for each in rise]
+    for k in range(3):
+        for other in range(3):
+            if other != k:
+                low, high = [slice(None)] * 3, [slice(None)] * 3
+                low[other], high[other] = slice(None, -1), slice(1, None)
+                cells[k] = np.maximum(cells[k][tuple(low)], cells[k][tuple(high)])
+    return float(np.sqrt(sum(each**2 for each in cells).max()))
+
+
+class FormulaCollider(Formula, SolidCollider):
+    """A solid where a formula of x, y and z is negative, inside of a box; best one that is nearly the distance from it."""
+
+    costly: ClassVar[bool] = True
+
+    def shape(self) -> Any:
+        return self.level(-1.0 if self.inside else 1.0)

@@ -1,0 +1,287 @@
+"""Pairs that may touch, and what their contacts remember, one after the other in memory.
+
+Whenever neighbour lists are new, the pairs whose surfaces are nearer than the skin are taken out of them. Places in the
+order of the neighbour lists are cut into *chunks*; a pair is listed once where both of its places are in one chunk, and in
+both chunks where they are not, so that a chunk's forces are summed by whoever takes it, without anybody else's. What it
+remembers is the same in both, as all that contacts work out is odd in the pair.
+
+A pair's place in the list is the place of its memory. New lists look up the memory of their pairs in the old ones, which is
+why these know the order in which they were made.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.compiler import lanes, on_stack, outlined
+from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.interaction import Ints
+from particlesim.engine.interactions.neighbours.record import (
+    BUILDS,
+    FAR,
+    GROUP,
+    IMAGE_SHIFT,
+    MOST,
+    NO_ROOM,
+    SLICES,
+    slice_of,
+)
+
+CHUNK_GROUPS = 64
+"""Groups of a chunk: as small as leaves most pairs inside, as large as leaves work for some threads."""
+CHUNK = GROUP * CHUNK_GROUPS
+ROOM = 8
+"""Pairs for each particle to have room for at first: those of a dense heap, of which some are in two chunks."""
+APART, HOLDS, SLIDES = range(3)
+"""In `state`: whether a pair touches, and how."""
+BUILT, WANTED, FRESH, ROUND = range(4)
+"""In `report`: the number of the neighbour lists that these are made from, the pairs that there would be, whether forces are
+those of the present state since it was concluded, and how often memories have been brought up to date, from 1 on."""
+
+Array = NDArray[Any]
+
+
+class Memory(NamedTuple):
+    """What contacts remember: `state` [room]; `anchor` [3, room], the stretch of the spring along the surfaces less the
+    distance of the centres [m]; `rolled` [3, room], the way rolled [m], None without rolling friction."""
+
+    state: Any
+    anchor: Any
+    rolled: Any
+
+
+class Lists(NamedTuple):
+    """Pairs of every group, at `begin` [groups], as many as `count`, NO_ROOM if there was none: `first` and `second` [room]
+    are their places, that of the second as in neighbour lists with the number of its image.
+
+    `order` [places] and `place` [n] are those of the neighbour lists that they are made from; `time` [1]: the end of the
+    last step [s]; `report`. `memory`: None where contacts need none.
+    """
+
+    begin: Any
+    count: Any
+    first: Any
+    second: Any
+    order: Any
+    place: Any
+    time: Any
+    report: Any
+    memory: Any
+
+
+class Draft(NamedTuple):
+    """Where new lists are made, as in `Lists`; `slow` [chunks]: whether a chunk lacks the pairs of a group."""
+
+    begin: Any
+    count: Any
+    first: Any
+    second: Any
+    slow: Any
+    memory: Any
+
+
+def new_memory(room: int, dtype: Any, *, rolls: bool) -> Memory:
+    """A memory of nothing."""
+    return Memory(
+        np.zeros(room, np.int8),
+        np.zeros((3, room), dtype),
+        np.zeros((3, room), dtype) if rolls else None,
+    )
+
+
+def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> Lists:
+    """Lists of nothing."""
+    groups = places // GROUP
+    report = np.zeros(8, np.int64)
+    report[BUILT], report[ROUND] = -1, 1
+    return Lists(
+        np.zeros(groups, np.int64),
+        np.zeros(groups, np.int64),
+        np.zeros(room, np.int32),
+        np.zeros(room, np.uint32),
+        np.full(places, -1, np.int32),
+        np.full(particles, -1, np.int32),
+        np.zeros(1),
+        report,
+        memory,
+    )
+
+
+def draft_for(lists: Lists) -> Draft:
+    """Room to make new lists in."""
+    groups, room, memory = len(lists.begin), lists.first.size, lists.memory
+    return Draft(
+        np.zeros(groups, np.int64),
+        np.zeros(groups, np.int64),
+        np.zeros(room, np.int32),
+        np.zeros(room, np.uint32),
+        np.zeros(-(-groups // CHUNK_GROUPS), np.int8),
+        None if memory is None else new_memory(room, memory.anchor.dtype, rolls=memory.rolled is not None),
+    )
+
+
+def lists_of(
+    members: Ints, places: int, particles: int, room: int, pairs: tuple[Ints, Ints], memory: Memory, at: Ints
+) -> Lists:
+    """Lists of members in the order of their rows, that hold what pairs of rows (i, j) have at places `at` of a memory,
+    from which the lists of a next step are made. A pair may be among them once or twice."""
+    place = np.full(particles, -1)
+    place[members] = np.arange(len(members))
+    i, j = (place[each] for each in pairs)
+    once = (i // CHUNK == j // CHUNK) & (i > j)  # is listed with the smaller one there
+    sign = np.where(once, -1, 1)
+    i, j = np.where(once, j, i), np.where(once, i, j)
+    _, kept = np.unique(i * (particles + 1) + j, return_index=True)
+    i, j, at, sign = i[kept], j[kept], at[kept], sign[kept]
+    room = max(room, len(i))
+    remembered = new_memory(room, memory.anchor.dtype, rolls=memory.rolled is not None)
+    lists = new_lists(places, particles, room, remembered)
+    lists.order[: len(members)] = members
+    lists.place[:] = place
+    count = np.bincount(i // GROUP, minlength=len(lists.count))
+    lists.count[:] = count
+    lists.begin[:] = np.cumsum(count) - count
+    lists.first[: len(i)], lists.second[: len(i)] = i, j
+    remembered.state[: len(i)] = memory.state[at]
+    remembered.anchor[:, : len(i)] = sign * memory.anchor[:, at]
+    if memory.rolled is not None:
+        remembered.rolled[:, : len(i)] = sign * memory.rolled[:, at]
+    return lists
+
+
+def contacts_in(lists: Lists) -> tuple[Ints, Ints, Ints]:
+    """Rows of both ends of all pairs that touch, and their places in the lists."""
+    count = np.maximum(lists.count, 0)
+    at = np.repeat(lists.begin - np.cumsum(count) + count, count) + np.arange(count.sum())
+    at = at[lists.memory.state[at] != APART]
+    return (
+        lists.order[lists.first[at]].astype(np.int64),
+        lists.order[lists.second[at] & MOST - 1].astype(np.int64),
+        at,
+    )
+
+
+# Kernels
+
+
+def made(lists: Any, draft: Any, near: Any, share: Any) -> None:
+    """Bring the lists up to the neighbour lists. All threads must call it, when neighbour lists hold."""
+    if lists.report[BUILT] != near.report[BUILDS]:
+        _make(lists, draft, near, share)
+
+
+@outlined
+def _make(lists: Any, draft: Any, near: Any, share: Any) -> None:
+    groups = near.begin.size
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(groups, s)
+        for g in range(first, last):
+            draft.count[g] = _pairs(draft, near, g, 0, False)
+    meet(share.gate, share.threads)
+    if share.number == 0:
+        end, room = 0, min(lists.first.size, draft.first.size)
+        for chunk in range(draft.slow.size):
+            draft.slow[chunk] = 0
+        for g in range(groups):
+            draft.begin[g] = end
+            number = draft.count[g]
+            fits = (number >= 0) & (end + max(number, 0) <= room)
+            end += max(number, 0)
+            if not fits:
+                draft.count[g] = NO_ROOM
+                draft.slow[g // CHUNK_GROUPS] = 1
+        lists.report[WANTED] = end
+    meet(share.gate, share.threads)
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(groups, s)
+        for g in range(first, last):
+            if draft.count[g] > 0:
+                _pairs(draft, near, g, draft.begin[g], True)
+                if lists.memory is not None:
+                    _recall(lists, draft, near, g)
+    meet(share.gate, share.threads)
+    for s in range(share.number, SLICES, share.threads):
+        first, last = slice_of(groups, s)
+        for g in range(first, last):
+            lists.begin[g], lists.count[g] = draft.begin[g], draft.count[g]
+            for k in range(draft.begin[g], draft.begin[g] + max(draft.count[g], 0)):
+                lists.first[k], lists.second[k] = draft.first[k], draft.second[k]
+                if lists.memory is not None:
+                    _copy(lists.memory, k, draft.memory, k, 1)
+            for k in range(GROUP * g, GROUP * g + GROUP):
+                row = near.order[k]
+                lists.order[k] = row
+                if row >= 0:
+                    lists.place[row] = k
+    if share.number == 0:
+        lists.report[BUILT] = near.report[BUILDS]
+    meet(share.gate, share.threads)
+
+
+def _pairs(draft: Any, near: Any, g: Any, at: Any, keeps: Any) -> Any:
+    """Count the pairs of a group, and, if it `keeps` them, write them from `at` on."""
+    if near.box is None:
+        return _pairs_of(draft, near, g, at, keeps, False)
+    return _pairs_of(draft, near, g, at, keeps, True)
+
+
+@outlined
+def _pairs_of(draft: Any, near: Any, g: Any, at: Any, keeps: Any, shifted: Any) -> Any:
+    if near.count[g] == NO_ROOM:
+        return NO_ROOM
+    begin, end, chunk = near.begin[g], at, g // CHUNK_GROUPS
+    base, radii, skin = near.base, near.radii, near.skin[0]
+    first = GROUP * g
+    x, y, z, r = (row[first : first + GROUP] for row in (base[0], base[1], base[2], radii))
+    depth = on_stack(1, GROUP, np.float64)[0]
+    for j in range(begin, begin + near.count[g]):
+        entry = near.candidates[j]
+        q = entry & (MOST - 1)
+        u, v, w, s = float(base[0, q]), float(base[1, q]), float(base[2, q]), float(radii[q]) + skin
+        if shifted:
+            image = entry >> IMAGE_SHIFT
+            u, v, w = u + near.images[0, image], v + near.images[1, image], w + near.images[2, image]
+        least = q if q // CHUNK == chunk else MOST
+        for i in lanes(GROUP):
+            dx, dy, dz, reach = x[i] - u, y[i] - v, z[i] - w, r[i] + s
+            there = (first + i < least) & (x[i] < FAR) & (u < FAR)
+            depth[i] = reach * reach - (dx * dx + dy * dy + dz * dz) if there else -1.0
+        for i in range(GROUP):
+            hit = depth[i] > 0.0
+            if hit & keeps:
+                draft.first[end] = first + i
+                draft.second[end] = entry
+            end += 1 if hit else 0
+    return end - at
+
+
+@outlined
+def _recall(lists: Any, draft: Any, near: Any, g: Any) -> None:
+    """Look up what the pairs of a group remember."""
+    for k in range(draft.begin[g], draft.begin[g] + draft.count[g]):
+        row, other = near.order[draft.first[k]], near.order[draft.second[k] & (MOST - 1)]
+        draft.memory.state[k] = APART
+        p, q, sign = lists.place[row], lists.place[other], 1
+        if (p >= 0) & (q >= 0):
+            if (p // CHUNK == q // CHUNK) & (q < p):
+                p, q, sign = q, p, -1
+            begin = lists.begin[p // GROUP]
+            for j in range(begin, begin + max(lists.count[p // GROUP], 0)):
+                if (
+                    (lists.first[j] == p)
+                    & ((lists.second[j] & (MOST - 1)) == q)
+                    & (lists.memory.state[j] != APART)
+                ):
+                    _copy(draft.memory, k, lists.memory, j, sign)
+
+
+def _copy(memory: Any, k: Any, other: Any, j: Any, sign: Any) -> None:
+    """Memory k as another one has it, of a pair that may be the other way around."""
+    memory.state[k] = other.state[j]
+    for axis in range(3):
+        memory.anchor[axis, k] = sign * other.anchor[axis, j]
+        if memory.rolled is not None:
+            memory.rolled[axis, k] = sign * other.rolled[axis, j]

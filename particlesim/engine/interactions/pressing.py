@@ -1,0 +1,138 @@
+"""What two surfaces that touch do to each other, in numbers: force, torques, and what the contact remembers.
+
+With n the normal from the second to the first, Ω = r₁ ω₁ + r₂ ω₂ and the arms a = s r, s = |l|/(r₁ + r₂), the surfaces go
+past each other at v_t = v − (v·n) n − s Ω × n. Spring and damper along them pull with f_t = −k_t ξ − γ_t v_t, ξ' = v_t, but
+not with more than μ_s (N − γ_n v·n); what slides feels μ_k in place of μ_s, and the spring gives way. Both are turned by
+−a n × f_t: as the arms end at one point, angular momentum is kept.
+
+ξ is what the anchor and l have along the surfaces, less s A × n with A = r₁ α₁ + r₂ α₂ of the angles turned since the step
+began. So forces within a step depend on places alone, and every method sees the same spring.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
+from particlesim.engine.state.columns import type_of
+from particlesim.laws.contact import reduced_radius, touch
+
+
+class Held(NamedTuple):
+    """What a contact remembers: whether and how it touched, and its anchor [m]."""
+
+    state: Any
+    x: Any
+    y: Any
+    z: Any
+
+
+class Turning(NamedTuple):
+    """How both surfaces turn: s, Ω [m/s] and A [m]."""
+
+    arm: Any
+    w: Any
+    a: Any
+
+
+class Rolling(NamedTuple):
+    """How one rolls on the other: ω₁ − ω₂ [rad/s], α₁ − α₂ [rad], and the way ρ that it has rolled [m]."""
+
+    w: Any
+    a: Any
+    way: Any
+
+
+class Pressed(NamedTuple):
+    """Force on the first [N]; s n × f_t [N], which times −r is the torque on each of the two; the moment of rolling friction
+    on the first [N m]; and what the contact remembers from now on: its state, the anchor, and the way rolled. Then the
+    elastic push [N], the rate at which it opens [m/s], and the energy [J]."""
+
+    force: Any
+    twist: Any
+    moment: Any
+    held: Any
+    rolled: Any
+    push: Any
+    rate: Any
+    energy: Any
+
+
+def cross(a: Any, b: Any) -> Any:
+    """a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def dot(a: Any, b: Any) -> Any:
+    """a·b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolling: Any) -> Any:
+    """A contact of a law between a pair p; `held` is None without friction, `turning` where nothing turns, and `rolling`
+    without rolling friction."""
+    at, none = touch(law, p, overlap), overlap - overlap
+    v, zeros = (p.vx, p.vy, p.vz), (none, none, none)
+    rate = dot(v, n)
+    firm = at.push - at.damping * rate
+    along = firm - at.pull
+    force = (along * n[0], along * n[1], along * n[2])
+    if law.friction is None:
+        return Pressed(force, zeros, zeros, held, zeros, at.push, rate, at.energy)
+    pressed, known = max(firm, none), held.state > 0
+    slip = tuple(u - rate * axis for u, axis in zip(v, n, strict=True))
+    stretch = (held.x + p.x, held.y + p.y, held.z + p.z)
+    if turning is not None:
+        turn, angle = cross(turning.w, n), cross(turning.a, n)
+        slip = tuple(u - turning.arm * w for u, w in zip(slip, turn, strict=True))
+        stretch = tuple(x - turning.arm * a for x, a in zip(stretch, angle, strict=True))
+    stretch = flattened(stretch, n, known)
+    rub = tuple(-(at.stiffness * x + at.rub * u) for x, u in zip(stretch, slip, strict=True))
+    holds = law.friction.static
+    kept, part, slides = limited(
+        at,
+        rub,
+        stretch,
+        pressed,
+        law.friction.kinetic if held.state == SLIDES else holds,
+        law.friction.kinetic,
+    )
+    rub = tuple(part * f for f in rub)
+    anchor = tuple(kept * x - d for x, d in zip(stretch, (p.x, p.y, p.z), strict=True))
+    state = type_of(none, SLIDES) if slides else type_of(none, HOLDS)
+    force = tuple(f + g for f, g in zip(force, rub, strict=True))
+    twist, moment, way = zeros, zeros, zeros
+    if turning is not None:
+        twist = tuple(turning.arm * f for f in cross(n, rub))
+    if rolling is not None:
+        radius = reduced_radius(p)
+        turn, angle = cross(rolling.w, n), cross(rolling.a, n)
+        way = tuple(x + radius * a for x, a in zip(rolling.way, angle, strict=True))
+        way = flattened(way, n, known)
+        drag = tuple(-(at.stiffness * x + at.rub * radius * w) for x, w in zip(way, turn, strict=True))
+        kept, part, _ = limited(at, drag, way, pressed, law.rolling, law.rolling)
+        moment = tuple(radius * part * f for f in cross(n, drag))
+        way = tuple(kept * x for x in way)
+    return Pressed(force, twist, moment, Held(state, *anchor), way, at.push, rate, at.energy)
+
+
+def flattened(v: Any, n: Any, known: Any) -> Any:
+    """What a vector has along the surfaces; none of a contact that has just begun."""
+    up = dot(v, n)
+    return tuple(x - up * axis if known else up - up for x, axis in zip(v, n, strict=True))
+
+
+def limited(at: Any, pull: Any, stretch: Any, pressed: Any, first: Any, then: Any) -> Any:
+    """A slider on a spring and a damper that pull with a force: the part of the stretch that is kept, and of the force, and
+    whether it slides. It begins to at `first` times what presses, and feels `then` times that."""
+    one, size2 = type_of(pressed, 1), dot(pull, pull)
+    size, length2 = np.sqrt(size2), dot(stretch, stretch)
+    slides, most = size > first * pressed, then * pressed
+    # a static coefficient below the kinetic one must not speed up what slides
+    part = min(most / (size if slides else one), one) if slides else one
+    load2 = at.stiffness * at.stiffness * length2
+    gives = slides & (load2 > most * most)
+    kept = most / np.sqrt(load2 if gives else one) if gives else one
+    return kept, part, slides

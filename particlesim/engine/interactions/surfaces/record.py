@@ -1,0 +1,179 @@
+"""What contacts of surfaces are made of: arrays with room, brought along by whoever calls the kernels.
+
+What touches are *simplices*: triangles of cloth, of jelly and of meshes, edges of ropes, nets and hair, and single
+particles, which are edges without length. All vertices and edges belong to one simplex each, so that whoever goes through
+pairs of simplices meets every vertex with a triangle and every edge with an edge once (R. Curtis, R. Tamstorf, D. Manocha,
+Fast collision detection for deformable models using representative-triangles, 2008).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.engine.interactions.neighbours.record import Neighbours, new_neighbours
+from particlesim.model.arrays import Ints
+
+PER_SIMPLEX, AT_LEAST = 24, 4096
+"""Candidates, and contacts, to have room for at first: so many for every simplex, and some."""
+ROOMIER = 2
+"""By how much room grows."""
+
+STALE, VERTICES, EDGES, CONTACTS, WALLS, LOST, BUILDS, ZONED = range(8)
+"""In `report`: whether candidates have to be found anew; how many of a vertex and a triangle, and of two edges; contacts of
+the step, and those of them with colliders; whether there was no room; how often candidates were found, and how many
+particles had to move as one."""
+SKIN, REACH, THIN, FASTEST, ODOMETER, DRIFT = range(6)
+"""In `tune` [m]: how far vertices may have moved from where candidates were found, twice that is the skin; the length by
+which it is measured; the least thickness; how far a particle has come in the step beside what all have in common; the
+relative displacements of all steps since candidates were found; and from there on the displacement of all."""
+
+
+class Simplices(NamedTuple):
+    """Corners of simplices [3, n]: those of an edge are i, j, j; `face` [n]: whether each is a triangle; `vertices` [3, n]
+    and `sides` [3, n]: the rows of vertices and the numbers of edges that belong to each, −1 for none. `edges` [2, m]: rows
+    of all edges, and `bordered` [m]: whether triangles lie at them. `rows`: all particles in simplices. `split`: how many
+    simplices come before those of the other side, None where all may touch each other."""
+
+    corners: Any
+    face: Any
+    vertices: Any
+    sides: Any
+    edges: Any
+    bordered: Any
+    rows: Any
+    split: int | None
+
+
+class Candidates(NamedTuple):
+    """Pairs that may touch soon: `vertices` [2, room], rows of vertices and numbers of triangles; `edges` [2, room]; and
+    where the odometer may stand before they can touch, `apart` and `between` [room] [m].
+
+    `near`: lists of simplices, found by spheres around them with middles [3, n] and radii [n]; boxes around all particles
+    [n, 6], edges and simplices; `base` [3, n]: particles when candidates were found.
+    """
+
+    near: Neighbours
+    middle: Any
+    radius: Any
+    around: Any
+    edge_boxes: Any
+    boxes: Any
+    base: Any
+    vertices: Any
+    edges: Any
+    apart: Any
+    between: Any
+
+
+class Touches(NamedTuple):
+    """Contacts of a step: rows [4, room], weights [4, room]; unit normals, and what the difference of places along them must
+    be at least [m] [4, room]; displacement from which sliding is measured [3, room] [m], velocity likewise; how both are
+    bound: μ_s, μ_k, the part of an approach that rebounds and the speed above which it does, the push so far [5, room]."""
+
+    rows: Any
+    weights: Any
+    normal: Any
+    shift: Any
+    drift: Any
+    bound: Any
+
+
+class Desk(NamedTuple):
+    """Scratch by particle: inverse masses [n], −1 of who is not there; marks of who takes part (1: has
+    contacts, 4: also with colliders), and zones that move as one
+    with their sums [8, n]."""
+
+    inverse: Any
+    mark: Any
+    zone: Any
+    sums: Any
+
+
+def simplices_of(triangles: Ints, edges: Ints, side: tuple[Ints, Ints] | None, count: int) -> Simplices:
+    """Simplices from rows of triangles [3, n] and of free edges [2, m], with their sides, 0 or 1, where only those of two
+    sides touch."""
+    corners = np.concatenate([triangles, edges[[0, 1, 1]]], axis=1).astype(np.int64)
+    face = np.arange(corners.shape[1]) < triangles.shape[1]
+    split, order = None, np.arange(corners.shape[1])
+    if side is not None:
+        sides = np.concatenate(side)
+        order = np.argsort(sides, kind="stable")
+        split = int((sides == 0).sum())
+    corners, face = np.ascontiguousarray(corners[:, order]), face[order]
+    vertices = _first_owner(corners[None], count)
+    ends = np.stack([corners[[0, 1, 2]], corners[[1, 2, 0]]])  # [2, 3, n]
+    ends = np.sort(ends, axis=0)
+    ends[:, 1:, ~face] = -1
+    key = np.where(ends[0] < 0, -1, ends[0] * (count + 1) + ends[1]).T.ravel()
+    found, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    real = found >= 0
+    number = np.where(real, np.cumsum(real) - 1, -1)
+    owned = np.zeros(key.size, bool)
+    owned[first[real]] = True
+    numbers = np.where(owned, number[inverse.ravel()], -1)
+    at = np.stack([part.T.ravel() for part in ends])[:, first[real]]
+    bordered = np.zeros(at.shape[1], bool)
+    flat = np.repeat(face, 3)
+    bordered[number[inverse.ravel()][flat]] = True
+    return Simplices(
+        corners,
+        face.astype(np.int8),
+        vertices,
+        np.ascontiguousarray(numbers.reshape(-1, 3).T.astype(np.int64)),
+        np.ascontiguousarray(at.astype(np.int64)),
+        bordered.astype(np.int8),
+        np.unique(corners),
+        split,
+    )
+
+
+def _first_owner(corners: Ints, count: int) -> Ints:
+    """Corners of simplices [3, n], −1 where an earlier simplex, or an earlier corner of it, has the particle."""
+    flat = corners[0].T.ravel()
+    _, first = np.unique(flat, return_index=True)
+    owned = np.full(flat.size, -1, np.int64)
+    owned[first] = flat[first]
+    return np.ascontiguousarray(owned.reshape(-1, 3).T)
+
+
+def new_candidates(simplices: Simplices, count: int, room: int) -> Candidates:
+    """Room for candidates among some particles, none found yet."""
+    n, m = simplices.corners.shape[1], simplices.edges.shape[1]
+    near = new_neighbours(np.arange(n), n, 0.0, 0.0, split=simplices.split, radii=True)
+    return Candidates(
+        near,
+        np.zeros((3, n)),
+        np.zeros(n),
+        np.zeros((count, 6)),
+        np.zeros((m, 6)),
+        np.zeros((n, 6)),
+        np.zeros((3, count)),
+        np.zeros((2, room), np.int32),
+        np.zeros((2, room), np.int32),
+        np.zeros(room),
+        np.zeros(room),
+    )
+
+
+def new_touches(room: int) -> Touches:
+    """Room for contacts of a step."""
+    return Touches(
+        np.zeros((4, room), np.int32),
+        np.zeros((4, room)),
+        np.zeros((4, room)),
+        np.zeros((3, room)),
+        np.zeros((3, room)),
+        np.zeros((5, room)),
+    )
+
+
+def room_for(simplices: Simplices) -> int:
+    """Candidates and contacts to have room for at first."""
+    return PER_SIMPLEX * int(simplices.corners.shape[1]) + AT_LEAST
+
+
+def new_desk(count: int) -> Desk:
+    """Scratch for some particles."""
+    return Desk(np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64), np.zeros((8, count)))

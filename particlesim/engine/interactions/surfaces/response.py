@@ -1,0 +1,363 @@
+"""What contacts of surfaces do to displacements and velocities of a step.
+
+A contact is l·n ≥ d for a difference l = Σ w_k x_k of closest points, with their unit normal n where they first come as near
+as they may be. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displacements are corrected by
+
+    x_k += (w_k/m_k) Λ n/W,   Λ ≥ 0 as small as it can be,
+
+and sliding is taken back up to μ times that (Coulomb). Then velocities: contacts that have pushed and still approach, with
+v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and what stops them across up to μ times it. All are taken one
+after the other, forwards and backwards (Gauss–Seidel). As Σ w_k = 0, momentum is kept, and no impulse brings
+energy.
+
+Displacements are those of the step, so a contact acts as if it had been there from the beginning of the step or from the
+impact on: what rests neither sinks nor creeps, whatever the method. A contact that starts too close is widened by `GENTLY`
+of its thickness in a step, which leaves velocities as they are.
+
+Source: R. Bridson, R. Fedkiw, J. Anderson, ACM Trans. Graph. 21, 594 (2002), for impulses at closest points and the order of
+repulsion, impacts and zones; J. J. Moreau (1988) for the step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import shared
+from particlesim.engine.interactions.surfaces.closest import (
+    Four,
+    closest_points,
+    first_nearness,
+    relative_motion,
+    thickness,
+    widest,
+)
+from particlesim.engine.interactions.surfaces.record import (
+    CONTACTS,
+    EDGES,
+    FASTEST,
+    LOST,
+    ODOMETER,
+    THIN,
+    VERTICES,
+)
+from particlesim.engine.state.columns import held, presence
+
+GENTLY = 0.02
+"""Part of its thickness by which a contact that is too close is widened in a step."""
+CORE = 0.2
+"""Part of its thickness that a contact must keep on the way of a step, or of half of what it has if that is less."""
+TURNS, MORE_TURNS = 12, 20
+"""Turns through all contacts of a step at most: for displacements, and for velocities."""
+SETTLED, CALMED = 1e-3, 1e-2
+"""Turns end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces have
+brought about in the step: what is left goes on in the next."""
+REST = 2.0
+"""Steps in which forces bring about an approach that counts as rest."""
+STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)
+"""Rows of `Touches.bound`."""
+
+
+@shared
+def weigh(s: Any, m: Any, clock: Any, desk: Any) -> None:
+    """Inverse masses: 0 of what no force moves, −1 of who is not there in the step."""
+    for j in range(s.rows.size):
+        i = s.rows[j]
+        desk.inverse[i] = 0.0 if held(clock, i) else 1.0 / float(m[i])
+        if presence(clock, i) == 0:
+            desk.inverse[i] = -1.0
+        desk.mark[i] = 0
+
+
+def four_of(s: Any, found: Any, face: Any, q: Any) -> Any:
+    """The rows of candidate q: a vertex and its triangle, or two edges."""
+    if face:
+        i, p = found.vertices[0, q], found.vertices[1, q]
+        return Four(i, s.corners[0, p], s.corners[1, p], s.corners[2, p])
+    e, f = found.edges[0, q], found.edges[1, q]
+    return Four(s.edges[0, e], s.edges[1, e], s.edges[0, f], s.edges[1, f])
+
+
+def movable(desk: Any, f: Any) -> Any:
+    """Whether all four are there, and one of them can be moved."""
+    a, b, c, d = desk.inverse[f.i], desk.inverse[f.j], desk.inverse[f.k], desk.inverse[f.m]
+    return (min(a, b, c, d) >= 0) & (max(a, b, c, d) > 0)
+
+
+def is_own(s: Any, found: Any, face: Any, q: Any, c: Any) -> Any:
+    """Whether a contact is not also one of another pair: a vertex at an edge of a triangle belongs to the triangle that has
+    that edge, and an end of an edge that meets an edge of a triangle to a vertex and a triangle."""
+    if face:
+        p = found.vertices[1, q]
+        corner_0, corner_1, corner_2 = c.w1 != 0, c.w2 != 0, c.w3 != 0
+        number = (1 if corner_0 else 0) + (1 if corner_1 else 0) + (1 if corner_2 else 0)
+        if number == 3:
+            return True
+        if number == 1:
+            corner = 0 if corner_0 else (1 if corner_1 else 2)
+            return s.vertices[corner, p] >= 0
+        side = 0 if not corner_2 else (1 if not corner_0 else 2)
+        return s.sides[side, p] >= 0
+    first, second = (c.w0 == 0) | (c.w1 == 0), (c.w2 == 0) | (c.w3 == 0)
+    e, f = found.edges[0, q], found.edges[1, q]
+    return not ((first & (s.bordered[f] != 0)) | (second & (s.bordered[e] != 0)))
+
+
+def append(
+    s: Any,
+    touches: Any,
+    report: Any,
+    tune: Any,
+    face: Any,
+    f: Any,
+    c: Any,
+    goal: Any,
+    x: Any,
+    before: Any,
+    part: Any,
+) -> None:
+    """Write down a contact that begins after some part of the step."""
+    n = report[CONTACTS]
+    if n >= touches.rows.shape[1]:
+        report[LOST] = 1
+        return
+    by = 1.0 / c.distance if c.distance > 0 else 0.0
+    nx, ny, nz = by * c.x, by * c.y if by > 0 else 1.0, by * c.z
+    touches.rows[0, n], touches.rows[1, n], touches.rows[2, n], touches.rows[3, n] = f.i, f.j, f.k, f.m
+    touches.weights[0, n], touches.weights[1, n] = c.w0, c.w1
+    touches.weights[2, n], touches.weights[3, n] = c.w2, c.w3
+    touches.normal[0, n], touches.normal[1, n], touches.normal[2, n] = nx, ny, nz
+    touches.normal[3, n] = goal
+    for k in range(3):
+        u = 0.0
+        for corner in range(4):
+            i = touches.rows[corner, n]
+            u += touches.weights[corner, n] * (float(x[k][i]) - float(before[k, i]))
+        touches.shift[k, n] = part * u
+        touches.drift[k, n] = 0.0
+    report[CONTACTS] = n + 1
+
+
+def look_at(
+    s: Any,
+    found: Any,
+    touches: Any,
+    desk: Any,
+    report: Any,
+    tune: Any,
+    r: Any,
+    x: Any,
+    before: Any,
+    face: Any,
+) -> None:
+    """`list_contacts` for vertices and triangles, or for edges."""
+    apart, number = (found.apart, report[VERTICES]) if face else (found.between, report[EDGES])
+    read = tune[ODOMETER] + 2.0 * tune[FASTEST]
+    for q in range(number):
+        if apart[q] < read:
+            f = four_of(s, found, face, q)
+            motion, wide = relative_motion(face, x, before, f), widest(face, r, f)
+            now = closest_points(face, x, before, f.i, f.j, f.k, f.m, 0.0)
+            apart[q] = tune[ODOMETER] + now.distance - wide
+            if (now.distance - motion < wide) & movable(desk, f):
+                goal = thickness(r, f, now)
+                part = 0.0
+                if now.distance > goal:
+                    part = first_nearness(face, x, before, f.i, f.j, f.k, f.m, motion, goal)
+                if part <= 1.0:
+                    at = closest_points(face, x, before, f.i, f.j, f.k, f.m, part)
+                    goal = thickness(r, f, at)
+                    if part == 0.0:
+                        goal = min(goal, max(now.distance, 0.0) + GENTLY * goal)
+                    if is_own(s, found, face, q, at):
+                        append(s, touches, report, tune, face, f, at, goal, x, before, part)
+
+
+@shared
+def list_contacts(
+    s: Any, found: Any, touches: Any, desk: Any, report: Any, tune: Any, r: Any, x: Any, before: Any
+) -> None:
+    """Write down the contacts of the step from `before` to x."""
+    report[CONTACTS] = 0
+    look_at(s, found, touches, desk, report, tune, r, x, before, True)
+    look_at(s, found, touches, desk, report, tune, r, x, before, False)
+
+
+def again(
+    s: Any,
+    found: Any,
+    touches: Any,
+    desk: Any,
+    report: Any,
+    tune: Any,
+    r: Any,
+    x: Any,
+    before: Any,
+    face: Any,
+) -> Any:
+    """`list_missed` for vertices and triangles, or for edges."""
+    apart, number = (found.apart, report[VERTICES]) if face else (found.between, report[EDGES])
+    missed, read = 0, tune[ODOMETER] + 2.0 * tune[FASTEST] - (1.0 - CORE) * tune[THIN]
+    for q in range(number):
+        f = four_of(s, found, face, q)
+        if (apart[q] < read) & movable(desk, f):
+            motion = relative_motion(face, x, before, f)
+            now = closest_points(face, x, before, f.i, f.j, f.k, f.m, 0.0)
+            goal = min(CORE * thickness(r, f, now), 0.5 * now.distance)
+            if now.distance - motion < goal:
+                part = first_nearness(face, x, before, f.i, f.j, f.k, f.m, motion, goal)
+                if part <= 1.0:
+                    at = closest_points(face, x, before, f.i, f.j, f.k, f.m, part)
+                    goal = min(thickness(r, f, at), now.distance)
+                    append(s, touches, report, tune, face, f, at, goal, x, before, part)
+                    missed += 1
+    return missed
+
+
+@shared
+def list_missed(
+    s: Any, found: Any, touches: Any, desk: Any, report: Any, tune: Any, r: Any, x: Any, before: Any
+) -> Any:
+    """Write down who would come too close on the way from `before` to x; returns how many pairs do."""
+    missed = again(s, found, touches, desk, report, tune, r, x, before, True)
+    return missed + again(s, found, touches, desk, report, tune, r, x, before, False)
+
+
+def inertia(touches: Any, desk: Any, n: Any) -> Any:
+    """W = Σ w²/m of a contact."""
+    total = 0.0
+    for corner in range(4):
+        w = touches.weights[corner, n]
+        total += w * w * desk.inverse[touches.rows[corner, n]]
+    return total
+
+
+def shove(touches: Any, desk: Any, columns: Any, n: Any, dx: Any, dy: Any, dz: Any) -> None:
+    """Add w/m times a vector to the columns of all rows of a contact."""
+    for corner in range(4):
+        by = touches.weights[corner, n] * desk.inverse[touches.rows[corner, n]]
+        if by != 0:
+            i = touches.rows[corner, n]
+            kind = type(columns[0][i])
+            columns[0][i] += kind(by * dx)
+            columns[1][i] += kind(by * dy)
+            columns[2][i] += kind(by * dz)
+
+
+def difference(touches: Any, columns: Any, n: Any) -> Any:
+    """Σ w times columns of a contact."""
+    x = y = z = 0.0
+    for corner in range(4):
+        w, i = touches.weights[corner, n], touches.rows[corner, n]
+        x += w * float(columns[0][i])
+        y += w * float(columns[1][i])
+        z += w * float(columns[2][i])
+    return x, y, z
+
+
+def difference_before(touches: Any, before: Any, n: Any) -> Any:
+    """Σ w times places at the beginning of the step."""
+    x = y = z = 0.0
+    for corner in range(4):
+        w, i = touches.weights[corner, n], touches.rows[corner, n]
+        x += w * float(before[0, i])
+        y += w * float(before[1, i])
+        z += w * float(before[2, i])
+    return x, y, z
+
+
+@shared
+def prepare(
+    friction: Any, touches: Any, desk: Any, report: Any, first: Any, restitution: Any, v: Any, before: Any
+) -> Any:
+    """Friction and rebound of contacts from number `first` on; returns the fastest approach that forces brought about.
+
+    What falls faster at the end of the step than at its beginning rebounds as it would have from its beginning: its way ends
+    at the impact, and with it what it would have gained.
+    """
+    most = 0.0
+    for n in range(first, report[CONTACTS]):
+        nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
+        now = then = 0.0
+        for corner in range(4):
+            w, i = touches.weights[corner, n], touches.rows[corner, n]
+            now += w * (float(v[0][i]) * nx + float(v[1][i]) * ny + float(v[2][i]) * nz)
+            then += w * (float(before[3, i]) * nx + float(before[4, i]) * ny + float(before[5, i]) * nz)
+            desk.mark[i] |= 1
+        change = abs(now - then)
+        most = max(most, change)
+        faster = (now < 0) & (now < then)
+        touches.bound[REBOUND, n] = restitution * (max(-then, 0.0) / -now if faster else 1.0)
+        touches.bound[CALM, n] = REST * change
+        touches.bound[STATIC, n] = 0.0 if friction is None else float(friction.static)
+        touches.bound[KINETIC, n] = 0.0 if friction is None else float(friction.kinetic)
+        touches.bound[PUSH, n] = 0.0
+    return most
+
+
+@shared
+def displace(touches: Any, desk: Any, report: Any, x: Any, before: Any, backwards: Any) -> Any:
+    """A turn through all contacts that corrects displacements; returns the largest correction [m]."""
+    worst, number = 0.0, report[CONTACTS]
+    for k in range(number):
+        n = number - 1 - k if backwards else k
+        nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
+        goal, push = touches.normal[3, n], touches.bound[PUSH, n]
+        here, there = difference(touches, x, n), difference_before(touches, before, n)
+        short = goal - (here[0] * nx + here[1] * ny + here[2] * nz)
+        add = max(short, -push)
+        if add != 0:
+            whole = inertia(touches, desk, n)
+            if whole > 0:
+                worst = max(worst, abs(add))
+                push += add
+                touches.bound[PUSH, n] = push
+                by = add / whole
+                dx, dy, dz = by * nx, by * ny, by * nz
+                if (touches.bound[STATIC, n] > 0) & (add > 0):
+                    ux = here[0] - there[0] - touches.shift[0, n]
+                    uy = here[1] - there[1] - touches.shift[1, n]
+                    uz = here[2] - there[2] - touches.shift[2, n]
+                    along = ux * nx + uy * ny + uz * nz
+                    ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
+                    slip = np.sqrt(ux * ux + uy * uy + uz * uz)
+                    if slip > 0:
+                        holds = slip <= touches.bound[STATIC, n] * add
+                        part = 1.0 if holds else min(touches.bound[KINETIC, n] * add / slip, 1.0)
+                        by = part / whole
+                        dx, dy, dz = dx - by * ux, dy - by * uy, dz - by * uz
+                shove(touches, desk, x, n, dx, dy, dz)
+    return worst
+
+
+@shared
+def give_impulses(touches: Any, desk: Any, report: Any, v: Any, backwards: Any) -> Any:
+    """A turn through all contacts that have pushed; returns the fastest approach that it met [m/s]."""
+    worst, number = 0.0, report[CONTACTS]
+    for k in range(number):
+        n = number - 1 - k if backwards else k
+        if touches.bound[PUSH, n] > 0:
+            nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
+            u = difference(touches, v, n)
+            ux, uy, uz = u[0] - touches.drift[0, n], u[1] - touches.drift[1, n], u[2] - touches.drift[2, n]
+            rate = ux * nx + uy * ny + uz * nz
+            if rate < 0:
+                whole = inertia(touches, desk, n)
+                if whole > 0:
+                    worst = max(worst, -rate)
+                    change = -rate
+                    if change > touches.bound[CALM, n]:
+                        change *= 1.0 + touches.bound[REBOUND, n]
+                    by = change / whole
+                    dx, dy, dz = by * nx, by * ny, by * nz
+                    if touches.bound[STATIC, n] > 0:
+                        sx, sy, sz = ux - rate * nx, uy - rate * ny, uz - rate * nz
+                        slip = np.sqrt(sx * sx + sy * sy + sz * sz)
+                        if slip > 0:
+                            holds = slip <= touches.bound[STATIC, n] * change
+                            part = 1.0 if holds else min(touches.bound[KINETIC, n] * change / slip, 1.0)
+                            by = part / whole
+                            dx, dy, dz = dx - by * sx, dy - by * sy, dz - by * sz
+                    shove(touches, desk, v, n, dx, dy, dz)
+    return worst

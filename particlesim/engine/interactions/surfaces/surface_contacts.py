@@ -1,0 +1,293 @@
+"""Hard contacts of surfaces and strands: the kind of interaction, and the course of a step.
+
+At the end of a step, when all particles have met their colliders, contacts are found on its way (`candidates`, `closest`),
+displacements and then velocities are corrected (`response`), and it is looked again whether anything would still come too
+close: that becomes a contact, too, or moves as one (`zones`). So the way of a step, every particle on a straight line, keeps
+all that was apart when the run began apart: nothing passes through at any speed. One thread does all of it, but for
+the search for near simplices.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.element_tensors import CornerTensors
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
+from particlesim.engine.interactions.neighbours.record import enlarged
+from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
+from particlesim.engine.interactions.surfaces.record import (
+    CONTACTS,
+    EDGES,
+    FASTEST,
+    LOST,
+    ODOMETER,
+    REACH,
+    ROOMIER,
+    STALE,
+    THIN,
+    VERTICES,
+    Candidates,
+    Desk,
+    Simplices,
+    Touches,
+    new_candidates,
+    new_desk,
+    new_touches,
+    room_for,
+    simplices_of,
+)
+from particlesim.engine.interactions.surfaces.response import (
+    CALMED,
+    MORE_TURNS,
+    SETTLED,
+    TURNS,
+    displace,
+    give_impulses,
+    list_contacts,
+    list_missed,
+    prepare,
+    weigh,
+)
+from particlesim.engine.interactions.surfaces.walls import (
+    add_walls,
+    lie_on_walls,
+    put_on_walls,
+    stand_at_walls,
+)
+from particlesim.engine.interactions.surfaces.zones import join, joined, move_zones, no_zones, sum_zones
+from particlesim.interactions import PairSet
+from particlesim.layouts.mesh import STRUCTURAL
+from particlesim.scenario.reach import has_extent
+
+LOOKS = 4
+"""How often what would still come too close becomes a contact; what does so after that moves as one."""
+MOST_ZONES = 200
+"""Bound on the turns in which zones are joined."""
+EFFORT = 4
+"""About how many springs take as long as a simplex."""
+
+
+class SurfaceColumns(NamedTuple):
+    """The law, what touches, candidates, contacts of the step, scratch, a report and what is tuned."""
+
+    law: Any
+    simplices: Simplices
+    found: Candidates
+    touches: Touches
+    desk: Desk
+    report: Any
+    tune: Any
+
+
+class SurfaceContacts(Interaction, SurfaceColumns):
+    """Hard contacts of surfaces, strands and single particles, which act between steps."""
+
+    __slots__ = ()
+    concludes: ClassVar[bool] = True
+    looks_back: ClassVar[bool] = True
+    follows: ClassVar[frozenset[str]] = frozenset(SurfaceColumns._fields)
+
+    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        pass
+
+    def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        find(self, c, before, share, t)
+        if share.number == 0:
+            resolve(self, parts, c, before, share.gate, t, h)
+        meet(share.gate, share.threads)
+
+    @property
+    def number(self) -> int:
+        return 0
+
+    @property
+    def effort(self) -> int:
+        return EFFORT * int(self.simplices.corners.shape[1])
+
+    def renewed(self) -> Self:
+        near, found, touches = enlarged(self.found.near), self.found, self.touches
+        self.report[STALE] = 1
+        if self.report[LOST]:
+            self.report[LOST] = 0
+            room = ROOMIER * touches.rows.shape[1]
+            found = new_candidates(self.simplices, self.desk.mark.size, room)._replace(near=near)
+            touches = new_touches(room)
+        elif near is self.found.near:
+            return self
+        return self._replace(found=found._replace(near=near), touches=touches)
+
+    def after(self, before: Interaction, place: Ints) -> Self:
+        # surfaces and strands as they were, without the dead; single particles as they are now
+        assert isinstance(before, SurfaceContacts)
+        old, new = before.simplices, self.simplices
+        free = new.corners[0] == new.corners[1]
+        parts, sides = [], []
+        for simplices, chosen in ((old, old.corners[0] != old.corners[1]), (new, free)):
+            corners = simplices.corners[:, chosen]
+            corners = place[corners] if simplices is old else corners
+            there = (corners >= 0).all(axis=0)
+            face = simplices.face[chosen][there] == 1
+            side = np.flatnonzero(chosen)[there] >= (simplices.split or 0)
+            corners = corners[:, there]
+            parts.append((corners[:, face], corners[:2, ~face]))
+            sides.append((side[face].astype(np.int64), side[~face].astype(np.int64)))
+        tune = self.tune
+        if old.corners.size:
+            tune = before.tune.copy()
+            tune[THIN] = min(before.tune[THIN], self.tune[THIN])
+        triangles, edges = (np.concatenate([parts[0][k], parts[1][k]], axis=1) for k in range(2))
+        one, other = (np.concatenate([sides[0][k], sides[1][k]]) for k in range(2))
+        return self._replace(
+            tune=tune, **laid(self, triangles, edges, None if new.split is None else (one, other))
+        )
+
+    def linearise(self, c: Any, t: float) -> CornerTensors:
+        return CornerTensors(np.zeros((4, 0), np.int64), np.zeros((0, 0, 4, 3)), np.zeros((0, 3, 3)))
+
+    def force_on(self, c: Any, row: int, t: float) -> Floats:
+        return np.zeros(3)
+
+
+@outlined
+def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
+    """Bring the step from `before` to the present state to an end in which nothing comes too close."""
+    s, found, touches, desk, report, tune = (
+        each.simplices,
+        each.found,
+        each.touches,
+        each.desk,
+        each.report,
+        each.tune,
+    )
+    x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
+    if report[VERTICES] + report[EDGES] > 0:
+        weigh(s, c.m, c.clock, desk)
+        list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
+        if report[CONTACTS] > 0:
+            friction, restitution = each.law.friction, float(each.law.restitution)
+            first, look, missed, most = 0, 0, 1, 0.0
+            while (missed > 0) & (look < LOOKS):
+                most = max(most, prepare(friction, touches, desk, report, first, restitution, v, before))
+                add_walls(each, parts, c, t, h)
+                turn, going = 0, True
+                while going & (turn < TURNS):
+                    going = displace(touches, desk, report, x, before, turn % 2) > SETTLED * tune[THIN]
+                    turn += 1
+                put_on_walls(each, parts, c, t, SETTLED * tune[THIN])
+                first = report[CONTACTS]
+                find_again(each, c, before, gate, t)
+                missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
+                look += 1
+            report[CONTACTS] = first
+            turn, going = 0, True
+            while going & (turn < MORE_TURNS):
+                going = give_impulses(touches, desk, report, v, turn % 2) > CALMED * most
+                turn += 1
+            lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
+            if missed > 0:
+                move_as_one(each, parts, c, before, gate, t)
+            if len(c.memory) > 0:
+                for j in range(s.rows.size):
+                    if (desk.mark[s.rows[j]] & 1) != 0:
+                        c.memory[-1][s.rows[j]] = 0
+            measure(s, x, before, tune)
+    tune[ODOMETER] += 2.0 * tune[FASTEST]
+
+
+def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any) -> None:
+    """Make zones of what would still come too close, until nothing does."""
+    s, found, touches, desk, report, tune = (
+        each.simplices,
+        each.found,
+        each.touches,
+        each.desk,
+        each.report,
+        each.tune,
+    )
+    x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
+    no_zones(s, desk)
+    turn = 0
+    while turn < MOST_ZONES:
+        report[CONTACTS] = 0
+        find_again(each, c, before, gate, t)
+        missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
+        turn += 1
+        if missed == 0 or joined(touches, desk, report, 0):
+            turn = MOST_ZONES
+        else:
+            join(touches, desk, 0, report[CONTACTS])
+            sum_zones(s, desk, x, v, c.m, before)
+            move_zones(s, desk, report, x, v, before)
+            stand_at_walls(each, parts, c, t)
+            move_zones(s, desk, report, x, v, before)
+
+
+def laid(each: Any, triangles: Ints, edges: Ints, sides: tuple[Ints, Ints] | None) -> dict[str, Any]:
+    """Simplices among the particles of an island, and room for what they touch."""
+    count = each.desk.mark.size
+    simplices = simplices_of(triangles, edges, sides, count)
+    room = max(room_for(simplices), each.touches.rows.shape[1])
+    return {
+        "simplices": simplices,
+        "found": new_candidates(simplices, count, room),
+        "touches": new_touches(room),
+    }
+
+
+def features_of(group: Any, site: Site) -> tuple[Ints, Ints]:
+    """Rows of the triangles [3, n] and of the edges [2, m] with which a group touches: of its surface, or of its strands, or
+    its particles, as edges without length. Of surfaces and strands there is none but at the start."""
+    offset, count = site.offset[group.name], site.state[group.name].count
+    triangles, edges = np.empty((3, 0), np.int64), np.empty((2, 0), np.int64)
+    if has_extent(group):
+        if not site.began:
+            return triangles, edges
+        layout = group.layout.open(site.scenario.folder)
+        triangles = layout.triangles().T
+        if not triangles.size and STRUCTURAL in layout.kinds:
+            edges = layout.edges(STRUCTURAL).T
+    if not triangles.size and not edges.size:
+        edges = np.repeat(np.arange(count, dtype=np.int64)[None], 2, axis=0)
+    return triangles + offset, edges + offset
+
+
+def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
+    """Hard contacts among the surfaces, strands and particles of an island."""
+    tables = {group.name: group for group in site.scenario.groups}
+    features = [features_of(tables[name], site) for name in pairs.groups]
+    triangles, edges = (np.concatenate([each[k] for each in features], axis=1) for k in range(2))
+    sides = None
+    if pairs.law.between is not None:
+        side = [0 if name == pairs.law.between[0] else 1 for name in pairs.groups]
+        first, second = (np.repeat(side, [each[k].shape[1] for each in features]) for k in range(2))
+        sides = first, second
+    count = site.whole.count
+    radius = site.whole.radius[:count].astype(float)
+    used = np.unique(np.concatenate([triangles.ravel(), edges.ravel()]))
+    report, tune = np.zeros(8, np.int64), np.zeros(8)
+    report[STALE] = 1
+    thin = 2 * radius[used].min() if used.size else 1.0
+    tune[THIN], tune[REACH] = thin, reach_of(site.place, triangles, edges, thin)
+    law = pairs.law.record()
+    none = simplices_of(triangles[:, :0], edges[:, :0], None, count)
+    found, desk = new_candidates(none, count, 0), new_desk(count)
+    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune)
+    return made._replace(**laid(made, triangles, edges, sides))
+
+
+def reach_of(x: Floats, triangles: Ints, edges: Ints, thin: float) -> float:
+    """The length by which skins are measured: the shortest way from a corner of a typical triangle to its opposite side, the
+    length of a typical edge, or the thickness of what has neither."""
+    if triangles.size:
+        a, b, c = (x[:, rows] for rows in triangles)
+        twice = np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)
+        longest = np.max([np.linalg.norm(p - q, axis=0) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+        heights = np.divide(twice, longest, out=np.zeros_like(twice), where=longest > 0)
+        return float(max(np.median(heights), thin))
+    lengths = np.linalg.norm(x[:, edges[0]] - x[:, edges[1]], axis=0)
+    lengths = lengths[lengths > 0]
+    return float(max(np.median(lengths), thin)) if lengths.size else thin

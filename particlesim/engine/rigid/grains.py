@@ -1,0 +1,226 @@
+"""Particles that touch rigid bodies.
+
+Those that may touch a body in a step are its guests: spheres among the bodies for that step, whose impulses are found
+together with those of all bodies and colliders (`solver`). So a grain on a box on a floor lies as still as another box
+would. What does not turn has an infinite moment of inertia.
+
+The way of a guest, as a body sees it, is followed to where it touches. The distance from a convex piece is a convex function
+of the time on a straight way, so Newton's method comes there, and never beyond; thin bodies hold back fast particles. An
+impact at the time t is that of the two as they are then. As impulses are given in the middle of a step, both are moved
+afterwards to where they would be if they had been given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), which its own
+method moves with its new velocity from the beginning of the step on. So momentum and angular momentum are kept to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
+from particlesim.compiler import kernel, on_stack, outlined
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
+from particlesim.engine.rigid.convex import nearest
+from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
+from particlesim.engine.rigid.pieces import Solid, solid_of
+from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
+
+HOPS = 48
+"""Steps of Newton's method at most."""
+NEAR = 1e-6
+"""Distance that counts as touching, in units of the smallest size of a piece."""
+GRAINS = 1 << 48
+"""First number for the features of guests, which are their ids."""
+
+
+class Guests(NamedTuple):
+    """Particles among bodies for a step: number of the first; their kinds, radii and ids [n]; by kind and group of bodies
+    whether they touch, restitution, static and kinetic friction [kinds, groups].
+
+    Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
+    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n].
+    """
+
+    first: int
+    kind: Any
+    radius: Any
+    id: Any
+    touch: Any
+    restitution: Any
+    static: Any
+    kinetic: Any
+    when: Any
+    at: Any
+    shift: Any
+
+
+def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
+    """The signed distance of a place from a piece, and the unit vector from there to the place."""
+    own = to_body(s.r, minus(x, s.x))
+    if s.kind == BOX:
+        return box_distance(s.size, own), to_world(s.r, box_normal(s.size, own))
+    if s.kind == SPHERE or s.kind == CAPSULE:
+        level = clamped(own[2], -s.size[1], s.size[1])
+        d = (own[0], own[1], own[2] - level)
+        length = np.sqrt(dot(d, d))
+        n = (d[0] / length, d[1] / length, d[2] / length) if length > 0 else (1.0, 0.0, 0.0)
+        return length - s.size[0], to_world(s.r, n)
+    if p.corners is not None:
+        depth, n = inside(p, s, own)
+        if depth <= 0:
+            return depth, to_world(s.r, n)
+        point = Solid(s.number, SPHERE, (0.0, 0.0, 0.0), x, s.r)
+        distance = nearest(p, point, s, 1.0, found)
+        if distance > 0:
+            return distance, (found[0, 0], found[0, 1], found[0, 2])
+        return depth, to_world(s.r, n)
+    return np.inf, (1.0, 0.0, 0.0)
+
+
+@outlined
+def inside(p: Any, s: Any, a: Any) -> Any:
+    """How far a place is above that flat or round side of a piece which it is farthest above: negative inside."""
+    if s.kind == HULL:
+        best, face = -np.inf, 0
+        for f in range(p.first_face[s.number], p.first_face[s.number + 1]):
+            above = p.planes[0, f] * a[0] + p.planes[1, f] * a[1] + p.planes[2, f] * a[2] - p.planes[3, f]
+            if above > best:
+                best, face = above, f
+        return best, (p.planes[0, face], p.planes[1, face], p.planes[2, face])
+    across = np.sqrt(a[0] * a[0] + a[1] * a[1])
+    c, e = (a[0] / across, a[1] / across) if across > 0 else (1.0, 0.0)
+    if s.kind == CYLINDER:
+        out, over = across - s.size[0], abs(a[2]) - s.size[1]
+        if out > over:
+            return out, (c, e, 0.0)
+        return over, (0.0, 0.0, np.copysign(1.0, a[2]))
+    slope = np.sqrt(s.size[0] * s.size[0] + s.size[1] * s.size[1])
+    rise, run = s.size[0] / slope, s.size[1] / slope
+    out, under = run * across + rise * (a[2] - 0.75 * s.size[1]), -0.25 * s.size[1] - a[2]
+    if out > under:
+        return out, (run * c, run * e, rise)
+    return under, (0.0, 0.0, -1.0)
+
+
+@kernel
+def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: Any) -> None:
+    """Which particles may come to bodies within a time h, into near [n]; `touch` [groups]: bodies that they touch."""
+    for i in range(b.w.size):
+        if touch[b.group[i]] > 0:
+            for m in range(radius.size):
+                d = (x[0, m] - b.x[0, i], x[1, m] - b.x[1, i], x[2, m] - b.x[2, i])
+                u = (v[0, m] - b.v[0, i], v[1, m] - b.v[1, i], v[2, m] - b.v[2, i])
+                reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
+                if dot(d, d) < reach * reach:
+                    near[m] = 1
+
+
+@outlined
+def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
+    """Note the contacts that guests have with bodies in a step of length h, of which half is over."""
+    found, best = on_stack(1, 9, np.float64), on_stack(1, 7, np.float64)
+    p = b.pieces
+    for m in range(guests.radius.size):
+        guest, which = guests.first + m, -1
+        at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
+        best[0, 0] = np.inf
+        for axis in range(3):
+            guests.shift[axis, m] = 0.0
+        for i in range(guests.first):
+            group = b.group[i]
+            if guests.touch[kind, group] > 0:
+                x, now, other = place(b, i), motion.now[i], motion.now[guest]
+                d = minus(at, x)
+                u = (other[0] - now[0], other[1] - now[1], other[2] - now[2])
+                far = np.sqrt(dot(d, d)) - b.reach[i] - radius
+                if far < h * np.sqrt(dot(u, u)) + slop:
+                    u = minus(u, cross((now[3], now[4], now[5]), d))
+                    r, had = matrix(orientation(b, i)), best[0, 0]
+                    begin = k.number[0]
+                    for number in range(p.first[group], p.first[group + 1]):
+                        s = solid_of(p, number, x, r)
+                        follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
+                    meet(guests, k, begin, kind, group)
+                    if best[0, 0] < had:
+                        which = i
+        guests.when[m] = 0.0
+        if 0 < best[0, 0] <= h:
+            n, group = (best[0, 1], best[0, 2], best[0, 3]), b.group[which]
+            where, begin = (best[0, 4], best[0, 5], best[0, 6]), k.number[0]
+            add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
+            meet(guests, k, begin, kind, group)
+            # It is where the body sees it as they touch.
+            guests.when[m] = best[0, 0] - 0.5 * h
+            b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(where, radius, n)
+        for axis in range(3):
+            guests.at[axis, m] = b.x[axis, guest]
+
+
+def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
+    """What the contacts of a guest do."""
+    for number in range(begin, k.number[0]):
+        e, static = guests.restitution[kind, group], guests.static[kind, group]
+        set_surface(k, number, e, static, guests.kinetic[kind, group])
+
+
+@outlined
+def follow(
+    p: Any,
+    s: Any,
+    k: Any,
+    i: Any,
+    guest: Any,
+    id: Any,
+    at: Any,
+    u: Any,
+    radius: Any,
+    slop: Any,
+    h: Any,
+    found: Any,
+    best: Any,
+) -> None:
+    """Follow the way of a guest, which moves with u as body i sees it, from the beginning of the step to a piece.
+
+    All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 7]: when,
+    the normal, the place of contact.
+    """
+    x = plus(at, -0.5 * h, u)
+    now, n = away_from(p, s, x, found)
+    now -= radius
+    if now <= max(NEAR * p.fine[s.number], slop):
+        where = plus(at, -(radius + 0.5 * now), n)
+        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), now)
+        best[0, 0] = -np.inf
+        return
+    gap, t = now, 0.0
+    falls = -dot(u, n)
+    for _ in range(HOPS):
+        if gap <= NEAR * p.fine[s.number] or not falls > 0 or t > h:
+            break
+        t += gap / falls
+        x = plus(at, t - 0.5 * h, u)
+        gap, n = away_from(p, s, x, found)
+        gap -= radius
+        falls = -dot(u, n)
+    if falls > 0 and t <= h and t < best[0, 0]:
+        best[0, 0] = t
+        best[0, 1], best[0, 2], best[0, 3] = n
+        best[0, 4], best[0, 5], best[0, 6] = plus(x, -radius, n)
+
+
+@outlined
+def settle_guests(scene: Any, b: Any, k: Any) -> None:
+    """Move bodies, but for those that joints hold, to where they would be if impacts of guests had been at their times; note
+    the same for guests."""
+    guests = scene.guests
+    for c in range(k.number[0]):
+        guest = k.second[c]
+        if guest >= guests.first:
+            m = guest - guests.first
+            for axis in range(3):
+                total = 0.0
+                for d in range(3):
+                    total += k.rows[c, d, axis] * k.impulse[c, d]
+                if scene.joints is None or scene.joined[k.first[c]] == 0:
+                    b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
+                guests.shift[axis, m] += guests.when[m] * b.w[guest] * total

@@ -1,0 +1,76 @@
+"""Springs between points of bodies, or between a point of a body and one of the world.
+
+The law is that of springs between particles (`bonds.spring`, `bonds.strut`), for l the way from the second point to the
+first; its force acts where the points are, and turns bodies by r × f.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from particlesim.bonds.spring import Pair
+from particlesim.compiler import kernel, outlined
+from particlesim.engine.rigid.bodies import WORLD, orientation, place, row
+from particlesim.engine.rigid.rotation import cross, matrix, to_world
+from particlesim.laws.registry import bond_force, bond_potential
+
+
+class BodySprings(NamedTuple):
+    """Springs of one law: its record; both bodies (the second may be WORLD) [m], their points in the frames of these (in
+    the world for WORLD) [3, m]; stiffness, damping, rest length [m]."""
+
+    law: Any
+    first: Any
+    second: Any
+    point: Any
+    other: Any
+    k: Any
+    c: Any
+    rest: Any
+
+
+def end(b: Any, now: Any, i: Any, point: Any) -> Any:
+    """A point of a body: its place, its velocity, and from the centre to it."""
+    r = to_world(matrix(orientation(b, i)), point)
+    x, m = place(b, i), now[i]
+    u = cross((m[3], m[4], m[5]), r)
+    return (x[0] + r[0], x[1] + r[1], x[2] + r[2]), (m[0] + u[0], m[1] + u[1], m[2] + u[2]), r
+
+
+def stretched(springs: Any, b: Any, now: Any, s: Any) -> Any:
+    """A spring as its law sees it, and the arms of both ends."""
+    x, v, one = end(b, now, springs.first[s], row(springs.point, s))
+    y, w, two = row(springs.other, s), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if springs.second[s] != WORLD:
+        y, w, two = end(b, now, springs.second[s], row(springs.other, s))
+    l = (x[0] - y[0], x[1] - y[1], x[2] - y[2])  # noqa: E741
+    u = (v[0] - w[0], v[1] - w[1], v[2] - w[2])
+    return Pair(*l, *u, springs.k[s], springs.c[s], springs.rest[s]), one, two
+
+
+@outlined
+def pull(springs: Any, b: Any, now: Any, out: Any) -> None:
+    """Add the forces and torques of springs to out [n, 6]."""
+    for s in range(springs.first.size):
+        pair, one, two = stretched(springs, b, now, s)
+        f = bond_force(springs.law, pair)
+        twist = cross(one, f)
+        i, j = springs.first[s], springs.second[s]
+        for axis in range(3):
+            out[i, axis] += f[0] if axis == 0 else (f[1] if axis == 1 else f[2])
+            out[i, 3 + axis] += twist[0] if axis == 0 else (twist[1] if axis == 1 else twist[2])
+        if j != WORLD:
+            twist = cross(two, f)
+            for axis in range(3):
+                out[j, axis] -= f[0] if axis == 0 else (f[1] if axis == 1 else f[2])
+                out[j, 3 + axis] -= twist[0] if axis == 0 else (twist[1] if axis == 1 else twist[2])
+
+
+@kernel
+def stored(springs: Any, b: Any, now: Any) -> float:
+    """Potential energy of springs [J]."""
+    total = 0.0
+    for s in range(springs.first.size):
+        pair, _, _ = stretched(springs, b, now, s)
+        total += bond_potential(springs.law, pair)
+    return total

@@ -1,0 +1,99 @@
+"""Emitters that hear of impacts: there must be some to hear of, and nobody may hear of himself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from particlesim.model.mistakes import Invalid, Path
+from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.reach import collider_tables, group_tables, held_back, pair_sets
+from particlesim.scenario.tables import Tables
+
+
+def heard(scenario: Tables) -> Iterator[Invalid]:
+    """Groups whose impacts are heard meet the colliders that are named, have inertia, and do not depend on who hears."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    together = _together(scenario)
+    owner = {name: k for k, names in enumerate(together) for name in names}
+    hears: dict[int, set[int]] = {}
+    for k, emitter in enumerate(scenario.emitters):
+        event = emitter.on_impact
+        if event is None:
+            continue
+        here: Path = ("emitters", k, "on_impact")
+        for j, name in enumerate(event.of):
+            path, group = tables[name]
+            also = ((path, "this group"),)
+            if path[0] == "bodies":
+                yield Invalid("impacts of rigid bodies are not heard", (*here, "of", j), also)
+            elif group.dynamics.type != "second_order":
+                yield Invalid("what has no inertia has no impacts", (*here, "of", j), also)
+            elif owner[name] == owner[emitter.name]:
+                yield Invalid(
+                    f"{emitter.name!r} and {name!r} act on each other in every step, or are the same, so that births would "
+                    "change the impacts that they are of",
+                    (*here, "of", j),
+                    also,
+                )
+            else:
+                hears.setdefault(owner[emitter.name], set()).add(owner[name])
+        yield from _places(scenario, here, event.of, event.at)
+        if _circle(hears, owner[emitter.name]):
+            yield Invalid(f"{emitter.name!r} hears of impacts of what is born of its own", (*here, "of"))
+
+
+def _places(
+    scenario: Tables, here: Path, names: tuple[str, ...], at: tuple[str, ...] | None
+) -> Iterator[Invalid]:
+    named = {each.name: (path, each) for path, each in collider_tables(scenario) if each.name is not None}
+    for j, name in enumerate(at or ()):
+        if name not in named:
+            known = tuple(named)
+            allowed = ", ".join(known) or "a name that a plane or a collider has"
+            yield Invalid(
+                f"unknown collider {name!r}",
+                (*here, "at", j),
+                allowed=allowed,
+                hint=did_you_mean(name, known),
+            )
+            continue
+        path, each = named[name]
+        if each.soft:
+            yield Invalid(
+                "what goes into a surface that yields has no moment of impact",
+                (*here, "at", j),
+                ((path, "this one"),),
+            )
+        elif not held_back(each, names):
+            yield Invalid(
+                f"{name!r} holds back none of {', '.join(map(repr, names))}",
+                (*here, "at", j),
+                ((path, "this one"),),
+            )
+    if at is None and not any(
+        held_back(each, names) and not each.soft for _, each in collider_tables(scenario)
+    ):
+        yield Invalid(f"{', '.join(map(repr, names))} can hit nothing", (*here, "of"))
+
+
+def _together(scenario: Tables) -> list[set[str]]:
+    """Groups that step together, as they act on each other."""
+    found = [{group.name} for group in scenario.groups]
+    joined = [*(each.groups for each in scenario.bonds), *(each.groups for each in pair_sets(scenario))]
+    for groups in (*joined, *(each.groups for each in scenario.rod_sets)):
+        touched = [names for names in found if names & set(groups)]
+        found = [names for names in found if names not in touched] + [set().union(*touched)]
+    return found
+
+
+def _circle(hears: dict[int, set[int]], start: int) -> bool:
+    """Whether who hears of somebody is heard of by him, by whatever way."""
+    seen, ahead = set[int](), list(hears.get(start, ()))
+    while ahead:
+        one = ahead.pop()
+        if one == start:
+            return True
+        if one not in seen:
+            seen.add(one)
+            ahead += hears.get(one, ())
+    return False

@@ -1,0 +1,34 @@
+"""Walls that leave no room for what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from particlesim.colliders import Plane
+from particlesim.model.mistakes import Invalid, Path
+from particlesim.model.vectors import dot, unit
+from particlesim.scenario.reach import collider_tables, held_back
+from particlesim.scenario.tables import Tables
+
+FACING = 1e-12
+"""How far n·m of two planes that face each other is from −1, at most."""
+
+
+def room(scenario: Tables) -> Iterator[Invalid]:
+    """Two planes that face each other and hold the same particles have their legal sides in common."""
+    planes: list[tuple[Path, Plane]] = [
+        (path, each) for path, each in collider_tables(scenario) if isinstance(each, Plane)
+    ]
+    for k, (path, one) in enumerate(planes):
+        for other_path, other in planes[:k]:
+            if dot(unit(one.normal), unit(other.normal)) > -1 + FACING:
+                continue
+            between = -dot(unit(one.normal), one.point) - dot(unit(other.normal), other.point)
+            shared = [g for g in scenario.groups if held_back(one, (g.name,)) and held_back(other, (g.name,))]
+            if between < 0 and shared:
+                yield Invalid(
+                    f"these walls overlap by {-between:.3g} m: no place is on the legal side of both",
+                    path,
+                    ((other_path, "the other wall"),),
+                    hint="normals point to where particles may be",
+                )

@@ -1,0 +1,225 @@
+"""Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package; growth of time with number.
+
+    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--growth]
+
+Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
+same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
+environment with the package lammps. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import particlesim as ps
+from particlesim.engine.simulation import Simulation
+
+RADIUS, DENSITY, DT = 0.0015, 2500.0, 1e-5
+YOUNG, POISSON, FRICTION, RESTITUTION = 1e7, 0.3, 0.5, 0.5
+COLUMN = 40
+"""Grains along the height of the box, about."""
+WARM = 200
+"""Steps before the clock starts, in which contacts get their history."""
+SETTLING = 30_000
+INPUT = """units si
+atom_style sphere
+boundary f f f
+newton off
+comm_modify vel yes
+read_data {start}
+pair_style gran/hertz/history {kn} NULL {gamma} NULL {mu} 1
+pair_coeff * *
+neighbor {skin} bin
+neigh_modify delay 0 every 1 check yes
+fix 1 all nve/sphere
+fix 2 all gravity 9.81 vector 0 0 -1
+fix 3 all wall/gran hertz/history {kn} NULL {gamma} NULL {mu} 1 xplane 0 {edge}
+fix 4 all wall/gran hertz/history {kn} NULL {gamma} NULL {mu} 1 yplane 0 {edge}
+fix 5 all wall/gran hertz/history {kn} NULL {gamma} NULL {mu} 1 zplane 0 NULL
+timestep {dt}
+thermo 1000000
+{runs}
+"""
+
+
+def loose(number: int) -> tuple[NDArray[np.float64], float]:
+    """Places of grains that do not touch [m], and the edge of the box."""
+    spacing = 2.1 * RADIUS
+    along = max(round((number / COLUMN) ** 0.5), 4)
+    edge, k = along * spacing, np.arange(number)
+    x = np.stack([k % along, k // along % along, k // along**2], axis=1) * spacing + spacing / 2
+    return x + np.random.default_rng(1).uniform(-0.05, 0.05, x.shape) * RADIUS, edge
+
+
+def write(path: Path, x: NDArray[np.float64], edge: float) -> None:
+    """A data file of LAMMPS."""
+    lines = [
+        f"grains\n\n{len(x)} atoms\n1 atom types\n\n0 {edge} xlo xhi\n0 {edge} ylo yhi\n0 {x[:, 2].max() * 1.1} zlo zhi"
+    ]
+    lines.append("\nAtoms # sphere\n")
+    lines += [f"{k + 1} 1 {2 * RADIUS} {DENSITY} {a:.12g} {b:.12g} {c:.12g}" for k, (a, b, c) in enumerate(x)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def by_lammps(venv: str, folder: Path, start: Path, edge: float, runs: str) -> float:
+    """CPU seconds of LAMMPS."""
+    # its coefficient is that of k √(R δ), its damper γ m √(R δ)
+    script = folder / "in.grains"
+    e_star = YOUNG / (2 * (1 - POISSON**2))
+    script.write_text(
+        INPUT.format(
+            start=start,
+            kn=4 / 3 * e_star,
+            gamma=20.0,
+            mu=FRICTION,
+            skin=0.2 * RADIUS,
+            edge=edge,
+            dt=DT,
+            runs=runs,
+        )
+    )
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [f"{venv}/bin/lmp", "-in", str(script), "-log", "none", "-screen", "none"]
+    subprocess.run(command, check=True, cwd=folder)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def settled(path: Path) -> NDArray[np.float64]:
+    """Places in a data file of LAMMPS."""
+    lines = path.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("Atoms")) + 2
+    number = int(next(line for line in lines if line.endswith("atoms")).split()[0])
+    return np.array([[float(v) for v in line.split()[4:7]] for line in lines[first : first + number]])
+
+
+def simulation(x: NDArray[np.float64], edge: float) -> Simulation:
+    """The same grains and walls."""
+    walls = (
+        ((0, 0, 0), (0, 1, 0)),
+        ((0, 0, 0), (1, 0, 0)),
+        ((edge, 0, 0), (-1, 0, 0)),
+        ((0, 0, 0), (0, 0, 1)),
+        ((0, 0, edge), (0, 0, -1)),
+    )
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1.0, "dt": DT, "integrator": "symplectic_euler"},
+            "output": {"every": 1000},
+            "particles": [
+                {
+                    "layout": {"type": "points", "position": np.ascontiguousarray(x[:, [0, 2, 1]]).tolist()},
+                    "radius": RADIUS,
+                    "density": DENSITY,
+                }
+            ],
+            "forces": [{"type": "gravity", "acceleration": [0, -9.81, 0]}],
+            "planes": [
+                {"point": point, "normal": normal, "restitution": RESTITUTION, "friction": FRICTION}
+                for point, normal in walls
+            ],
+            "interactions": [
+                {
+                    "type": "contact",
+                    "model": "hertz",
+                    "young_modulus": YOUNG,
+                    "poisson_ratio": POISSON,
+                    "restitution": RESTITUTION,
+                    "friction": FRICTION,
+                }
+            ],
+        }
+    )
+    return Simulation(scenario, threads=1)
+
+
+def timed(one: Simulation, steps: int) -> float:
+    """CPU seconds of some more steps."""
+    start = time.process_time()
+    one.advance_to(one.step + steps)
+    return time.process_time() - start
+
+
+def against_lammps(number: int, rounds: int, venv: str) -> None:
+    """CPU time for each grain and step of both."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        x, edge = loose(number)
+        write(folder / "loose.data", x, edge)
+        runs = f"run {SETTLING}\nwrite_data {folder / 'settled.data'} nocoeff"
+        by_lammps(venv, folder, folder / "loose.data", edge, runs)
+        x = settled(folder / "settled.data")
+        one = simulation(x, edge)
+        one.advance_to(WARM)
+        steps = max(20_000_000 // number, 100)
+        mine, theirs = [], []
+        for _ in range(rounds):
+            spent = [
+                by_lammps(venv, folder, folder / "settled.data", edge, f"run {WARM}\nrun {last}")
+                for last in (0, steps)
+            ]
+            theirs.append((spent[1] - spent[0]) / steps / number)
+            mine.append(timed(one, steps) / steps / number)
+            print(
+                f"  psim {mine[-1] * 1e9:6.1f} ns, LAMMPS {theirs[-1] * 1e9:6.1f} ns, for each grain and step",
+                flush=True,
+            )
+        lists = one.islands[0].interactions[0].lists
+        print(
+            f"{number} grains, {2 * (lists.memory.state > 0).sum() / number:.1f} contacts each (those of two chunks twice)"
+        )
+        print(f"LAMMPS takes {min(theirs) / min(mine):.2f} times as long")
+
+
+def growth(rounds: int) -> None:
+    """CPU time for each grain and step of more and more grains, that lie in a lattice."""
+    found = {}
+    runs = {}
+    for number in (10_000, 100_000, 1_000_000):
+        x, edge = loose(number)
+        along = round(edge / (2.1 * RADIUS))
+        k = np.arange(number)
+        layer = np.stack([k % along, k // along % along, k // along**2], axis=1)
+        # each upon four of the layer below
+        x = (
+            (layer + 0.5 + 0.25 * (layer[:, 2:] % 2) * np.array([1, 1, 0]))
+            * 2
+            * RADIUS
+            * np.array([1, 1, 0.5**0.5 * 0.999])
+        )
+        runs[number] = simulation(x, along * 2 * RADIUS + RADIUS)
+        runs[number].advance_to(20)
+        found[number] = np.inf
+    for _ in range(rounds):
+        for number, one in runs.items():
+            steps = max(4_000_000 // number, 4)
+            found[number] = min(found[number], timed(one, steps) / steps / number)
+    for number, spent in found.items():
+        print(f"{number:8d} grains: {spent * 1e9:6.1f} ns for each grain and step")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--grains", type=int, default=100_000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--lammps")
+    parser.add_argument("--growth", action="store_true")
+    given = parser.parse_args()
+    if given.lammps:
+        against_lammps(given.grains, given.rounds, given.lammps)
+    if given.growth:
+        growth(given.rounds)
+
+
+if __name__ == "__main__":
+    main()

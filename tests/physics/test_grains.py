@@ -1,0 +1,371 @@
+"""Grains that turn: rolling, sliding into rolling, what pairs keep, rolling friction, cohesion, and walls."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import EPS, points, simulate, table
+
+import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
+
+R, M, G = 0.05, 0.1, 9.81
+LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e5}
+HERTZ = {"type": "contact", "model": "hertz", "young_modulus": "100 MPa"}
+SOFT = pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
+INERTIA = 0.4 * M * R * R
+
+
+def on_slope(
+    law: dict[str, Any], angle: float, duration: float, dt: float = 2e-5, mu: Any = 0.5, **more: Any
+) -> ps.Result:
+    """A ball on a plane, with gravity turned by an angle instead of the plane; it has sunk in as far as it will stay."""
+    load = M * G * math.cos(angle)
+    deep = load / 1e5
+    if law["model"] == "hertz":
+        e = 1e8 / (2 * (1 - 0.3**2))
+        deep = (load / (4 / 3 * e * math.sqrt(R))) ** (2 / 3)
+    plane = {"restitution": 0.3, "friction": mu}
+    grain = points((0, R - deep, 0), mass=M, radius=R, velocity=[more.pop("velocity", (0.0, 0.0, 0.0))])
+    return simulate(
+        round(duration / dt) * dt,
+        dt,
+        more.pop("method", "symplectic_euler"),
+        particles=[grain],
+        interactions=[{**law, "restitution": 0.3, "friction": 0.5, **more.pop("extra", {})}],
+        forces=[{"type": "gravity", "acceleration": [G * math.sin(angle), -G * math.cos(angle), 0]}],
+        planes=[plane],
+        **more,
+    )
+
+
+def spin(result: ps.Result) -> np.ndarray:
+    return np.asarray(result.final["angular_velocity"])
+
+
+@SOFT
+def test_a_ball_rolls_down_a_slope_with_five_sevenths_of_its_pull(law: dict[str, Any]) -> None:
+    angle = math.radians(25)
+    final = on_slope(law, angle, 0.2)
+    v = final.final.velocity[0, 0]
+    assert v == pytest.approx(5 / 7 * G * math.sin(angle) * 0.2, rel=2e-3)
+    assert spin(final)[0, 2] == pytest.approx(-v / R, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "method", ["velocity_verlet", "yoshida4", "rk4", "stormer_verlet", "implicit_midpoint", "bdf2"]
+)
+def test_every_method_of_fixed_steps_carries_spin(method: str) -> None:
+    angle = math.radians(25)
+    final = on_slope(LINEAR, angle, 0.05, method=method)
+    v = final.final.velocity[0, 0]
+    assert v == pytest.approx(5 / 7 * G * math.sin(angle) * 0.05, rel=1e-2)
+    assert spin(final)[0, 2] == pytest.approx(-v / R, rel=2e-2)
+
+
+@SOFT
+def test_it_slides_beyond_its_limit_of_friction(law: dict[str, Any]) -> None:
+    # it rolls while 2/7 tan θ ≤ μ
+    mu = 0.2
+    limit = math.atan(7 / 2 * mu)
+    rolls, slides = on_slope(law, limit - 0.03, 0.3, mu=mu), on_slope(law, limit + 0.03, 0.3, mu=mu)
+    assert R * spin(rolls)[0, 2] == pytest.approx(-rolls.final.velocity[0, 0], rel=5e-3)
+    v = slides.final.velocity[0, 0]
+    angle = limit + 0.03
+    assert v == pytest.approx(G * (math.sin(angle) - mu * math.cos(angle)) * 0.3, rel=3e-3)
+    assert -R * spin(slides)[0, 2] == pytest.approx(2.5 * mu * G * math.cos(angle) * 0.3, rel=3e-3)
+
+
+@SOFT
+def test_a_ball_that_slides_ends_rolling_with_five_sevenths_of_its_speed(law: dict[str, Any]) -> None:
+    # it rolls after 2 v/(7 μ g)
+    v = 1.0
+    result = on_slope(law, 0.0, 2 * v / (7 * 0.5 * G) * 1.3, velocity=(v, 0.0, 0.0))
+    assert result.final.velocity[0, 0] == pytest.approx(5 / 7 * v, rel=1e-3)
+    assert R * spin(result)[0, 2] == pytest.approx(-5 / 7 * v, rel=1e-3)
+
+
+@SOFT
+def test_rolling_friction_stops_a_ball_after_its_way(law: dict[str, Any]) -> None:
+    # a moment μ_r r N against rolling: m v' = −f, I ω' = f r − μ_r r N with v = ω r: v' = −5/7 μ_r g
+    mu, v = 0.1, 0.3
+    way = v * v / (2 * 5 / 7 * mu * G)
+    time = v / (5 / 7 * mu * G)
+    rolling = points(
+        (0, R - (M * G / 1e5 if law is LINEAR else 1e-6), 0),
+        mass=M,
+        radius=R,
+        velocity=[(v, 0.0, 0.0)],
+        angular_velocity=[0, 0, -v / R],
+    )
+    final = simulate(
+        round(1.3 * time / 2e-5) * 2e-5,
+        2e-5,
+        "symplectic_euler",
+        particles=[rolling],
+        interactions=[{**law, "restitution": 0.3, "friction": 0.5, "rolling_friction": mu}],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        planes=[{"restitution": 0.3, "friction": 0.5}],
+    ).final
+    assert final.position[0, 0] == pytest.approx(way, rel=5e-3)
+    assert abs(final.velocity[0, 0]) < 1e-4 * v
+
+
+def test_rolling_friction_holds_a_ball_on_a_slope_below_its_angle() -> None:
+    extra = {"rolling_friction": 0.2}
+    held = on_slope(LINEAR, math.atan(0.19), 0.5, extra=extra, dt=5e-5)
+    gone = on_slope(LINEAR, math.atan(0.25), 0.5, extra=extra, dt=5e-5)
+    assert abs(held.final.velocity[0, 0]) < 1e-4
+    assert gone.final.velocity[0, 0] == pytest.approx(
+        5 / 7 * G * math.cos(math.atan(0.25)) * 0.05 * 0.5, rel=0.02
+    )
+
+
+def pair(law: dict[str, Any], dt: float, duration: float, **group: Any) -> ps.Result:
+    """Two balls that meet with spins, and nothing else."""
+    both = points(
+        (-R * 1.01, 0, 0),
+        (R * 1.3, 0.6 * R, 0.1 * R),
+        mass=[M, 2.5 * M],
+        radius=[R, 1.3 * R],
+        velocity=[(1, 0, 0.1), (-0.5, 0, 0)],
+        **group,
+    )
+    return simulate(
+        duration, dt, "velocity_verlet", particles=[both], interactions=[law], output={"ledger": True}
+    )
+
+
+def sums(result: ps.Result) -> tuple[np.ndarray, np.ndarray]:
+    """Momentum and angular momentum at the start and at the end."""
+    rows = result.ledger
+    return tuple(
+        np.array([[rows[f"{what}.{axis}"][k] for axis in "xyz"] for k in (0, -1)])
+        for what in ("momentum", "angular_momentum")
+    )
+
+
+@pytest.mark.parametrize(
+    "model", [LINEAR, HERTZ, {"type": "contact", "model": "impulse"}], ids=["linear", "hertz", "impulse"]
+)
+def test_momentum_and_angular_momentum_with_spin_are_kept_to_rounding(model: dict[str, Any]) -> None:
+    law = {**model, "restitution": 0.7, "friction": 0.4}
+    result = pair(law, 1e-5, 0.02, angular_velocity=[[5.0, -20.0, 30.0], [0.0, 10.0, -40.0]])
+    momentum, angular = sums(result)
+    steps, size = 2000, 1.0
+    assert np.abs(momentum[1] - momentum[0]).max() < steps * EPS * M
+    if model.get("model") == "impulse":
+        size = 1e-5 / EPS / steps  # what overlaps at the end of its step is put apart
+    assert np.abs(angular[1] - angular[0]).max() < steps * EPS * M * R * size
+    assert np.abs(np.diff(spin(result), axis=0)).max() > 1  # they have touched
+
+
+@SOFT
+def test_springs_that_do_not_slide_keep_the_energy(law: dict[str, Any]) -> None:
+    # no damper and endless friction; the energy of springs along the surfaces is not in the ledger: look after the contact
+    result = pair(
+        {**law, "restitution": 1.0, "friction": 1e6}, 1e-6, 0.01, angular_velocity=[[0, 0, 0], [0, 0, 0]]
+    )
+    kinetic = result.ledger["kinetic"]
+    # a spring along the surfaces that is still stretched when they part loses what is in it
+    assert 0.9 * kinetic[0] < kinetic[-1] <= kinetic[0] * (1 + 1e-6)
+
+
+def test_an_elastic_impulse_with_friction_that_holds_shares_two_sevenths() -> None:
+    # a ball that hits a wall obliquely and does not slide leaves with 5/7 of its speed along it
+    grain = points((0, R + 0.01, 0), mass=M, radius=R, velocity=[(1.0, -2.0, 0.0)])
+    result = simulate(
+        0.02,
+        1e-3,
+        particles=[grain],
+        interactions=[{"type": "contact", "restitution": 0.8, "friction": 5.0}],
+        planes=[{"restitution": 0.8, "friction": 5.0}],
+    )
+    v, w = result.final.velocity[0], spin(result)[0]
+    assert v[0] == pytest.approx(5 / 7, rel=1e-12)
+    assert v[1] == pytest.approx(1.6, rel=1e-12)
+    assert w[2] == pytest.approx(-5 / 7 / R, rel=1e-12)
+
+
+def test_an_impulse_that_slides_takes_what_coulomb_allows() -> None:
+    grain = points((0, R + 0.01, 0), mass=M, radius=R, velocity=[(1.0, -1.0, 0.0)])
+    mu, e = 0.1, 0.5
+    result = simulate(
+        0.02,
+        1e-3,
+        particles=[grain],
+        interactions=[{"type": "contact", "restitution": e, "friction": mu}],
+        planes=[{"restitution": e, "friction": mu}],
+    )
+    change = mu * (1 + e) * 1.0
+    assert result.final.velocity[0, 0] == pytest.approx(1 - change, rel=1e-12)
+    assert spin(result)[0, 2] == pytest.approx(-2.5 * change / R, rel=1e-12)
+
+
+def test_hard_balls_roll_down_a_slope() -> None:
+    angle = math.radians(20)
+    grain = points((0, R, 0), mass=M, radius=R)
+    result = simulate(
+        0.5,
+        1e-3,
+        particles=[grain],
+        interactions=[{"type": "contact", "restitution": 0.3, "friction": 0.5}],
+        forces=[{"type": "gravity", "acceleration": [G * math.sin(angle), -G * math.cos(angle), 0]}],
+        planes=[{"restitution": 0.3, "friction": 0.5}],
+    )
+    v = 5 / 7 * G * math.sin(angle) * 0.5
+    assert result.final.velocity[0, 0] == pytest.approx(v, rel=1e-9)
+    assert spin(result)[0, 2] == pytest.approx(-v / R, rel=1e-9)
+    assert result.final.position[0, 0] == pytest.approx(v * 0.5 / 2, rel=5e-3)
+
+
+def test_cohesion_holds_up_to_two_pi_w_r() -> None:
+    # the lower of two hangs on the upper one, which is held
+    w = 5.0
+    most = 2 * math.pi * w * R / 2
+    for load, holds in ((0.9 * most, True), (1.1 * most, False)):
+        groups = [
+            points((0, 0, 0), name="held", mass=M, radius=R, pinned=True),
+            points((0, -2 * R + 1e-5, 0), name="hangs", mass=M, radius=R),
+        ]
+        final = simulate(
+            0.3,
+            1e-5,
+            particles=groups,
+            interactions=[{**HERTZ, "restitution": 0.1, "cohesion": w}],
+            forces=[{"type": "gravity", "acceleration": [0, -load / M, 0], "on": ["hangs"]}],
+        ).final
+        assert (final.position[1, 1] > -2.001 * R) is np.bool_(holds) or bool(
+            final.position[1, 1] > -2.001 * R
+        ) == holds
+
+
+@SOFT
+def test_the_work_of_contacts_accounts_for_the_energy(law: dict[str, Any]) -> None:
+    result = on_slope(
+        law,
+        0.3,
+        0.05,
+        method="velocity_verlet",
+        velocity=(1.0, -0.5, 0.2),
+        output={"ledger": True, "work": True, "every": 100},
+    )
+    rows = result.ledger
+    energy = rows["kinetic"] + rows["potential.gravity"] + rows["potential.contact"]
+    spent = energy[0] - energy[-1]
+    assert spent > 0.01
+    assert abs(rows["balance"][-1]) < 0.02 * spent
+
+
+def drum(n: int = 60) -> dict[str, Any]:
+    """Grains in a ball that turns, with a paddle-free wall: friction alone lifts them."""
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(n, 3))
+    x *= (0.09 * rng.uniform(0, 1, (n, 1)) ** (1 / 3)) / np.linalg.norm(x, axis=1, keepdims=True)
+    return table(
+        0.1,
+        5e-5,
+        "symplectic_euler",
+        particles=[{**points(*map(tuple, x.tolist())), "radius": 0.012, "density": 1000}],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        colliders=[
+            {
+                "name": "shell",
+                "type": "sphere",
+                "center": [0, 0, 0],
+                "radius": 0.12,
+                "inside": True,
+                "restitution": 0.3,
+                "friction": 0.6,
+            }
+        ],
+        motions=[{"collider": "shell", "spin": {"axis": [0, 0, 1], "rate": 5.0}}],
+        interactions=[
+            {**LINEAR, "stiffness": 2e3, "restitution": 0.4, "friction": 0.4, "rolling_friction": 0.1}
+        ],
+        output={"every": 500},
+    )
+
+
+def test_spin_has_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
+    scenario = ps.from_table(drum(1200))
+    one, two, other = (Simulation(scenario, threads=k) for k in (1, 2, 2))
+    one.advance_to(500)
+    two.advance_to(500)
+    restore(other, snapshot(one))
+    for each in (one, two, other):
+        each.advance_to(1000)
+    found = [
+        b"".join(getattr(each.states[0], name).tobytes() for name in ("x", "v", "angular_velocity"))
+        for each in (one, two, other)
+    ]
+    assert found[0] == found[1] == found[2]
+    assert one.states[0].angular_velocity.any()
+
+
+def test_a_wall_that_turns_takes_a_grain_along() -> None:
+    # a ball in a shell that turns rolls in place: its surface goes with that of the wall
+    shell, rate = 0.2, 3.0
+    grain = points((0, -(shell - R) - 1e-6, 0), mass=M, radius=R)
+    result = simulate(
+        0.4,
+        2e-5,
+        "symplectic_euler",
+        particles=[grain],
+        interactions=[{**LINEAR, "restitution": 0.2, "friction": 0.5}],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        colliders=[
+            {
+                "name": "shell",
+                "type": "sphere",
+                "center": [0, 0, 0],
+                "radius": shell,
+                "inside": True,
+                "restitution": 0.2,
+                "friction": 0.5,
+            }
+        ],
+        motions=[{"collider": "shell", "spin": {"axis": [0, 0, 1], "rate": rate}}],
+    )
+    v, w = result.final.velocity[0], spin(result)[0]
+    x = result.final.position[0]
+    n = -x / np.linalg.norm(x)
+    surface = v + np.cross(w, -R * n)
+    wall = np.cross([0, 0, rate], x - R * n)
+    assert np.abs(surface - wall).max() < 1e-3 * rate * shell
+
+
+def test_grains_do_not_get_through_walls_however_fast() -> None:
+    rng = np.random.default_rng(2)
+    n = 50
+    final = simulate(
+        0.01,
+        1e-4,
+        "symplectic_euler",
+        particles=[
+            points(
+                *map(tuple, rng.uniform(-0.5, 0.5, (n, 3)).tolist()),
+                velocity=(1e5 * rng.normal(size=(n, 3))).tolist(),
+                radius=0.02,
+                mass=M,
+            )
+        ],
+        interactions=[{**LINEAR, "restitution": 0.5, "friction": 0.3}],
+        colliders=[
+            {
+                "type": "box",
+                "center": [0, 0, 0],
+                "size": [2, 2, 2],
+                "inside": True,
+                "restitution": 0.9,
+                "friction": 0.2,
+            }
+        ],
+    ).final
+    assert np.abs(final.position).max() < 1.0

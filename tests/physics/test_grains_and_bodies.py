@@ -1,0 +1,214 @@
+"""Particles that touch rigid bodies: impulses against closed forms, what is conserved, ways that are never lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import EPS, simulate, table
+
+import particlesim as ps
+
+BOX = {"type": "box", "size": [0.4, 0.2, 0.6]}
+TOUCH = {"type": "contact", "between": ["grains", "body"], "restitution": 1.0}
+
+
+def grains(position: Any, velocity: Any, **other: Any) -> dict[str, Any]:
+    layout = {"type": "points", "position": position, "velocity": velocity}
+    return {"name": "grains", "radius": 0.01, "mass": 0.5, "layout": layout, **other}
+
+
+def body(shape: Any = BOX, **other: Any) -> dict[str, Any]:
+    return {"name": "body", "shape": shape, "mass": 2.0, **other}
+
+
+def totals(result: ps.Result) -> np.ndarray:
+    names = [f"{name}.{axis}" for name in ("momentum", "angular_momentum") for axis in "xyz"]
+    return np.array([result.ledger[name] for name in names])
+
+
+@pytest.mark.parametrize("e", [1.0, 0.4, 0.0])
+def test_an_impact_off_the_centre_turns_a_box_as_its_closed_form_says(e: float) -> None:
+    # P = (1 + e) u/(1/m + 1/M + (a × n)·I⁻¹(a × n)) along the normal n, here y, at the place a.
+    m, mass, u, x, z = 0.5, 2.0, 3.0, 0.15, -0.2
+    inertia = mass / 12 * np.array([0.2**2 + 0.6**2, 0.4**2 + 0.6**2, 0.4**2 + 0.2**2])
+    n, arm = np.array([0.0, 1.0, 0.0]), np.array([x, 0.1, z])
+    turn = np.cross(arm, n)
+    give = 1 / m + 1 / mass + turn @ (turn / inertia)
+    impulse = (1 + e) * u / give
+    result = simulate(
+        0.014,
+        1e-3,
+        particles=[grains([[x, 0.15, z]], [[0, -u, 0]])],
+        bodies=[body()],
+        interactions=[TOUCH | {"restitution": e}],
+        output={"ledger": True, "every": 1},
+    )
+    velocity = result.final["velocity"]
+    assert velocity[0] == pytest.approx([0, -u + impulse / m, 0], abs=1e-12)
+    assert velocity[1] == pytest.approx([0, -impulse / mass, 0], abs=1e-12)
+    # The box has turned by less than a degree since then.
+    assert result.final["angular_velocity"][1] == pytest.approx(-impulse * turn / inertia, rel=0.02, abs=0.05)
+    rows = totals(result)
+    size = m * u * (1 + 0.5)
+    assert np.abs(rows - rows[:, :1]).max() < 64 * EPS * size
+    kinetic = result.ledger["kinetic"]
+    assert kinetic[-1] - kinetic[0] == pytest.approx(-0.5 * (1 - e * e) * u * u / give, rel=1e-3, abs=1e-4)
+
+
+def test_friction_at_an_impact_is_that_of_coulomb_and_keeps_momentum() -> None:
+    # It slides: the tangential impulse is μ times the normal one.
+    mu = 0.1
+    result = simulate(
+        0.05,
+        1e-3,
+        particles=[grains([[-0.03, 0.125, 0]], [[2, -1, 0]])],
+        bodies=[body({"type": "sphere", "radius": 0.1})],
+        interactions=[TOUCH | {"restitution": 0.5, "friction": mu}],
+        output={"ledger": True, "every": 1},
+    )
+    # Grains whose contacts with each other have no friction do not turn: their friction is taken at their surface, and that
+    # part of the angular momentum is lost.
+    rows = totals(result)
+    assert np.abs(rows - rows[:, :1])[:3].max() < 1e-12
+    assert result.final["angular_velocity"][0].tolist() == [0, 0, 0]
+    before, after = np.array([2.0, -1.0, 0.0]), result.final["velocity"][0]
+    # The normal is that of the place of contact: they touch a little beside the top of the ball.
+    change = after - before
+    other = -0.5 / 2.0 * change
+    assert result.final["velocity"][1] == pytest.approx(other, abs=1e-14)
+    turning = result.final["angular_velocity"][1]
+    assert turning[2] < 0
+    # |I ω| = r P_t with I = 2/5 M r², and |P|² = P_n² (1 + μ²)
+    tangential = 0.4 * 2.0 * 0.1 * np.linalg.norm(turning)
+    assert tangential == pytest.approx(mu / math.hypot(1, mu) * 0.5 * np.linalg.norm(change), rel=1e-7)
+
+
+SHAPES = [
+    {"type": "box", "size": [2, 0.004, 2]},
+    {"type": "sphere", "radius": 0.3},
+    {"type": "capsule", "radius": 0.1, "length": 0.8},
+    {"type": "cylinder", "radius": 0.4, "length": 0.1},
+    {"type": "cone", "radius": 0.4, "length": 0.6},
+    {"type": "torus", "radius": 0.4, "tube": 0.15},
+]
+
+
+def test_nothing_passes_through_bodies() -> None:
+    # Ways through thin and round bodies, up to much longer in a step than these are wide. The bodies are so heavy that they
+    # stay where they are: what is aimed at one and has had the time has bounced.
+    rng = np.random.default_rng(1)
+    for shape in SHAPES:
+        # Onto the middle, or the wire of the ring, from above.
+        n = 100
+        aim = np.array([0.4 if shape["type"] == "torus" else 0.0, 0.0, 0.0])
+        way = rng.normal(size=(n, 3))
+        way[:, 1] = -np.abs(way[:, 1]) - 0.3
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        speed = 10 ** rng.uniform(0, 4, n)
+        far = rng.uniform(1.5, 3.0, n)
+        turn = {"axis": [1, 0, 0], "angle": -90} if shape["type"] != "box" else None
+        target = body(shape, mass=1e12) | ({} if turn is None else {"orientation": turn})
+        start = aim - far[:, None] * way
+        result = simulate(
+            2.0,
+            2e-2,
+            particles=[grains(start.tolist(), (speed[:, None] * way).tolist(), radius=0.001)],
+            bodies=[target],
+            interactions=[TOUCH],
+        )
+        x, v = result.final["position"][:n], result.final["velocity"][:n]
+        came = far < speed * 2.0  # time enough to come there
+        assert came.sum() > 0.6 * n
+        assert (np.einsum("ij,ij->i", v, way) < 0.999 * speed)[came].all(), shape["type"]
+        assert np.linalg.norm(v, axis=1) == pytest.approx(speed, rel=1e-5)
+        assert np.isfinite(x).all()
+
+
+def test_what_lies_on_a_body_rests() -> None:
+    # A grain falls onto a box on a floor, bounces, and comes to rest.
+    floor = {"normal": [0, 1, 0], "restitution": 0.0, "friction": 0.5}
+    parts: dict[str, Any] = {
+        "particles": [grains([[0.1, 0.3, 0.1]], [[0, 0, 0]])],
+        "bodies": [body(position=[0, 0.1, 0])],
+        "forces": [{"type": "gravity"}],
+        "planes": [floor],
+        "interactions": [TOUCH | {"restitution": 0.3, "friction": 0.5}],
+    }
+    result = simulate(2.0, 1e-3, **parts)
+    assert result.final["position"][0, 1] == pytest.approx(0.21, abs=1e-4)
+    assert result.final["position"][1] == pytest.approx([0, 0.1, 0], abs=2e-5)
+    # A grain that lies has, after a step, what gravity gives in one.
+    assert result.final["velocity"][0] == pytest.approx([0, -9.80665e-3, 0], abs=2e-5)
+    assert np.abs(result.final["velocity"][1]).max() < 1e-9
+
+
+def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:
+    sand = {
+        "name": "sand",
+        "radius": 0.01,
+        "density": 2500,
+        "layout": {
+            "type": "lattice",
+            "spacing": 0.021,
+            "counts": [4, 4, 4],
+            "origin": [-0.5, 0.03, 0.0],
+            "velocity": [4, 0, 0],
+        },
+    }
+    result = simulate(
+        0.4,
+        1e-3,
+        particles=[sand],
+        bodies=[body(mass=0.3)],
+        interactions=[
+            {"type": "contact", "name": "touch", "on": ["sand", "body"], "restitution": 0.2, "friction": 0.3}
+        ],
+        output={"ledger": True, "every": 5},
+    )
+    rows = totals(result)[:3]
+    mass = 64 * 2500 * 4 / 3 * math.pi * 1e-6
+    assert rows[0, 0] == pytest.approx(4 * mass)
+    assert np.abs(rows - rows[:, :1]).max() < 1e-13
+    assert result.final["velocity"][-1, 0] > 0.3 * 4 * mass / (mass + 0.3)
+    assert (np.diff(result.ledger["kinetic"]) < 1e-3 * result.ledger["kinetic"][0]).all()
+
+
+def test_the_same_bits_after_a_stop_and_for_any_number_of_threads() -> None:
+    scenario = ps.from_table(
+        table(
+            0.3,
+            1e-3,
+            particles=[grains([[0.1, 0.3, 0.1]], [[0, 0, 0]])],
+            bodies=[body(position=[0, 0.1, 0])],
+            forces=[{"type": "gravity"}],
+            planes=[{"normal": [0, 1, 0], "restitution": 0.0, "friction": 0.5}],
+            interactions=[TOUCH],
+        )
+    )
+    one, two = (ps.run(scenario, threads=n) for n in (1, 2))
+    assert one.state == two.state
+
+
+@pytest.mark.parametrize(
+    ("interaction", "message"),
+    [
+        ({"model": "linear", "stiffness": 1e3}, 'model = "impulse"'),
+        ({"type": "gravity", "between": ["grains", "body"]}, "gravity acts between particles"),
+        ({"between": None, "on": ["body"]}, "no group of particles"),
+    ],
+)
+def test_what_bodies_do_not_feel(interaction: dict[str, Any], message: str) -> None:
+    each = {key: value for key, value in ({**TOUCH, **interaction}).items() if value is not None}
+    if each["type"] == "gravity":
+        del each["restitution"]
+    with pytest.raises(ps.UsageError, match=message):
+        simulate(
+            0.1,
+            0.1,
+            particles=[grains([[0, 1, 0]], [[0, 0, 0]])],
+            bodies=[body()],
+            interactions=[each],
+        )

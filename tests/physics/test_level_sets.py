@@ -1,0 +1,223 @@
+"""Solids by a formula and by distances over a grid: how exact they are, that nothing gets through, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from simulate import EPS, G, points
+from support import careful, columns, position, program, run, velocity
+
+import particlesim as ps
+from particlesim.colliders import DistanceGridCollider, FormulaCollider, SphereCollider
+from particlesim.colliders.gaps import gaps_of
+from particlesim.expressions.arrays import value_at
+from particlesim.expressions.operations import VARIABLES, value
+from particlesim.expressions.parser import parse
+from particlesim.forces import Gravity
+from particlesim.laws.registry import Particle
+
+
+def gaps(collider: Any, places: NDArray[Any], radius: float = 0.0) -> NDArray[Any]:
+    out = np.empty(len(places))
+    gaps_of(collider.shape(), *np.ascontiguousarray(places.T), np.full(len(places), radius), 0.0, out)
+    return out
+
+
+def grid_of(spacing: float, **values: Any) -> DistanceGridCollider:
+    """The distance from a ball of radius 1 about the origin, sampled in a cube of half edge 1.5."""
+    number = round(3 / spacing) + 1
+    axis = -1.5 + spacing * np.arange(number)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    grid = DistanceGridCollider(path="ball.npy", origin=(-1.5, -1.5, -1.5), spacing=spacing, **values)
+    grid.take(np.sqrt(x * x + y * y + z * z) - 1)
+    return grid
+
+
+def on_a_ball(radius: float, number: int = 500) -> NDArray[Any]:
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(number, 3))
+    return radius * x / np.linalg.norm(x, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_formula_that_is_no_distance_is_as_exact_as_the_shape(inside: bool) -> None:
+    # x² + y² + z² = R² is a ball: impacts in gravity, along the whole way as at a sphere.
+    formula = FormulaCollider(
+        distance="x**2 + y**2 + z**2 - R**2",
+        constants={"R": 1.0},
+        size=(2.5, 2.5, 2.5),
+        inside=inside,
+        restitution=0.9,
+    )
+    ball = SphereCollider(radius=1.0, inside=inside, restitution=0.9)
+    x = on_a_ball(0.5 if inside else 1.5, 40)
+    v = -1.5 * x[:, [1, 2, 0]] - x
+    found = []
+    for shape in (formula, ball):
+        c = columns(x, v, radius=0.05)
+        contacts = careful(continuous=[shape.record()], tolerance=16 * EPS, reach=shape.reach())
+        assert not run(program("velocity_verlet", (Gravity().record(),), contacts), c, 40, 0.01).any()
+        found.append(np.hstack([position(c), velocity(c)]))
+    assert np.abs(found[0][:, :3] - x - 0.4 * v).max() > 0.5  # they do bounce
+    # rounding, which every one of some impacts makes larger by a distance over the radius
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
+def test_distances_between_the_samples_are_of_fourth_order() -> None:
+    # cubic splines; ends without curvature do not matter this far from them
+    errors = [np.abs(gaps(grid_of(h), on_a_ball(1.1)) - 0.1).max() for h in (0.25, 0.125, 0.0625)]
+    order = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert order.min() > 3.5
+    assert errors[-1] < 2e-6
+
+
+def test_samples_of_a_plane_are_a_plane() -> None:
+    n = np.array([0.48, 0.6, 0.64])
+    axes = [step * np.arange(k) for step, k in zip((0.1, 0.2, 0.15), (11, 6, 8), strict=True)]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    grid = DistanceGridCollider(path="plane.npy", spacing=(0.1, 0.2, 0.15))
+    grid.take(x @ n - 0.8)
+    places = np.random.default_rng(1).uniform(0.3, 0.7, (200, 3))
+    d = places @ n - 0.8
+    assert (d > 0).any()
+    assert (d < 0).any()
+    np.testing.assert_allclose(gaps(grid, places), d, atol=64 * EPS)
+    np.testing.assert_allclose(gaps(grid, places, 0.1), d - 0.1, atol=64 * EPS)
+
+
+SHAPES = {
+    "hills": FormulaCollider(distance="y - 0.2*sin(3*x)*cos(2*z)", size=(2.4, 1.6, 2.6)),
+    "wide": FormulaCollider(distance="exp(3*(x**2 + y**2)) - 8 + 0*z", size=(2, 2, 2)),
+    "bowl": grid_of(0.1, inside=True),
+    "vase": FormulaCollider(distance="hypot(x, z) - 0.6 - 0.2*sin(4*y)", size=(2, 2, 2), inside=True),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("speed", [1.0, 1e4])
+def test_nothing_gets_through(name: str, speed: float) -> None:
+    collider = SHAPES[name].model_copy(update={"restitution": 0.6})
+    rng = np.random.default_rng(8)
+    x = rng.uniform(-1.6, 1.6, (500, 3))
+    radius = 0.02
+    x = x[gaps(collider, x, radius) > 0]
+    v = rng.normal(size=x.shape) * speed
+    c = columns(x, v, radius=radius)
+    contacts = careful(continuous=[collider.record()], tolerance=16 * EPS, reach=collider.reach())
+    contacts = contacts._replace(one_by_one=())
+    energy = 0.5 * (v * v).sum(axis=1)
+    for k in range(4):
+        assert not run(program("velocity_verlet", (), contacts), c, 1, 0.2, first_step=k).any()
+        deep = gaps(collider, position(c), radius)
+        assert deep.min() > -64 * EPS * (4 + 0.2 * speed * 6)
+        now = 0.5 * (velocity(c) ** 2).sum(axis=1)
+        assert (now <= energy * (1 + 64 * EPS)).all()
+        energy = now
+
+
+def test_its_picture_is_a_closed_surface_on_its_zeros() -> None:
+    for collider in (SHAPES["wide"], grid_of(0.1), SHAPES["vase"]):
+        corners, faces = collider.triangles()
+        a, b, c = corners[faces].transpose(1, 0, 2)
+        around = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        there = around[:, 0] * len(corners) + around[:, 1]
+        back = around[:, 1] * len(corners) + around[:, 0]
+        assert (
+            np.isin(there, back).mean() > 0.999
+        )  # each edge in both directions, but for slivers that were left out
+        assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+        assert np.abs(gaps(collider, corners)).max() < 1e-3
+    corners, faces = grid_of(0.1).triangles()
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+    # chords of cells of 0.1 in a ball: 4/3 π less than about h²/2 of it
+    assert volume == pytest.approx(4 / 3 * np.pi, rel=0.006)
+
+
+def test_arrays_of_values_are_the_values() -> None:
+    texts = (
+        "a*x**2 - sin(y)/cosh(z) + atan2(x, y)*hypot(y, z) + min(x, y)*max(y, z)",
+        "abs(x)**1.5 + (2 + x)**y + sign(z) + sqrt(1 + x**2) - exp(-z) * tan(x) + log(3 + x) + asin(x/2)",
+        "x if x < y else acos(y/2) + atan(z) + sinh(x) + tanh(y) - cos(x)",
+    )
+    x, y, z = np.random.default_rng(4).uniform(-1, 1, (3, 50))
+    for text in texts:
+        node = parse(text, {"a": 0.7})
+        one_by_one = [
+            value(node, Particle(*place, 0, 0, 0, 1, 0, 0, 0)) for place in zip(x, y, z, strict=True)
+        ]
+        np.testing.assert_allclose(value_at(node, x, y, z), one_by_one, rtol=1e-14, atol=1e-14)
+    assert set("xyz") < set(VARIABLES)
+
+
+HEAD = "format = 1\n[simulation]\nduration = 1\ndt = 0.01\n"
+BAD = {
+    "velocity": ('distance = "x + vy"', "unknown name 'vy'"),
+    "nothing": ('distance = "x**2 + y**2 + 1 + z*0"', "negative nowhere"),
+    "everything": ('distance = "x - 5"', "in all of its box"),
+    "no_value": ('distance = "sqrt(x) - 0.5"', "it has no value at"),
+    "no_slope": ('distance = "(x**2 + y**2 + z**2 - 0.5)**7"', "no slope on its surface"),
+    "no_formula": ('distance = "x +"', "not an expression"),
+    "no_size": ('distance = "x"\nsize = [0, 1, 1]', "greater than 0"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_formulas_are_refused_where_they_are(tmp_path: Path, name: str) -> None:
+    text, words = BAD[name]
+    size = "" if "size" in text else "size = [2, 2, 2]\n"
+    file = tmp_path / "s.toml"
+    file.write_text(f'{HEAD}[[colliders]]\ntype = "formula"\n{text}\n{size}')
+    with pytest.raises(ps.ScenarioError, match=words) as told:
+        ps.load(file)
+    assert told.value.diagnostics[0].span.line in (7, 8)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        (np.zeros((4, 4)) - 1, "has the shape"),
+        (np.ones((4, 4, 4)), "has no surface: none of its distances is negative"),
+        (-np.ones((4, 4, 4)), "has no surface: none of its distances is positive"),
+        (np.full((4, 4, 4), np.nan), "not finite"),
+        (np.ones(5), "axes"),
+    ],
+)
+def test_bad_grids_are_refused_where_they_are(tmp_path: Path, numbers: NDArray[Any], words: str) -> None:
+    np.save(tmp_path / "grid.npy", numbers)
+    file = tmp_path / "s.toml"
+    file.write_text(f'{HEAD}[[colliders]]\ntype = "distance_grid"\npath = "grid.npy"\nspacing = 0.1\n')
+    with pytest.raises(ps.ScenarioError, match=words) as told:
+        ps.run(ps.load(file, {"particles": [points((0, 3, 0), radius=0.05)]}))
+    assert told.value.diagnostics[0].span.line == 7
+
+
+def test_a_grain_falls_on_a_ball_from_a_file_and_on_one_that_is_cut(tmp_path: Path) -> None:
+    grid = grid_of(0.1)
+    np.save(tmp_path / "ball.npy", grid._content)
+    (tmp_path / "s.toml").write_text(HEAD)
+    h, e = 1.0, 0.5
+    t = np.sqrt(2 * h / G)
+    ball = {"type": "distance_grid", "path": "ball.npy", "origin": [-1.5, -1.5, -1.5], "spacing": 0.1}
+    cut = {
+        "type": "difference",
+        "of": [ball, {"type": "box", "size": [3, 1, 3], "center": [0, 1.3, 0]}],  # its top is at 0.8 now
+        "restitution": e,
+    }
+    for collider, top in (({**ball, "restitution": e}, 1.0), (cut, 0.8)):
+        made = ps.load(
+            tmp_path / "s.toml",
+            {
+                "simulation": {"duration": t * (1 + e), "dt": t / 50, "integrator": "velocity_verlet"},
+                "particles": [points((0, top + 0.05 + h, 0), name="grain", radius=0.05)],
+                "forces": [{"type": "gravity"}],
+                "colliders": [collider],
+            },
+        )
+        final = ps.run(made).final
+        # the spline through samples 0.1 apart is 1e-4 off at most; bounces double what that changes
+        assert final.position[0] == pytest.approx([0, top + 0.05 + e * e * h, 0], abs=1e-3)

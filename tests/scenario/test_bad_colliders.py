@@ -1,0 +1,79 @@
+"""Colliders that make no sense are refused where they are stated, or told before a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from simulate import points, simulate, table
+
+import particlesim as ps
+
+GRAIN = {"particles": [points((0, 5, 0), name="grain", radius=0.05)]}
+MIDDLE = {"of": [{"type": "sphere", "radius": 1.0}]}
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "restitution above 1": ({"type": "plane", "restitution": 1.1}, "restitution"),
+    "restitution below 0": ({"type": "plane", "restitution": -0.1}, "restitution"),
+    "restitution of impacts": ({"type": "plane", "restitution": {"value": 2, "speed": 1}}, "value"),
+    "friction": ({"type": "plane", "friction": -0.1}, "friction"),
+    "kinetic friction": ({"type": "plane", "friction": {"static": 0.1, "kinetic": -1}}, "kinetic"),
+    "loss": ({"type": "plane", "tangential_loss": 1.5}, "tangential_loss"),
+    "no normal": ({"type": "plane", "normal": [0, 0, 0]}, "normal"),
+    "no sphere": ({"type": "sphere", "radius": 0}, "radius"),
+    "negative sphere": ({"type": "sphere", "radius": -1}, "radius"),
+    "flat box": ({"type": "box", "size": [1, 0, 1]}, "size"),
+    "no capsule": ({"type": "capsule", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0}, "radius"),
+    "no cylinder": ({"type": "cylinder", "start": [0, 1, 0], "end": [0, 1, 0], "radius": 1}, "start|end"),
+    "no cone": ({"type": "cone", "start": [0, 1, 0], "end": [0, 1, 0], "radius": 1}, "start|end"),
+    "pointless cone": ({"type": "cone", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0}, "radius"),
+    "full torus": ({"type": "torus", "radius": 1, "tube": 1}, "tube"),
+    "line": ({"type": "rectangle", "size": [1, 0]}, "size"),
+    "no sheet": ({"type": "disc", "radius": 1, "thickness": 0}, "thickness"),
+    "no disc": ({"type": "disc", "radius": 0}, "radius"),
+    "union of one": ({"type": "union", **MIDDLE}, "of"),
+    "no axis": ({"type": "torus", "radius": 1, "tube": 0.1, "axis": [0, 0, 0]}, "axis"),
+    "not a number": ({"type": "sphere", "radius": float("nan")}, "radius"),
+    "no end": ({"type": "sphere", "radius": float("inf")}, "radius"),
+    "grid of no size": ({"type": "distance_grid", "path": "a.npy", "spacing": 0}, "spacing"),
+    "no stiffness": ({"type": "plane", "contact": "penalty", "stiffness": 0}, "stiffness"),
+    "no time": ({"type": "plane", "detection": "discrete", "recovery": 0}, "recovery"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_numbers_that_no_collider_has_are_refused(name: str) -> None:
+    collider, key = REFUSED[name]
+    with pytest.raises(ps.ScenarioError, match=key):
+        ps.from_table(table(1, 0.01, colliders=[collider], **GRAIN))
+
+
+def test_walls_that_overlap_are_refused() -> None:
+    low, high = {"point": [0, 1, 0]}, {"normal": [0, -2, 0], "point": [0, 0.5, 0]}
+    with pytest.raises(ps.ScenarioError, match=r"overlap by 0\.5 m"):
+        ps.from_table(table(1, 0.01, planes=[low, high], **GRAIN))
+    # those that hold different particles may, and walls that touch are a closed door
+    both = [points((0, 2, 0), name="up"), points((0, 0, 0), name="down")]
+    ps.from_table(table(1, 0.01, planes=[{**low, "on": ["up"]}, {**high, "on": ["down"]}], particles=both))
+    ps.from_table(table(1, 0.01, planes=[low, {**high, "point": [0, 1, 0]}], particles=both))
+
+
+def test_what_is_doubtful_is_told(tmp_path: Any) -> None:
+    found = simulate(0.1, 0.01, planes=[{"friction": {"static": 0.1, "kinetic": 0.5}}], **GRAIN)
+    assert any("kinetic friction 0.5 is above static friction 0.1" in text for text in found.warnings)
+    inside = [points((0, -0.2, 0), name="grain", radius=0.05)]
+    found = simulate(0.1, 0.01, planes=[{}], particles=inside)
+    assert any("by 0.25 m" in text for text in found.warnings)
+    # a triangle without area
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    vertices, faces = np.array(ball.vertices), np.array(ball.faces)
+    a, b, c = faces[0]
+    vertices = np.concatenate([vertices, [(vertices[a] + vertices[b]) / 2]])
+    m = len(vertices) - 1
+    # the middle of an edge as a corner of a flat triangle: the surface stays closed
+    faces = np.concatenate([[[a, m, c], [m, b, c], [a, b, m]], faces[1:]])
+    path = tmp_path / "ball.ply"
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+    found = simulate(0.1, 0.01, colliders=[{"type": "mesh", "path": str(path)}], **GRAIN)
+    assert any("1 of its triangles have no area" in text for text in found.warnings)
