@@ -15,7 +15,7 @@ from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
 from particlesim.preflight.contact_steps import contact_doubts
 from particlesim.preflight.penalty_steps import penalty_doubts
-from particlesim.scenario.reach import acts_on, held_back, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, meetings_of, pair_sets
 from particlesim.scenario.scenario import Scenario
 
 PAIR_RATE = 1e9
@@ -42,9 +42,28 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_explicit(scenario),
         *_jumping(scenario),
         *_unrepeated(scenario),
+        *_through_bodies(scenario),
         *contact_doubts(scenario),
         *penalty_doubts(scenario),
     )
+
+
+def _through_bodies(scenario: Scenario) -> list[str]:
+    """Particles with a radius that pass through rigid bodies."""
+    bodies = [body.name for body in scenario.bodies]
+    met = {each.particles for each in meetings_of(scenario)}
+    sized = [
+        group.name
+        for group in scenario.groups
+        if group.name not in bodies and group.radius is not None and group.name not in met
+    ]
+    if not bodies or not sized:
+        return []
+    names = ", ".join(map(repr, (sized[0], *bodies)))
+    return [
+        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: nothing says that they touch; "
+        f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
+    ]
 
 
 def _format(scenario: Scenario) -> list[str]:

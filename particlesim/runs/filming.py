@@ -1,13 +1,11 @@
 """The video of a run, made by a process beside it while the run goes on.
 
 The process reads the trajectory as it grows: see `particlesim.render.following`. When the run ends, kernels are compiled and
-frames looked at; where the view does not depend on what is still to come, most pictures are drawn. The process gives way to
-the run where both want a core.
+frames looked at; where the view does not depend on what is still to come, pictures are drawn.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -26,8 +24,6 @@ from particlesim.render.video import RenderReport
 
 GRACE = 5.0
 """Seconds that it has to take away what it has begun."""
-NICE = 5
-"""How much the process gives way to the run, in the steps of `nice`; it costs nothing where there are cores to spare."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +123,6 @@ class Filming:
 def _film(connection: Connection, video: Video) -> None:
     """The process: wait for the run to begin, make its video, tell of it."""
     signal.signal(signal.SIGTERM, _stop)
-    if hasattr(os, "nice"):
-        os.nice(NICE)
     import particlesim.render.video  # noqa: F401  what takes time, while the run begins
 
     def follow() -> bool:
@@ -158,7 +152,9 @@ def _film(connection: Connection, video: Video) -> None:
         answer = None if isinstance(error, LostError) else error
     except Exception:  # a mistake of ours, which is seen again when the video is made in another way
         answer = None
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # who has the answer may end us at once
+    signal.signal(
+        signal.SIGTERM, signal.SIG_DFL
+    )  # the other side may end this process once it has the answer
     with suppress(OSError):
         connection.send(answer)
 

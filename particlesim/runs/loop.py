@@ -1,4 +1,4 @@
-"""The course of one run, frame by frame: records, checks, checkpoints, and what is told on the way."""
+"""The course of one run, frame by frame: records, checks, checkpoints and progress."""
 
 from __future__ import annotations
 

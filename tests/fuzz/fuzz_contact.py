@@ -211,6 +211,8 @@ def main() -> None:
         done, seed, wrong = done + steps, seed + 1, wrong + len(found)
         for each in found:
             print(each, flush=True)
+        if seed % 20 == 0:
+            print(f"... {done:,} particle-steps, seed {seed}", flush=True)
     for name, (number, took, bad) in sorted(table.items()):
         print(
             f"  {name:24s} {number:14,} particle-steps, {1e6 * took / max(number, 1):8.2f} µs each, {bad} broken"

@@ -307,7 +307,17 @@ LJ = '[[interactions]]\ntype = "lennard_jones"\nepsilon = 1\nsigma = 1\n'
     [
         (HEAD + LJ + "cutoff = 3.5\n", 17, ("beyond half of the box", "up to 3 m")),
         (HEAD + LJ, 13, ("has no end", "cutoff = 3 (m)")),
-        (HEAD + '[[interactions]]\ntype = "coulomb"\n', 13, ("has no end", 'shift = "force"')),
+        (
+            HEAD.replace("8, 8]", "8, 8], periodic = [true, true, false]")
+            + '[[interactions]]\ntype = "coulomb"\n',
+            13,
+            ("has no end", "not along z", "cutoff = 3 (m)"),
+        ),
+        (
+            HEAD + '[[interactions]]\ntype = "coulomb"\nmethod = "direct"\n',
+            13,
+            ("only a mesh", 'method = "mesh"'),
+        ),
         (HEAD + '[[interactions]]\ntype = "gravity"\nmethod = "tree"\n', 15, ("does not see the images",)),
         (HEAD + "[[planes]]\nnormal = [0, 1, 0]\n", 13, ("cuts a periodic box",)),
         (HEAD + '[[colliders]]\ntype = "sphere"\nradius = 1\n', 13, ("stands in one image",)),

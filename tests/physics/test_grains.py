@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from simulate import EPS, points, simulate, table
 
 import particlesim as ps
@@ -369,3 +371,121 @@ def test_grains_do_not_get_through_walls_however_fast() -> None:
         ],
     ).final
     assert np.abs(final.position).max() < 1.0
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    e=st.floats(0, 1),
+    mu=st.floats(0.01, 2),
+    model=st.sampled_from(["impulse", "linear", "hertz"]),
+)
+def test_nothing_gains_energy(seed: int, e: float, mu: float, model: str) -> None:
+    # impulses pair by pair; springs to the error of their steps, some fifty to a contact
+    rng = np.random.default_rng(seed)
+    n = 12
+    x = (np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3)[:n] - 1) * 0.08
+    law: dict[str, Any] = {"linear": {"stiffness": 3e3}, "hertz": {"young_modulus": 3e6}, "impulse": {}}[
+        model
+    ]
+    scenario = ps.from_table(
+        table(
+            0.2,
+            2e-4 if model == "impulse" else 5e-5,
+            "symplectic_euler",
+            particles=[
+                points(
+                    *map(tuple, x.tolist()),
+                    velocity=rng.normal(size=(n, 3)).tolist(),
+                    angular_velocity=(30 * rng.normal(size=(n, 3))).tolist(),
+                    mass=rng.uniform(0.05, 0.2, n).tolist(),
+                    radius=rng.uniform(0.015, 0.035, n).tolist(),
+                )
+            ],
+            interactions=[{"type": "contact", "model": model, "restitution": e, "friction": mu, **law}],
+            colliders=[
+                {"type": "box", "size": [0.3, 0.3, 0.3], "inside": True, "restitution": e, "friction": mu}
+            ],
+        )
+    )
+    simulation = Simulation(scenario, threads=1)
+    energy = []
+    for step in range(0, scenario.grid.steps + 1, 100):
+        simulation.advance_to(step)
+        row = simulation.ledger()
+        energy.append(row["kinetic"] + sum(v for k, v in row.items() if k.startswith("potential.")))
+    most = np.diff(energy).max()
+    assert most <= (1e-12 if model == "impulse" else 5e-3) * energy[0]
+
+
+def test_contact_in_a_periodic_box_and_beside_springs() -> None:
+    # two balls on a spring meet a third one through the border of the box
+    groups = [
+        points(
+            (0.44, 0, 0), (0.33, 0, 0), name="dumbbell", mass=M, radius=R, velocity=[(1.0, 0, 0), (1.0, 0, 0)]
+        ),
+        points((-0.44, 0.02, 0), name="ball", mass=M, radius=R),
+    ]
+    scenario = table(
+        0.15,
+        1e-5,
+        "velocity_verlet",
+        particles=groups,
+        springs=[{"name": "rod", "on": "dumbbell", "pairs": [[0, 1]], "stiffness": 1e5, "rest_length": 0.11}],
+        interactions=[{**HERTZ, "restitution": 1.0, "friction": 0.5}],
+        output={"ledger": True},
+    )
+    scenario["simulation"]["box"] = {"size": [1, 1, 1]}
+    result = ps.run(ps.from_table(scenario))
+    v = result.final.velocity
+    assert np.abs(v.sum(axis=0) - (2, 0, 0)).max() < 1e-12
+    assert v[2, 0] > 0.5
+    assert abs(spin(result)[2, 2]) > 0.1
+    assert result.ledger["kinetic"][-1] <= result.ledger["kinetic"][0] * (1 + 1e-6)
+
+
+def test_the_pressure_of_a_periodic_box_has_the_virial_of_contacts() -> None:
+    # balls in a row without end, each pressed into the next by δ: Σ l f over the volume
+    k, deep, n = 1e4, 1e-3, 8
+    length = n * (2 * R - deep)
+    x = [((i + 0.5) * (2 * R - deep) - length / 2, 0.0, 0.0) for i in range(n)]
+    scenario = table(
+        1e-4,
+        1e-4,
+        particles=[points(*x, mass=M, radius=R)],
+        interactions=[{**LINEAR, "stiffness": k}],
+        output={"ledger": True},
+    )
+    scenario["simulation"]["box"] = {"size": [length, 1, 1]}
+    pressure = ps.run(ps.from_table(scenario)).ledger["pressure"]
+    assert pressure[0] == pytest.approx(n * (2 * R - deep) * k * deep / (3 * length), rel=1e-9)
+
+
+def refused(**changes: Any) -> str:
+    law = {**LINEAR, "friction": 0.5, **changes.pop("law", {})}
+    group = points((0, 0, 0), radius=R, mass=M, **changes.pop("group", {}))
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.from_table(table(0.1, 1e-3, particles=[group], interactions=[law], **changes))
+    return str(error.value)
+
+
+def test_bad_input_is_refused() -> None:
+    assert "rolling_friction needs friction" in refused(law={"friction": 0.0, "rolling_friction": 0.1})
+    assert "rolling_friction" in refused(law={"rolling_friction": -0.1})
+    assert "cohesion" in refused(law={"cohesion": -1.0})
+    for key in ("rolling_friction", "cohesion"):
+        with pytest.raises(ps.ScenarioError, match=f"{key} needs contacts that last"):
+            ps.from_table(
+                table(
+                    0.1,
+                    1e-3,
+                    particles=[points((0, 0, 0), radius=R)],
+                    interactions=[{"type": "contact", "model": "impulse", "friction": 0.3, key: 0.1}],
+                )
+            )
+    assert "do not turn" in refused(law={"friction": 0.0}, group={"angular_velocity": [0, 0, 1]})
+    assert "2 vectors for 1 particles" in refused(group={"angular_velocity": [[0, 0, 1], [0, 0, 2]]})
+    assert "tangential_loss belongs to impacts" in refused(planes=[{"tangential_loss": 0.5}])
+    assert "recovery is how impacts" in refused(planes=[{"recovery": 0.01, "detection": "discrete"}])
+    assert "restitution that falls" in refused(planes=[{"restitution": {"value": 0.5, "speed": 1.0}}])
+    assert "which rk45 chooses" in refused(law={"friction": 0.0}, planes=[{"friction": 0.3}], method="rk45")

@@ -10,6 +10,8 @@ import pytest
 from simulate import EPS, simulate, table
 
 import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
 
 BOX = {"type": "box", "size": [0.4, 0.2, 0.6]}
 TOUCH = {"type": "contact", "between": ["grains", "body"], "restitution": 1.0}
@@ -190,6 +192,15 @@ def test_the_same_bits_after_a_stop_and_for_any_number_of_threads() -> None:
     )
     one, two = (ps.run(scenario, threads=n) for n in (1, 2))
     assert one.state == two.state
+    whole, half, rest = (Simulation(scenario) for _ in range(3))
+    half.advance_to(150)
+    restore(rest, snapshot(half))
+    rest.step = 150
+    for simulation in (whole, rest):
+        simulation.advance_to(300)
+    for mine, other in zip(whole.states, rest.states, strict=True):
+        assert mine.x.tobytes() == other.x.tobytes()
+        assert mine.v.tobytes() == other.v.tobytes()
 
 
 @pytest.mark.parametrize(

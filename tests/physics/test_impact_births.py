@@ -152,3 +152,18 @@ def test_circles_are_refused() -> None:
     soft = [{"name": "floor", "contact": "penalty", "stiffness": 100.0}]
     with pytest.raises(ps.ScenarioError, match="hit nothing"):
         ps.from_table(scene(emitter(), planes=soft))
+
+
+def test_what_may_leave_a_region_is_heard_too() -> None:
+    away = {"outside": [[-9, -9, -9], [9, 9, 9]]}
+    drops = {
+        "name": "drops",
+        "burst": {"count": 5, "at": 0},
+        "die": away,
+        "direction": [0, -1, 0],
+        "speed": 2.0,
+    }
+    drops |= {"shape": {"type": "point", "position": [0, 0.5, 0]}}
+    sparks = emitter(on_impact={"of": ["drops"]}, speed=1.0, die=away)
+    found = born(scene(drops, sparks, planes=[{"on": ["drops"]}], forces=[], particles=[]))
+    assert found.born == 10

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ def test_ewald_does_not_depend_on_where_it_is_cut() -> None:
     rng = np.random.default_rng(1)
     x, w = uniform(20, rng), rng.normal(size=20)
     for softening in (0.0, 0.1, 2.0):
-        one = ewald_sum(x, w, box=SIZE, constant=1.0, softening=softening, error=1e-13)
+        one = ewald_sum(x, w, box=SIZE, constant=1.0, softening=softening, error=1e-10)
         copies = [x + np.array(n) * SIZE for n in itertools.product(range(2), repeat=3)]
         eight = ewald_sum(
             np.concatenate(copies),
@@ -92,10 +93,10 @@ def test_ewald_does_not_depend_on_where_it_is_cut() -> None:
             box=2 * np.array(SIZE),
             constant=1.0,
             softening=softening,
-            error=1e-13,
+            error=1e-10,
         )
-        assert eight.energy == pytest.approx(8 * one.energy, rel=1e-10)
-        np.testing.assert_allclose(eight.force[:20], one.force, atol=1e-10 * np.abs(one.force).max())
+        assert eight.energy == pytest.approx(8 * one.energy, rel=1e-8)
+        np.testing.assert_allclose(eight.force[:20], one.force, atol=1e-8 * np.abs(one.force).max())
 
 
 def test_ewald_of_two_far_from_their_images_is_coulombs_law() -> None:
@@ -125,10 +126,10 @@ def test_ewald_refuses_what_it_cannot_sum(given: dict[str, Any], words: str) -> 
 @pytest.mark.parametrize("place", [uniform, clusters])
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-5])
 def test_errors_of_gravity_are_as_asked_for(place: Any, accuracy: float) -> None:
-    n = 600
+    n = 400
     x, mass = place(n, np.random.default_rng(1)), np.full(n, 1 / n)
     simulation, each, found = begun(told(x, {"accuracy": accuracy, "softening": 0.004}))
-    exact = ewald_sum(x, mass, box=SIZE, constant=-1.0, softening=0.004)
+    exact = ewald_sum(x, mass, box=SIZE, constant=-1.0, softening=0.004, error=1e-7)
     assert isinstance(each, MeshPairs)
     assert rms(found, exact, mass, 3.0) < 1.01 * accuracy  # all of them are the sample
     # errors of a pair's energy are like those of its force; they add up at random
@@ -143,11 +144,11 @@ def test_errors_of_gravity_are_as_asked_for(place: Any, accuracy: float) -> None
 @pytest.mark.parametrize("softening", [0.0, 0.05, 0.6])
 def test_errors_of_charges_hold_for_any_softening(softening: float) -> None:
     # 0.6 is more than half of the box: nothing is left of the near part
-    rng, n = np.random.default_rng(3), 500
+    rng, n = np.random.default_rng(3), 300
     x, q = uniform(n, rng), rng.normal(size=n)
     law = {"type": "coulomb", "accuracy": 1e-5, "softening": softening}
     simulation, each, found = begun(told(x, law, charge=q.tolist(), mass=1.0))
-    exact = ewald_sum(x, q, box=SIZE, constant=1.0, softening=softening)
+    exact = ewald_sum(x, q, box=SIZE, constant=1.0, softening=softening, error=1e-7)
     assert rms(found, exact, q, 3.0) < 1.01e-5
     c = simulation.islands[0].island_columns()
     assert each.energy(c) == pytest.approx(exact.energy, rel=1e-4)
@@ -162,7 +163,7 @@ def test_splines_are_points_from_their_reach_on() -> None:
     x, mass = uniform(n, np.random.default_rng(4)), np.full(n, 1 / n)
     law = {"accuracy": 1e-5, "softening": softening, "softened": "spline"}
     simulation, each, found = begun(told(x, law))
-    exact = ewald_sum(x, mass, box=SIZE, constant=-1.0)
+    exact = ewald_sum(x, mass, box=SIZE, constant=-1.0, error=1e-7)
     spline, point = MutualGravity(**law, constant=1.0), MutualGravity(constant=1.0)
     for i, j in itertools.permutations(range(n), 2):
         d = x[i] - x[j]
@@ -183,7 +184,7 @@ def salt(cells: int, accuracy: float, spacing: float = 0.7, **given: Any) -> dic
     return told(spacing * (g + 0.123), law, [2 * cells * spacing] * 3, charge=q.tolist(), mass=1.0)
 
 
-@pytest.mark.parametrize(("cells", "accuracy"), [(1, 1e-8), (3, 1e-6)])
+@pytest.mark.parametrize(("cells", "accuracy"), [(1, 1e-6), (3, 1e-6)])
 def test_a_mesh_has_the_madelung_constant(cells: int, accuracy: float) -> None:
     scenario = salt(cells, accuracy)
     scenario["output"] |= {"ledger": True}
@@ -197,7 +198,7 @@ def test_a_mesh_has_the_madelung_constant(cells: int, accuracy: float) -> None:
 
 def test_virials_are_slopes_of_the_energy() -> None:
     # −∂U/∂strain, by differences of Ewald sums in boxes that are stretched along one axis
-    rng, n = np.random.default_rng(5), 200
+    rng, n = np.random.default_rng(5), 100
     x, q = uniform(n, rng), rng.normal(size=n)
     law = {"type": "coulomb", "accuracy": 1e-6, "softening": 0.1}
     simulation, each, _ = begun(told(x, law, charge=q.tolist(), mass=1.0))
@@ -208,7 +209,9 @@ def test_virials_are_slopes_of_the_energy() -> None:
             stretch = np.ones(3)
             stretch[axis] += sign * 1e-4
             size = (np.array(SIZE) * stretch).tolist()
-            energies.append(ewald_sum(x * stretch, q, box=size, constant=1.0, softening=0.1).energy)
+            energies.append(
+                ewald_sum(x * stretch, q, box=size, constant=1.0, softening=0.1, error=1e-9).energy
+            )
         assert found[axis, axis] == pytest.approx((energies[1] - energies[0]) / 2e-4, rel=1e-4)
     np.testing.assert_allclose(found, found.T, atol=1e-5 * np.abs(found).max())
     simulation.close()
@@ -291,7 +294,7 @@ def test_births_and_deaths_are_followed() -> None:
         simulation.advance_to(step)
         place = np.concatenate([state.position for state in simulation.states])
         mass = np.concatenate([state.mass[: state.count] for state in simulation.states])
-        exact = ewald_sum(place, mass, box=SIZE, constant=-1.0, softening=0.05)
+        exact = ewald_sum(place, mass, box=SIZE, constant=-1.0, softening=0.05, error=1e-5)
         assert rms(np.asarray(island.forces(simulation.time)).T, exact, mass, 3.0) < 2e-2
     assert island.layout.count == 200
     simulation.close()
@@ -352,6 +355,46 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had() -> None:
 def test_two_in_one_place_are_told() -> None:
     with pytest.raises(PsimError, match="particles 0 and 1 of 'bodies' are at the same place"):
         begun(told([[0.25, 0.1, 0.1], [1.25, 0.1, 0.1]], {}))
+
+
+def waves(n: int, **given: Any) -> dict[str, Any]:
+    layout = {"type": "waves", "counts": [n, n, n], "size": [2.0, 2.0, 2.0], **given}
+    scenario = told([[0.0, 0.0, 0.0]], {"accuracy": 1e-2, "softening": 0.02}, (2, 2, 2), mass=8 / n**3)
+    scenario["particles"][0]["layout"] = layout
+    return scenario
+
+
+def test_a_wave_grows_as_jeans_says() -> None:
+    # γ² = 4π G ρ in a medium; a lattice of 16 bodies in the wave differs by (k d)²/12 in the sines of its own waves, 1 %
+    rate = math.sqrt(4 * math.pi)
+    scenario = waves(12, contrast=0.01, wave=(0, 1, 0), rate=rate)
+    scenario["simulation"] |= {"duration": 0.3, "dt": 0.01}
+    scenario["output"] |= {"every": 30}
+    with closing(Simulation(ps.from_table(scenario), threads=1)) as simulation:
+        k = np.array([0.0, np.pi, 0.0])
+        state = simulation.states[0]
+        before = np.exp(-1j * state.position @ k).mean()
+        simulation.advance_to(30)
+        after = np.exp(-1j * state.position @ k).mean()
+        assert abs(before) == pytest.approx(0.01 / math.sqrt(2), rel=1e-3)  # √2 · contrast · cos has ±k
+        assert after / before == pytest.approx(math.exp(0.3 * rate), rel=0.02)
+        assert np.abs(state.velocity[:, [0, 2]]).max() < 1e-2 * np.abs(state.velocity[:, 1]).max()
+
+
+def test_random_waves_have_the_contrast_and_the_slope_asked_for() -> None:
+    with closing(
+        Simulation(ps.from_table(waves(16, contrast=1e-3, slope=-2, shortest=3)), threads=1)
+    ) as simulation:
+        x = simulation.states[0].position
+    numbers = np.array(list(itertools.product(range(-3, 4), repeat=3)))
+    found = np.abs(np.exp(-1j * np.pi * x @ numbers.T).mean(axis=0)) ** 2
+    square = (numbers**2).sum(axis=1)
+    some = square > 0
+    assert found[some].sum() == pytest.approx(1e-6, rel=2e-2)
+    # power times k² is the same for all; means of so many squares of Gauss's numbers differ by 11 %, three times
+    flat = found[some] * square[some]
+    low, high = square[some] <= 9, square[some] > 9
+    assert flat[low].mean() == pytest.approx(flat[high].mean(), rel=0.35)
 
 
 # The parts

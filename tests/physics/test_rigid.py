@@ -265,6 +265,31 @@ def test_boxes_that_fall_on_each_other_do_not_sink_in() -> None:
     assert deepest < 5e-4
 
 
+@pytest.mark.parametrize("large", [0.0, 1.5])
+def test_all_bodies_that_touch_are_found(large: float) -> None:
+    # Against all pairs; a large one among small ones makes the strips wide.
+    rng = np.random.default_rng(5)
+    place = rng.uniform(0, 3, (300, 3)) * [2.0, 1.0, 3.0]
+    balls = [
+        ball(0.15, layout={"type": "points", "position": place.tolist()}),
+        ball(0.05, layout={"type": "points", "position": (place[::2] + np.array([0.1, 0.0, 0.12])).tolist()}),
+    ]
+    if large:
+        balls.append(ball(large, position=[3.0, 1.0, 4.0]))
+    groups = [each | {"name": name} for each, name in zip(balls, "abc", strict=False)]
+    world = Simulation(ps.from_table(table(1.0, 1e-3, bodies=groups)), threads=1)
+    island = world.islands[0]
+    assert isinstance(island, RigidIsland)
+    b = island.bodies()
+    found = {tuple(sorted((each.body, each.other))) for each in island.intrusions()}  # type: ignore[type-var]
+    apart = np.linalg.norm(b.x[:, :, None] - b.x[:, None], axis=0)
+    i, j = np.nonzero(np.triu(apart < b.reach[:, None] + b.reach - 1e-3, 1))
+    names = [(state.name, int(each)) for state in world.states for each in state.id[: state.count]]
+    wanted = {tuple(sorted((names[m], names[n]))) for m, n in zip(i, j, strict=True)}
+    assert len(wanted) > 150
+    assert wanted <= found
+
+
 # ---- energy
 
 

@@ -153,3 +153,28 @@ def test_the_mass_of_a_sphere_of_stars_is_given_once() -> None:
     ball = {"shape": {"type": "sphere", "radius": 1}}
     with pytest.raises(ps.UsageError, match="which bodies have from their shape"):
         ps.from_table({"simulation": {"duration": 1, "dt": 0.1}, "bodies": [{**ball, "layout": sphere}]})
+
+
+@pytest.mark.parametrize(
+    ("radius", "interactions", "told"),
+    [
+        ({"radius": 0.1}, [], True),
+        ({}, [], False),  # points
+        ({"radius": 0.1}, [{"type": "contact", "on": ["sand", "box"]}], False),
+        ({"radius": 0.1}, [{"type": "contact", "on": ["sand"]}], True),
+        ({"radius": 0.1}, [{"type": "contact"}], False),
+    ],
+)
+def test_particles_that_pass_through_bodies_are_told(
+    radius: dict[str, float], interactions: list[dict[str, Any]], told: bool
+) -> None:
+    sand = {"name": "sand", "layout": {"type": "points", "position": [[0, 1, 0]]}, **radius}
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 0.1},
+            "particles": [sand],
+            "bodies": [{"name": "box", "shape": {"type": "box", "size": [1, 1, 1]}}],
+            "interactions": interactions,
+        }
+    )
+    assert any("pass through rigid bodies" in sentence for sentence in advice(scenario)) is told

@@ -34,7 +34,7 @@ from particlesim.trajectory.recovery import recover
 source, seed = Path(sys.argv[1]), int(sys.argv[2])
 whole, path, random = source.read_bytes(), source.with_suffix(".bad.vtkhdf"), random.Random(seed)
 outcomes = []
-for case in range(120):
+for case in range(60):
     data = bytearray(whole)
     if case % 2:
         data = data[: random.randrange(len(data))]

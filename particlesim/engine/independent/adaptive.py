@@ -68,7 +68,7 @@ from particlesim.laws.registry import PASS
 
 
 class StepLog(NamedTuple):
-    """Own steps that particles have taken, for who needs them.
+    """Steps of their own that particles have taken, for callers that need them.
 
     `number` [2]: how many, and the row at which the present block begins. Of the first of them, `spans` [3, room] has row,
     beginning and length [s], and `states` [18, room] position and velocity at the beginning, at the end without contact, and

@@ -193,6 +193,12 @@ class Contacts(NearLists, ContactColumns):
     def power(self, c: Any, t: float) -> float:
         return float(contact_sum(self, c, lone(c.x.size), t, Powers()))
 
+    def virial(self, c: Any, t: float) -> NDArray[np.float64]:
+        """Σ l ⊗ f over all pairs [J], shape [3, 3]."""
+        out = np.zeros(9)
+        contact_sum(self, c._replace(clock=None), lone(c.x.size), t, Virial(out))
+        return out.reshape(3, 3)
+
     def changing(self) -> tuple[NDArray[Any], ...]:
         if not remembers(self):
             return ()
@@ -252,6 +258,18 @@ class Powers(NamedTuple):
     """Powers of all forces but the elastic push, half to each of a pair."""
 
 
+class Virial(NamedTuple):
+    """l ⊗ f, half for each of a pair, added to `out` [9]."""
+
+    out: Any
+
+    def add(self, part: Any, way: Any, force: Any) -> None:
+        """A part of a pair's."""
+        for i in range(3):
+            for j in range(3):
+                self.out[3 * i + j] += part * float(way[i]) * float(force[j])
+
+
 def take_chunks(each: Any, c: Any, share: Any, t: Any, what: Any) -> None:
     """All chunks, by threads in turn."""
     for chunk in range(share.number, each.draft.slow.size, share.threads):
@@ -280,7 +298,8 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
         total += take_pairs(each, first, last, what, True)
     if len(each.walls) > 0:
         ball = surrounding(each, first, last)
-        for wall, memory in zip(each.walls, each.marks, strict=True):
+        walls = () if isinstance(what, Virial) else each.walls
+        for wall, memory in zip(walls, each.marks[: len(walls)], strict=True):
             if not is_clear(wall, ball, t):
                 total += take_wall(each, c, wall, memory, first, last, t, what)
     return total
@@ -352,6 +371,8 @@ def take_pairs(each: Any, first: Any, last: Any, what: Any, shifted: Any) -> Any
                             pull[q, 3 + axis] -= r[q] * found[TWIST + axis, k]
                             if each.law.rolling is not None:
                                 pull[q, 3 + axis] -= found[MOMENT + axis, k]
+            elif isinstance(what, Virial):
+                Virial.add(what, 1.0 if inside else 0.5, three(given, LENGTH, k), three(found, FORCE, k))
             else:
                 total += (1.0 if inside else 0.5) * float(found[PUSH, k])
             if isinstance(what, Settle) and memory is not None:
@@ -490,6 +511,8 @@ class Slowly(NamedTuple):
         self.sums[1, i] += push * n.y
         self.sums[2, i] += push * n.z
         half = type_of(rate, 0.5)
+        if isinstance(self.what, Virial):
+            Virial.add(self.what, 0.5, (p.x, p.y, p.z), (push * n.x, push * n.y, push * n.z))
         if isinstance(self.what, Energies):
             self.sums[3, i] += half * at.energy
         else:
@@ -506,7 +529,7 @@ def take_slowly(each: Any, first: Any, last: Any, t: Any, what: Any) -> Any:
         for i in range(GROUP):
             if isinstance(what, Energies | Powers):
                 total += float(sums[3, i])
-            else:
+            elif isinstance(what, Sum | Settle):
                 for axis in range(3):
                     each.pull[GROUP * g + i, axis] = sums[axis, i]
     return total

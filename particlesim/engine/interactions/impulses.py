@@ -217,7 +217,9 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
         both = wi + wj
         if (approach > 0) & (both > 0):
             worst = max(worst, approach)
-            bounce = one + each.law.restitution if approach > least else one
+            # what is elastic has no rest: its hops do not end
+            lively = (approach > least) | (each.law.restitution >= 1)
+            bounce = one + each.law.restitution if lively else one
             change = bounce * approach
             dx, dy, dz = change * x, change * y, change * z
             if friction is not None:
@@ -357,7 +359,7 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         rate = p.vx * n[0] + p.vy * n[1] + p.vz * n[2]
         if (least >= 0) & (rate < 0):
             one, none = type_of(rate, 1), type_of(rate, 0)
-            bounce = response.bounce if -rate > least else one
+            bounce = response.bounce if (-rate > least) | (response.bounce >= 2) else one
             friction = None if c.spin is not None else response.friction
             belt = None if c.spin is not None else response.belt
             once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)

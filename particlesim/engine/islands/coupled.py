@@ -165,7 +165,7 @@ class CoupledIsland(BaseIsland):
         return born
 
     def _deaths(self, last: int) -> Deaths | None:
-        """Take out who has died by the end of step last − 1."""
+        """Take out the particles that have died by the end of step last − 1."""
         whole, end = self._joined.whole, last * self.dt
         dead = whole.stop[: whole.count] <= end
         if not dead.any():

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import along, crossable, opposite, yielded
 from particlesim.colliders.way import place_on, way_of
@@ -249,7 +250,7 @@ class Hit(NamedTuple):
 
 def silence(colliders: Any, p: Any) -> Any:
     """No impact; None where nobody would hear of one."""
-    if all(c.response.heard is None for c in colliders):
+    if all(isinstance(c, BoundsRecord) or c.response.heard is None for c in colliders):
         return None
     zero = p.x - p.x
     return Hit(-1, zero, p, zero, zero, zero)
@@ -260,7 +261,7 @@ def hear(colliders: Any, p: Any, hit: Any) -> Any:
     if hit is None:
         return None
     for c in colliders:
-        if c.response.heard is not None:
+        if not isinstance(c, BoundsRecord) and c.response.heard is not None:
             local, shape = p, c.shape
             if isinstance(c.shape, MovingRecord):
                 local, shape = ride(c.shape, p), c.shape.shape

@@ -94,6 +94,13 @@ def against_walls(scenario: Tables) -> Iterator[Invalid]:
                     here,
                     allowed="one number, or groups that it holds back, on = [...]",
                 )
+            if collider.recovery is not None:
+                yield Invalid(
+                    "recovery is how impacts are put back on a surface, and soft contacts are not",
+                    (*path, "recovery"),
+                    here,
+                    allowed="no recovery, or groups that it holds back, on = [...]",
+                )
             if collider.tangential_loss > 0:
                 yield Invalid(
                     "tangential_loss belongs to impacts, and soft contacts have none",

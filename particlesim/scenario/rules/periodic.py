@@ -79,12 +79,12 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
                 ((BOX, "here"),),
                 allowed='"auto", "mesh"' if summed else '"auto", "direct", "neighbours"',
             )
-        elif isinstance(each, Contact):
+        elif isinstance(each, Contact) and not each.soft:
             yield Invalid(
-                "particles do not touch each other across the sides of a periodic box",
+                "impulses are not given across the sides of a periodic box",
                 here,
                 ((BOX, "a periodic box"),),
-                hint='type = "soft_sphere" pushes apart what overlaps, across them, too',
+                hint='model = "linear" or "hertz" acts across them, too',
             )
         elif each.touching():
             continue

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,6 +100,7 @@ def own_height(alpha: float, softening: float) -> float:
     return math.erf(alpha * softening) / softening
 
 
+@lru_cache(maxsize=16)
 def near_volume(law: Any, reach: float) -> float:
     """∫ U of two unit particles over space, up to a reach [J m³], by Gauss and Legendre on pieces each half of the next."""
     nodes, weights = np.polynomial.legendre.leggauss(16)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -39,7 +40,7 @@ from particlesim.engine.interactions.mesh.fourier import (
     new_waves,
     to_waves,
 )
-from particlesim.engine.interactions.mesh.influence import Transform, influence, transform
+from particlesim.engine.interactions.mesh.influence import Influence, Transform, influence, transform
 from particlesim.engine.interactions.mesh.plan import (
     TYPICAL,
     Plan,
@@ -408,6 +409,12 @@ def _numbers(plan: Plan) -> list[float]:
     return [plan.alpha, plan.cutoff, *plan.shape]
 
 
+@lru_cache(maxsize=8)
+def influence_of(plan: Plan, box: tuple[float, float, float], order: int, softening: float) -> Influence:
+    """The influence function of a plan; kept, since births and deaths ask for it again."""
+    return influence(plan.shape, box, order, transform(plan.alpha, softening))
+
+
 def near_law(aim: Aim, plan: Plan) -> Near:
     """The near part of a plan: its energy ends at 0, so that energy does not jump where pairs come and go."""
     _, accuracy = class_of(aim.accuracy)
@@ -419,7 +426,7 @@ def near_law(aim: Aim, plan: Plan) -> Near:
 def _parts(aim: Aim, plan: Plan, box: Any, order: int, room: int, dtype: Any) -> dict[str, Any]:
     """The columns that follow from a plan, but for the lists."""
     law = near_law(aim, plan)
-    found = influence(plan.shape, box, order, transform(plan.alpha, aim.softening))
+    found = influence_of(plan, box, order, aim.softening)
     return {
         "law": as_precision(law, dtype),
         "most": dtype.type(square(plan.cutoff)),
