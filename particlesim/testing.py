@@ -140,7 +140,7 @@ def check_interaction(model: PairInteraction, at: Iterable[Pair] | None = None) 
     Raises AssertionError.
     """
     points, record = list(pairs() if at is None else at), model.record()
-    _check_described(model, OPEN_INTERACTIONS.texts, OPEN_INTERACTIONS.laws)
+    _check_described(model, OPEN_INTERACTIONS.texts, OPEN_INTERACTIONS.laws, points[0])
     some = has_law(pair_potential, record)
     assert some != model.energy.startswith("none"), (
         f"energy is {model.energy!r}, but there is {'a' if some else 'no'} law for pair_potential"
@@ -189,11 +189,13 @@ def _check_reads_of_pairs(model: PairInteraction, record: Any, p: Pair, f: Any) 
             )
 
 
-def _check_described(model: Any, texts: Sequence[str], laws: Sequence[Callable[..., Any]]) -> None:
+def _check_described(
+    model: Any, texts: Sequence[str], laws: Sequence[Callable[..., Any]], *sample: Any
+) -> None:
     missing = undocumented(type(model), texts)
     assert not missing, f"{type(model).__name__}: {'; '.join(missing)}"
     assert type_name(type(model)), f'{type(model).__name__} needs a field type: Literal["name"] = "name"'
-    fault = unlawful(model.record(), laws)
+    fault = unlawful(model.record(), laws, *sample)
     assert fault is None, f"{type(model).__name__}: {fault}"
 
 

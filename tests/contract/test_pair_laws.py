@@ -122,7 +122,7 @@ def test_a_shifted_law_ends_at_its_cutoff(model: PairInteraction) -> None:
     assert f == pytest.approx(expected, abs=1e-13 * abs(pair_force(model.record(), p)[0]))
 
 
-@pytest.mark.parametrize("name", ["gravity", "lennard_jones", "formula", "flocking"])
+@pytest.mark.parametrize("name", ["gravity", "lennard_jones", "yukawa", "flocking"])
 def test_the_check_for_packages_passes(name: str) -> None:
     check_interaction(PAIR_CASES[name], PAIRS[:5])
 
@@ -149,7 +149,7 @@ class WrongRecord(NamedTuple):
 
 @law(pair_force, WrongRecord)
 def wrong(f: WrongRecord, p: Pair) -> tuple[float, float, float]:
-    return p.x + f.lopsided * p.m1 + f.timed * p.t * p.x + f.moving * p.vx, p.y, p.z
+    return p.x + f.lopsided * p.x * p.x + f.timed * p.t * p.x + f.moving * p.vx, p.y, p.z
 
 
 @pytest.mark.parametrize(

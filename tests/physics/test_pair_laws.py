@@ -361,7 +361,7 @@ def test_a_cutoff_whose_square_no_number_holds_cuts_nothing(method: str) -> None
 def test_a_length_beyond_all_numbers_is_told() -> None:
     group = points((0, 0, 0), (1, 0, 0), name="a")
     law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1e300}
-    with pytest.raises(ps.UsageError, match="not finite"):
+    with pytest.raises(ps.UsageError, match="no finite number"):
         ps.run(ps.from_table(table(0.1, 0.01, particles=[group], interactions=[law])))
 
 

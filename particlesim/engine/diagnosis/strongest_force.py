@@ -35,7 +35,8 @@ def strongest(
         sizes = _alone(world, structure, member, particle)
         shared: dict[str, Floats] = {}
         for name, each in zip(world.islands[number].names, interactions, strict=True):
-            shared[name] = shared.get(name, np.zeros(3)) + each.force_on(columns, place, particle.t)
+            force = each.force_on(columns, place, particle.t)[:3]  # contacts that roll tell their torque, too
+            shared[name] = shared.get(name, np.zeros(3)) + force
         sizes |= {name: _length(each) for name, each in shared.items()}
     wild = next((label for label, size in sizes.items() if not math.isfinite(size)), None)
     if wild is not None:

@@ -75,7 +75,7 @@ def refuse_wild(each: Any, name: str, states: Sequence[GroupState], c: Any, t: f
     raise UsageError(
         f"{name}: {names[0]} and {names[1]} are {distance:.4g} m apart, where the force or the energy of a pair is no "
         "finite number",
-        "move them, or soften the law",
+        "move them, soften the law, or look at its parameters",
     )
 
 
