@@ -308,8 +308,8 @@ def read_sweep(path: Path) -> None:
 
 def read_scenario(path: Path) -> None:
     """A scenario, written down again, and by its name."""
-    for named in SCENARIOS.glob("*.png"):  # what shipped scenarios name
-        if not path.with_name(named.name).exists():
+    for named in SCENARIOS.iterdir():  # what shipped scenarios name
+        if named.suffix in {".png", ".obj", ".ply"} and not path.with_name(named.name).exists():
             shutil.copy(named, path.with_name(named.name))
     scenario = ps.load(path)
     physics_digest(scenario)
