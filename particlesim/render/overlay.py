@@ -18,7 +18,7 @@ from particlesim.render.scene.lighting import is_light
 from particlesim.scenario.rendering import RenderSettings
 
 _RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-", strict=True))
-_PLAIN = str.maketrans({"−": "-", "×": "x", "µ": "u", "μ": "u", "·": "•", "\u00a0": " "})
+_PLAIN = str.maketrans({"−": "-", "×": "x", "µ": "u", "μ": "u", "\u00a0": " "})
 
 NIGHT, PAPER = (16, 19, 26), (244, 246, 249)
 PLATE = 0.72
@@ -216,5 +216,5 @@ def _number(value: float, step: float) -> str:
         exponent = math.floor(math.log10(abs(value)) + 1e-12)
         digits = max(exponent - math.floor(math.log10(step) + 1e-12), 0)
         raised = str(exponent).translate(str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"))
-        return f"{value / 10.0**exponent:.{digits}f}•10{raised}"
+        return f"{value / 10.0**exponent:.{digits}f}·10{raised}"
     return f"{value:.{max(0, -math.floor(math.log10(step) + 1e-9))}f}"

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from PIL import ImageFont
 from pydantic import ValidationError
 
 from particlesim.errors import UsageError
@@ -236,6 +237,14 @@ def test_text_sets_superscripts_small_and_high():
     ink = np.nonzero(raised[:, -14:].max(axis=1))[0]
     assert len(ink) > 0
     assert ink.max() < 30
+
+
+def test_the_font_has_what_numbers_are_written_with():
+    font = ImageFont.load_default(24)
+    missing = bytes(font.getmask("\u0e01"))
+    for low, high in ((3e-3, 3.5e-3), (-2e7, 1e7), (0.0, 1.0)):
+        for _, label in round_ticks(low, high, 3):
+            assert all(bytes(font.getmask(c)) != missing for c in label if c not in "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def test_bands_hold_every_particle_once_and_in_order():
