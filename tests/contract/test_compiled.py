@@ -98,7 +98,9 @@ def test_contacts() -> None:
         for record, (*q, outcome) in zip(records, contacts_with(records, p), strict=True):
             expected, what = contact(record, p)
             assert outcome == what
-            np.testing.assert_allclose(q, expected, rtol=0, atol=8 * EPS * np.abs(p[:6]).max())
+            # the normal of a spline is a sum of 64 terms, of others of a few
+            roundings = 24 if record is COLLIDER_RECORDS["distance_grid"] else 8
+            np.testing.assert_allclose(q, expected, rtol=0, atol=roundings * EPS * np.abs(p[:6]).max())
             outcomes.add(outcome)
     assert outcomes == {0, 1, 2, 3, 4}
 

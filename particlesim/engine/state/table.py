@@ -76,7 +76,7 @@ TABLE: tuple[Column, ...] = (
     Column("turn", "", rows=4, dtype=np.float64, changes=True, part=ROTATION),
     Column("spin", "kg m²/s", rows=3, dtype=np.float64, changes=True, part=ROTATION),
     Column("angular_velocity", "rad/s", ("spin",), rows=3, changes=True, part=SPIN),
-    Column("turned", "", ("spin",), rows=3, changes=True, part=SPIN),
+    Column("turned", "rad", ("spin",), rows=3, changes=True, part=SPIN),
     Column("heat", "K", ("thermal",), dtype=np.float64, part="temperature"),
     *(Column(each.name, each.unit, ("further",), part=each.name) for each in FURTHER),
 )
