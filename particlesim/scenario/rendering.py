@@ -120,7 +120,7 @@ class RenderSettings(Model):
         "no springs.",
     )
     ground: bool = Field(
-        True, description="Draw the planes and the solid spheres that particles collide with."
+        True, description="Draw the planes and the colliders that particles meet."
     )
     shadows: bool = Field(True, description="Cast shadows and darken corners.")
     light: Vector[Number] | None = Field(
