@@ -59,9 +59,9 @@ class Contact(PairInteraction):
     """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
     `hertz`: the same with the elasticity of spheres."""
     surfaces: bool | None = None
-    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as thick
-    as twice the radius of their particles: with `impulse` they do unless this is false, with the other models particles
-    touch as spheres."""
+    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as
+    thick as twice the radius of their particles: with `impulse` they do unless this is false, with the other models
+    particles touch as spheres."""
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
     """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
