@@ -50,7 +50,7 @@ def _numbers(scenario: Tables, here: Path) -> Iterator[Invalid]:
     marks = ((here, "chosen here"),)
     if scenario.simulation.precision == "single":
         yield Invalid(
-            "whfast computes to the rounding of double precision",
+            "whfast needs double precision",
             ("simulation", "precision"),
             marks,
             allowed="double",
