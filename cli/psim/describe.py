@@ -42,7 +42,11 @@ def describe(
         _find_extensions()
     sections = dict(_sections())
     if name is None:
-        for title, entries in sections.items():
+        from particlesim.bodies import JOINTS
+
+        # no section of their own: "ball" is a shape, too, and explained with all of its places
+        joints = {model.model_fields["type"].default: model for model in JOINTS}
+        for title, entries in (*sections.items(), ("Joints", joints)):
             print(paint(title, "bold", sys.stdout))
             facts([(key, _headline(entry)) for key, entry in entries.items()], sys.stdout)
         return

@@ -99,7 +99,7 @@ class HingeJoint(Joint):
     @model_validator(mode="after")
     def _axis(self) -> HingeJoint:
         if not norm(self.axis) > 0:
-            raise invalid("the axis of a hinge has a direction", at=("axis",), allowed="axis = [0, 0, 1]")
+            raise invalid("the axis of a hinge needs a direction", at=("axis",), allowed="axis = [0, 0, 1]")
         return self
 
 

@@ -76,8 +76,8 @@ class Collider(Model):
     """Part of the velocity along the surface that an impact takes away. No friction: what lies on the surface loses it in
     every step, and slides by a distance that depends on dt."""
     detection: Literal["continuous", "discrete"] = "continuous"
-    """Continuous finds the time of impact inside the step; discrete looks at the end of the step and projects, and is what
-    contact = "penalty" has."""
+    """Continuous finds the time of impact inside the step; discrete looks at the end of the step only and puts the particle
+    back on the surface; it is the default with contact = "penalty"."""
     contact: Literal["bounce", "slide", "stick", "kill", "penalty"] = "bounce"
     """What contact does: bounce, go on along the surface without rebound, stay there for good, end the particle, or push it
     out with a spring and a damper (penalty)."""
@@ -87,8 +87,8 @@ class Collider(Model):
     stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
     """Spring of contact = "penalty": it pushes with stiffness times the depth."""
     damping: Annotated[KilogramsPerSecond, Ge(0)] = 0.0
-    """Damper of contact = "penalty": it pushes with damping times the speed at which a particle goes in, and takes as much
-    from the push where it comes out; a surface never pulls."""
+    """Damper of contact = "penalty": it adds damping times the speed to the push while a particle goes in, and takes as much
+    from it while the particle comes out; a surface never pulls."""
 
     _motion: tuple[Any, SpinRecord | None] | None = PrivateAttr(default=None)
 

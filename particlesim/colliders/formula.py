@@ -37,7 +37,7 @@ FLAT = 1e-4
 
 
 class Formula(Solid):
-    """A solid where a formula of x, y and z is negative, inside of a box; best one that is nearly the distance from it."""
+    """A solid where a formula of x, y and z is negative, inside of a box; a formula close to the distance works best."""
 
     kind: ClassVar[str] = "formula"
     convex: ClassVar[bool] = False
@@ -109,7 +109,7 @@ class Formula(Solid):
         slope = np.linalg.norm(rise, axis=0)
         if inner.any() and not np.median(slope[inner]) > FLAT * self._steep:
             raise invalid(
-                "it has no slope on its surface, so that it does not tell how far that is",
+                "it has no slope on its surface, so that it does not tell how far away that is",
                 at=("distance",),
                 hint="write the distance itself rather than a power of it",
             )
@@ -175,7 +175,7 @@ def _steepest(values: Floats, axes: list[Floats]) -> float:
 
 
 class FormulaCollider(Formula, SolidCollider):
-    """A solid where a formula of x, y and z is negative, inside of a box; best one that is nearly the distance from it."""
+    """A solid where a formula of x, y and z is negative, inside of a box; a formula close to the distance works best."""
 
     costly: ClassVar[bool] = True
 

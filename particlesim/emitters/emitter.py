@@ -48,9 +48,9 @@ class OnImpact(Model):
     count: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 1
     """Particles born of each impact."""
     above: Annotated[MetresPerSecond, Ge(0)] = 0.0
-    """Speed along the normal, relative to the surface, that an impact must have to be heard."""
+    """Least speed along the normal, relative to the surface, of an impact that gives birth."""
     inherit: Annotated[Number, Ge(0), Le(1)] = 0.0
-    """Part of the velocity that what hits has along the surface, which is added to that of the new particles."""
+    """Part of the velocity along the surface of the particle that hits which is added to that of the new ones."""
 
 
 class Die(Model):
@@ -89,7 +89,7 @@ class Emitter(Group):
     """Where particles are born; left out with on_impact, where it is the place of the impact."""
     direction: Vector[float] | Literal["outward", "mirrored"] = (0.0, 1.0, 0.0)
     """Axis of the cone of initial velocities; "outward" points away from the shape's center, or from the surface that was
-    hit; "mirrored" is the way on which what hit would go on from a mirror, with on_impact."""
+    hit; "mirrored", with on_impact, is the direction in which the particle that hit would rebound from a mirror."""
     spread: Annotated[Degrees, Ge(0), Le(180)] = 0.0
     """Half angle of the cone in degrees; 180 is all directions alike."""
     speed: Sampled[MetresPerSecond] = 0.0

@@ -52,16 +52,16 @@ NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10
 
 
 class Contact(PairInteraction):
-    """Spheres that touch each other, with restitution and friction."""
+    """Particles, surfaces and strands that touch each other, with restitution and friction."""
 
     type: Literal["contact"] = "contact"
     model: Literal["impulse", "linear", "hertz"] = "impulse"
     """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
     `hertz`: the same with the elasticity of spheres."""
     surfaces: bool | None = None
-    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets and hair with their edges, as thick as
-    twice the radius of their particles; `impulse` alone can, and does unless this is false. Else particles touch as
-    spheres."""
+    """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as
+    thick as twice the radius of their particles: with `impulse` they do unless this is false, with the other models
+    particles touch as spheres."""
     restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
     """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
@@ -70,7 +70,7 @@ class Contact(PairInteraction):
     """Coefficient of rolling friction μ_r of soft contacts: rolling is held back by a moment of up to μ_r R N, with R the
     reduced radius r₁ r₂/(r₁ + r₂), or r at a collider. Grains that are not round have some 0.1 to 0.5."""
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
-    """Work w of the adhesion of soft contacts, for each area [J/m²]: while two touch they attract each other by 2 π w R."""
+    """Work of adhesion w of soft contacts, per area [J/m²]: while two touch they attract each other by 2 π w R."""
     stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
     """Stiffness k of the spring of `linear`."""
     tangential_stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None

@@ -491,7 +491,7 @@ ROD = {"between": ["body", "world"], "points": [[0, 0, 0], [0, 1, 0]]}
         ({"joints": [BALL | {"pairs": [[0, 1]]}]}, "one world"),
         ({"joints": [BALL | {"anchor": [[0, 0, 0], [0, 1, 0]]}]}, "2 places for 1"),
         ({"joints": [BALL | {"between": None, "on": "body"}]}, "which bodies"),
-        ({"joints": [HINGE | {"axis": [0, 0, 0]}]}, "has a direction"),
+        ({"joints": [HINGE | {"axis": [0, 0, 0]}]}, "needs a direction"),
         ({"springs": [SPRING | {"between": ["body", "bdoy"]}]}, "unknown body 'bdoy'"),
         ({"springs": [SPRING | {"break_force": 1.0}]}, "do not break"),
         ({"springs": [{"between": ["body", "world"], "pairs": [[0, 0]], "stiffness": 1.0}]}, "where in the world"),

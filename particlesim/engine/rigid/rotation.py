@@ -20,9 +20,6 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.model.quaternions import times
 
-Quaternion = tuple[float, float, float, float]
-Triple = tuple[float, float, float]
-
 
 def normalised(q: Any) -> Any:
     """The unit quaternion of this direction."""

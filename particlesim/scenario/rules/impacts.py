@@ -25,7 +25,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             path, group = tables[name]
             also = ((path, "this group"),)
             if path[0] == "bodies":
-                yield Invalid("impacts of rigid bodies are not heard", (*here, "of", j), also)
+                yield Invalid("impacts of rigid bodies give no births", (*here, "of", j), also)
             elif group.dynamics.type != "second_order":
                 yield Invalid("what has no inertia has no impacts", (*here, "of", j), also)
             elif owner[name] == owner[emitter.name]:
@@ -39,7 +39,10 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
                 hears.setdefault(owner[emitter.name], set()).add(owner[name])
         yield from _places(scenario, here, event.of, event.at)
         if _circle(hears, owner[emitter.name]):
-            yield Invalid(f"{emitter.name!r} hears of impacts of what is born of its own", (*here, "of"))
+            yield Invalid(
+                f"births of {emitter.name!r} would follow from impacts that follow from its own births",
+                (*here, "of"),
+            )
 
 
 def _places(

@@ -160,7 +160,7 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
             rods = [rods.name for rods in scenario.rod_sets if group.name in rods.groups]
             if each.model == "impulse" and rods:
                 yield Invalid(
-                    f"impulses between particles on rods, such as those of {rods[0]!r}, are not known to the rods",
+                    f"particles on rods, such as those of {rods[0]!r}, cannot touch by impulses: rods do not know of them",
                     ("interactions", k),
                     ((tables[group.name][0], "on rods"),),
                     hint='model = "linear" has forces, which rods hold against',

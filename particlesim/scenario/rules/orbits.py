@@ -50,7 +50,7 @@ def _numbers(scenario: Tables, here: Path) -> Iterator[Invalid]:
     marks = ((here, "chosen here"),)
     if scenario.simulation.precision == "single":
         yield Invalid(
-            "whfast computes to the rounding of double precision",
+            "whfast needs double precision",
             ("simulation", "precision"),
             marks,
             allowed="double",
@@ -74,7 +74,7 @@ def _bodies(scenario: Tables, path: Path, group: Group, here: Path) -> Iterator[
         yield Invalid("whfast steps bodies with inertia", (*path, "dynamics"), marks)
     if isinstance(group, Particles) and group.pinned is not False:
         yield Invalid(
-            "whfast cannot hold bodies in their places",
+            "whfast cannot pin bodies",
             (*path, "pinned"),
             marks,
             hint='a fixed centre is a force: type = "attractor", with another integrator',

@@ -115,7 +115,7 @@ def _images(each: FarInteraction, here: Path, box: PeriodicBox, shortest: float)
     if not all(box.periodic):
         axes = " and ".join("xyz"[k] for k in range(3) if not box.periodic[k])
         yield Invalid(
-            f"{each.label} has no end, and sums over all images are there for boxes that are periodic along all axes; "
+            f"{each.label} has no end, and a sum over all images needs a box that is periodic along all axes; "
             f"this one is not along {axes}",
             (*here, "method") if each.method == "mesh" else here,
             (((*BOX, "periodic"), "here"),),

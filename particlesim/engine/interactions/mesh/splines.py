@@ -17,8 +17,6 @@ from particlesim.compiler import lanes
 
 LANES = 8
 """Particles whose weights are found together."""
-MOST_ORDER = 8
-"""Highest order: the nodes of a particle along an axis fit into the lanes of a vector."""
 
 
 def order_of(spline: Any) -> int:

@@ -194,16 +194,6 @@ def _walk(near: Any, g: Any, image: Any, sink: Any) -> None:
         type(sink).take(sink, near, g, found, number, image)
 
 
-def _overlaps(near: Any, g: Any, image: Any, axis: Any, limit: Any) -> Any:
-    """Whether along an axis group g may see members in an image."""
-    top = near.levels[near.levels.size - 2]
-    low, high = np.inf, -np.inf
-    for k in range(top, top + 8):
-        low, high = min(low, near.boxes[axis, k]), max(high, near.boxes[axis + 3, k])
-    shift = near.images[axis, image]
-    return (near.boxes[axis, g] - limit <= high + shift) & (near.boxes[axis + 3, g] + limit >= low + shift)
-
-
 def search(near: Any, g: Any, sink: Any) -> None:
     """Give a sink the groups in which group g may have candidates, image by image of the box."""
     if near.boxes[0, g] <= near.boxes[3, g]:

@@ -1,1 +1,1 @@
-"""Surfaces and strands that touch: cloth, hair, ropes and what lies on them (`contact` of hard bodies with features)."""
+"""Surfaces and strands that touch: cloth, hair, ropes and what lies on them (`contact` of model `impulse`)."""

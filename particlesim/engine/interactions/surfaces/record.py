@@ -20,10 +20,9 @@ PER_SIMPLEX, AT_LEAST = 24, 4096
 ROOMIER = 2
 """By how much room grows."""
 
-STALE, VERTICES, EDGES, CONTACTS, WALLS, LOST, BUILDS, ZONED = range(8)
+STALE, VERTICES, EDGES, CONTACTS, LOST, BUILDS, ZONED = range(7)
 """In `report`: whether candidates have to be found anew; how many of a vertex and a triangle, and of two edges; contacts of
-the step, and those of them with colliders; whether there was no room; how often candidates were found, and how many
-particles had to move as one."""
+the step; whether there was no room; how often candidates were found, and how many particles had to move as one."""
 SKIN, REACH, THIN, FASTEST, ODOMETER, DRIFT = range(6)
 """In `tune` [m]: how far vertices may have moved from where candidates were found, twice that is the skin; the length by
 which it is measured; the least thickness; how far a particle has come in the step beside what all have in common; the

@@ -268,7 +268,7 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     count = site.whole.count
     radius = site.whole.radius[:count].astype(float)
     used = np.unique(np.concatenate([triangles.ravel(), edges.ravel()]))
-    report, tune = np.zeros(8, np.int64), np.zeros(8)
+    report, tune = np.zeros(7, np.int64), np.zeros(8)
     report[STALE] = 1
     thin = 2 * radius[used].min() if used.size else 1.0
     tune[THIN], tune[REACH] = thin, reach_of(site.place, triangles, edges, thin)

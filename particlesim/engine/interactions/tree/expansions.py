@@ -109,14 +109,6 @@ def moments_shifted(moments: Any, v: Any, last: int) -> Any:
     )
 
 
-def field_of(moments: Any, d: Any, first: int, order: int) -> Any:
-    """F_n of moments for degrees `first` to `order`, given derivatives at the way from their centre; None below."""
-    return tuple(
-        None if n < first else field_numbers(moments, d, n, tuple(range(size(n))), order)
-        for n in range(order + 1)
-    )
-
-
 def field_numbers(moments: Any, d: Any, n: int, chosen: Any, order: int) -> Any:
     """F_n of moments for some indices of degree n, by their places."""
     return tuple(
