@@ -465,6 +465,7 @@ def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
         **os.environ,
         "PSIM_CACHE_DIR": str(folder / "cache"),
         "PYTHONPATH": f"{root}{os.pathsep}{folder}",
+        "PYTHONDONTWRITEBYTECODE": "1",  # Python takes a file of the same second and length for the same
     }
     ended = subprocess.run(
         [sys.executable, "-c", PROGRAM],

@@ -46,7 +46,9 @@ def test_every_interaction_has_a_case() -> None:
 
 def test_every_record_has_a_case() -> None:
     known = itertools.chain(GENERICS[pair_force].laws, GENERICS[central].laws)
-    assert {record for record in known if record.__module__.startswith("particlesim.")} <= records()
+    ours = {record for record in known if record.__module__.startswith("particlesim.")}
+    # what methods make of laws (the near part of a mesh) has tests of its own
+    assert {record for record in ours if not record.__module__.startswith("particlesim.engine.")} <= records()
 
 
 @ALL
