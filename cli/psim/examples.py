@@ -33,7 +33,8 @@ def examples(
     chosen = shipped if name is None else [_find(name, shipped)]
     if copy is not None:
         schema = folder / "psim.schema.json"
-        _copy([*chosen, *([schema] if schema.exists() else [])], copy, force)
+        named = dict.fromkeys(file for path in chosen for file in _named_by(path))
+        _copy([*chosen, *named, *([schema] if schema.exists() else [])], copy, force)
     elif name is not None:
         print(chosen[0].read_text(encoding="utf-8"), end="")
     else:
@@ -67,15 +68,28 @@ def _list(shipped: list[Path]) -> None:
     )
 
 
+def _named_by(path: Path) -> list[Path]:
+    """The files beside a scenario that it names, such as meshes."""
+    from particlesim.scenario.load import load
+    from particlesim.scenario.named_files import layout_files, shape_files
+
+    scenario = load(path)
+    return [file.path for file in (*layout_files(scenario), *shape_files(scenario))]
+
+
 def _copy(files: list[Path], target: Path, force: bool) -> None:
-    """Copy files into a folder. The schema, which editors need beside them, may be there already."""
+    """Copy files into a folder. The schema, which editors need beside them, and files that scenarios share may be there
+    already."""
+    import filecmp
     import shutil
 
     from particlesim.trajectory.target import check_target, replacing
     from psim.console import print_path
 
     for file in files:
-        check_target(target / file.name, overwrite=force or file.suffix == ".json")
+        there = target / file.name
+        shared = file.suffix != ".toml" and there.is_file() and filecmp.cmp(file, there, shallow=False)
+        check_target(there, overwrite=force or shared or file.suffix == ".json")
     for file in files:
         with replacing(target / file.name) as temporary:
             shutil.copyfile(file, temporary)

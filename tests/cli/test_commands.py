@@ -224,6 +224,16 @@ def test_examples(psim):
     assert psim("examples", "fountain", "--copy", "here", "--force").code == 0
 
 
+def test_examples_are_copied_with_the_files_that_they_name(psim, tmp_path):
+    for name in ("dice", "rain_on_hills"):
+        assert psim("examples", name, "--copy", "here").code == 0
+        assert psim("check", f"here/{name}.toml", "--no-stability").code == 0
+    (tmp_path / "here" / "octahedron.obj").write_text("mine")
+    assert psim("examples", "dice", "--copy", "here").code == 2
+    (tmp_path / "here" / "dice.toml").unlink()
+    assert psim("examples", "dice", "--copy", "here").code == 2, "a file of somebody else's"
+
+
 def test_examples_of_an_installed_package(tmp_path, monkeypatch):
     """In a wheel the scenarios lie inside of the package."""
     import particlesim.scenario.examples as module
