@@ -11,9 +11,13 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from multiprocessing.connection import Connection
 from typing import Any
+
+ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
+"""Signals that end a process."""
 
 
 class Beside:
@@ -34,7 +38,8 @@ class Beside:
         with warnings.catch_warnings():
             # Python 3.12 counts threads of libraries as well; those that NumPy starts live through a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._process.start()
+            with _deaf() if forks else nullcontext():
+                self._process.start()
         theirs.close()  # so that the end of the process is the end of the stream
 
     def end(self, grace: float = 0.0) -> None:
@@ -46,6 +51,17 @@ class Beside:
             self._process.kill()
             self._process.join()
         self._process.close()
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Signals that end a process wait until the copy of this one has handlers of its own: those of this one would raise in
+    the middle of the fork, and the copy would go on with all that this process has yet to do."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _may_fork() -> bool:
@@ -67,4 +83,6 @@ def _begin(
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     work(connection, *arguments)
