@@ -15,6 +15,13 @@ from particlesim.trajectory.fields import unknown_name
 Array = npt.NDArray[Any]
 
 
+class UnknownAttribute(UsageError, AttributeError):
+    """A frame has no such attribute: told as a field, and what `hasattr` and `getattr` with a default understand."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return AttributeError.__new__, (type(self), *self.args), vars(self)
+
+
 class Frame:
     """The particles at `time` [s], after `step` steps; the `index`-th frame of its file.
 
@@ -68,7 +75,10 @@ class Frame:
     def __getattr__(self, name: str) -> Array:
         if name.startswith("_"):  # copy and pickle probe for these before __init__ has run
             raise AttributeError(name)
-        return self[name]
+        try:
+            return self[name]
+        except UsageError as error:
+            raise UnknownAttribute(error.message, error.hint) from None
 
     def __getstate__(self) -> dict[str, Any]:
         for field in self.fields:

@@ -2,11 +2,13 @@
 
 import csv
 import json
+import pickle
 import sys
 
 import numpy as np
 import pytest
 
+import particlesim as ps
 from particlesim.analysis import series
 from particlesim.analysis.plot import plot
 from particlesim.errors import InputOutputError, UsageError
@@ -174,3 +176,15 @@ def test_plots_that_cannot_be(tmp_path, synthetic, monkeypatch):
         with pytest.raises(UsageError, match=r"particlesim\[plot\]"):
             plot(trajectory, "x", tmp_path / "a.png")
     assert [p.name for p in tmp_path.iterdir()] == ["a.vtkhdf"]
+
+
+def test_a_frame_says_what_it_does_not_have():
+    table = {"simulation": {"duration": 0.1, "dt": 0.1}}
+    table["particles"] = [{"layout": {"type": "points", "position": [[0, 0, 0]]}}]
+    frame = ps.run(ps.from_table(table)).final
+    assert hasattr(frame, "position")
+    assert not hasattr(frame, "state")
+    with pytest.raises(ps.UsageError, match="unknown field 'velocty'") as told:
+        frame.velocty  # noqa: B018
+    again = pickle.loads(pickle.dumps(told.value))
+    assert (again.message, again.hint) == (told.value.message, told.value.hint)
