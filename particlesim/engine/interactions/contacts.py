@@ -253,6 +253,9 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
         for k in range(first, last):
             for axis in range(each.pull.shape[1]):
                 each.pull[k, axis] = 0
+    ball = surrounding(each, first, last)  # which fetches all rows of the chunk, one after the other
+    if ball[3] < 0:
+        return total
     if each.draft.slow[chunk] != 0:
         total += take_slowly(each, first // GROUP, last // GROUP, t, what)
     elif each.near.box is None:
@@ -260,7 +263,6 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
     else:
         total += take_pairs(each, first, last, spare, what, True)
     if len(each.walls) > 0:
-        ball = surrounding(each, first, last)
         walls = () if isinstance(what, Virial) else each.walls
         for wall, memory in zip(walls, each.marks[: len(walls)], strict=True):
             if not is_clear(wall, ball, t):
