@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.far import FarInteraction
 from particlesim.scenario.reach import touches_by_surfaces
 
 if TYPE_CHECKING:
@@ -27,8 +28,9 @@ IN_MATRICES = ("direct", "neighbours")
 """Methods whose pairs are in the matrix of implicit integrators; far ones are too many, and soft."""
 WORTH_LISTS = 300
 """Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
-WORTH_A_TREE = 4_000
-"""Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
+WORTH_A_TREE, WORTH_AN_EXACT_TREE = 4_000, 10_000
+"""Particles from which a tree is faster than all pairs: at an accuracy of 1e-3, and at one below EXACT."""
+EXACT = 1e-4
 
 
 def chosen(law: PairInteraction, count: int, *, boxed: bool = False) -> str:
@@ -39,7 +41,9 @@ def chosen(law: PairInteraction, count: int, *, boxed: bool = False) -> str:
         return "neighbours" if count > WORTH_LISTS else "direct"
     if boxed:
         return "mesh"
-    return "tree" if count >= WORTH_A_TREE and law.lacks_multipoles() is None else "direct"
+    rough = isinstance(law, FarInteraction) and law.accuracy >= EXACT
+    enough = WORTH_A_TREE if rough else WORTH_AN_EXACT_TREE
+    return "tree" if count >= enough and law.lacks_multipoles() is None else "direct"
 
 
 def summed(site: Site, pairs: PairSet) -> Interaction:

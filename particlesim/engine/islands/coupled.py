@@ -205,6 +205,10 @@ class CoupledIsland(BaseIsland):
             team.each(work, len(done))
             if not pace.stuck:
                 books.close_leg(leg, self._now(), arrived=done[0] == steps)
+        if any(each.cramped for each in self.interactions):
+            self.go_back()
+            layout.renew()
+            return self._move(first, last, team)
         if pace is None and done[0] < steps and stepper.solves_more(layout):
             work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
             team.each(work, len(done))
