@@ -297,6 +297,8 @@ def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]
     entry = None if CHECKED else store.entry(function, key, machine.identity())
     kept = store.read(entry)
     if kept is None and not _compiling.get():
+        if _much.get():
+            raise NotKept(function.__name__)
         return None
     if kept is None:
         text, form, unit = write(function, arguments)
@@ -345,12 +347,17 @@ CHECKED = _MODE == "checked"
 """Whether kernels look at every index (`bounds`)."""
 
 _compiling = ContextVar("compiling", default=True)
+_much = ContextVar("much", default=False)
+
+
+class NotKept(Exception):
+    """Much work for a kernel that is not on disk, where nothing is to be compiled."""
 
 
 @contextmanager
 def uncompiled() -> Iterator[None]:
-    """In this thread, kernels that are not kept on disk run as plain Python: for little work, where nobody waits for a
-    compiler."""
+    """In this thread, kernels that are not kept on disk run as plain Python, as nobody waits for a compiler. Where there is
+    `much` to do they raise NotKept."""
     before = _compiling.set(False)
     try:
         yield
@@ -359,13 +366,13 @@ def uncompiled() -> Iterator[None]:
 
 
 @contextmanager
-def compiled(worth: bool) -> Iterator[None]:
-    """In this thread, kernels are compiled in spite of `uncompiled`, if it is worth it: for much work."""
-    before = _compiling.set(worth or _compiling.get())
+def much(really: bool) -> Iterator[None]:
+    """In this thread, there is too much to do for plain Python, if it is so."""
+    before = _much.set(really or _much.get())
     try:
         yield
     finally:
-        _compiling.reset(before)
+        _much.reset(before)
 
 
 # How long it takes
