@@ -19,6 +19,7 @@ from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
 from particlesim.engine.islands.rigid import RigidIsland
+from particlesim.engine.islands.separation import Separation, separate
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.engine.topology import topology
@@ -40,6 +41,7 @@ class World:
         self.scenario = scenario
         self.graph: Graph = build_graph(scenario)
         self.step = 0
+        self.separations: list[Separation] = []
         self.islands = self._populate(block)
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
@@ -65,6 +67,8 @@ class World:
             mine = [
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
+            if island.coupled:
+                self.separations += separate(island, mine, self.scenario.simulation.box)
             if island.rigid:
                 islands.append(RigidIsland(self.scenario, island, mine, ids))
             elif island.coupled:
