@@ -46,7 +46,7 @@ def _array(x: np.ndarray[Any, Any], key: list[Any], numbers: list[Any]) -> None:
     shape = x.shape
     if x.flags.c_contiguous:
         try:  # takes a tenth of the time of the array interface, but must be able to write to an element
-            numbers.append(ctypes.addressof(ctypes.c_char.from_buffer(x)))
+            numbers.append(ctypes.addressof(ctypes.c_char.from_buffer(x.data)))
         except (TypeError, ValueError):
             numbers.append(x.__array_interface__["data"][0])
         numbers += shape
