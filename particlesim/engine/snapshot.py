@@ -26,6 +26,7 @@ from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.layout import Layout
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.ledger.work import Books
+from particlesim.engine.rigid.ties import Ties
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.state.table import TABLE
@@ -75,11 +76,12 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
-            *("_made", "_springs", "_order"),
+            *("_made", "_springs", "_order", "_scenario", "_particles"),
             "kept_from",
             "impacts",
         )
     ),
+    Ties: frozenset(("_sets", "_states", "rows")),
     IndependentIsland: frozenset(("program", "_booking", "impacts")),
     CoupledIsland: frozenset(
         {

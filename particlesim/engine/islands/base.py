@@ -160,6 +160,14 @@ class BaseIsland:
         """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
         return {}
 
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        return {
+            name: each.broke
+            for name, each in zip(self.names, self.interactions, strict=True)
+            if each.broke is not None
+        }
+
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""
         raise NotImplementedError

@@ -9,14 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.bodies import HingeJoint
-from particlesim.bonds import record_of
 from particlesim.bonds.pairs import SINGLE
 from particlesim.bonds.pairs import WORLD as WORLD_NAME
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.rigid.bodies import WORLD, Bodies
 from particlesim.engine.rigid.joints import BALL, HINGE, ROD, ROWS, Joints
 from particlesim.engine.rigid.rotation import angular_velocity, matrix
-from particlesim.engine.rigid.springs import BodySprings
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.scenario import Scenario
@@ -64,7 +62,7 @@ def own_points(scenario: Scenario, groups: tuple[str, str], points: Any) -> Floa
     found = np.array(points or np.zeros((2, 3)), float)
     axes = {group.name: group.shape.frame().axes for group in scenario.bodies}
     for k, name in enumerate(groups):
-        if name != WORLD_NAME:
+        if name in axes:
             found[k] = axes[name].T @ found[k]
     return found
 
@@ -275,35 +273,3 @@ def partners_of(scenario: Scenario, made: Sequence[Made], bodies: int) -> tuple[
                     found[i].add(j)
     partners = np.array([j for mine in found for j in sorted(mine)] or [WORLD], np.int64)
     return joined, partners, np.concatenate([[0], np.cumsum([len(mine) for mine in found])]).astype(np.int64)
-
-
-def body_springs(
-    scenario: Scenario, offset: Mapping[str, int], b: Bodies
-) -> tuple[tuple[str, BodySprings], ...]:
-    """All springs of bodies with their names in the ledger.
-
-    A frequency and a damping ratio are meant for the mass μ that swings along the spring at the start,
-    1/μ = Σ 1/m + (r × e)·I⁻¹(r × e).
-    """
-    found = []
-    for label, springs in scenario.body_springs:
-        pairs, points = springs.pairs or SINGLE, own_points(scenario, springs.groups(), springs.points)
-        rows = np.array(list(rows_of(offset, springs.groups(), pairs)), np.int64)
-        apart, inverse = np.zeros((len(rows), 3)), np.zeros(len(rows))
-        for k, (i, j) in enumerate(rows.tolist()):
-            apart[k] = (frame(b, i) @ points[0] + centre(b, i)) - (frame(b, j) @ points[1] + centre(b, j))
-        length = np.linalg.norm(apart, axis=1)
-        along = np.divide(apart, length[:, None], out=np.zeros_like(apart), where=length[:, None] > 0)
-        for k, (i, j) in enumerate(rows.tolist()):
-            for body, point in ((i, points[0]), (j, points[1])):
-                if body != WORLD:
-                    moment = np.cross(point, frame(b, body).T @ along[k])
-                    inverse[k] += b.w[body] + float((moment**2 / b.inertia[:, body]).sum())
-        law = springs.spring_law()
-        stiffness, damping = law.constants(1 / inverse)
-        rest = length if law.rest_length is None else np.full(len(rows), law.rest_length)
-        one, two = (np.ascontiguousarray(np.repeat(point[:, None], len(rows), axis=1)) for point in points)
-        first, second = rows[:, 0].copy(), rows[:, 1].copy()
-        made = BodySprings(record_of(law), first, second, one, two, stiffness, damping, rest)
-        found.append((label, made))
-    return tuple(found)

@@ -31,7 +31,7 @@ from particlesim.engine.rigid.rotation import (
     turned_freely,
 )
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
-from particlesim.engine.rigid.springs import pull
+from particlesim.engine.rigid.springs import pull, snap
 from particlesim.engine.rigid.walls import touch_wall
 from particlesim.engine.rigid.work import (
     copy_velocities,
@@ -164,8 +164,12 @@ def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
 
 @outlined
 def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
-    """Forces and torques of a step on all bodies. Where they depend on velocities, those are taken that bodies have after
-    half of the kick (the midpoint rule)."""
+    """Forces and torques of a step on all bodies, once springs that cannot hold are broken. Where forces depend on
+    velocities, those are taken that bodies have after half of the kick (the midpoint rule)."""
+    for number, springs in enumerate(scene.springs):
+        lost = snap(springs, b, motion.now, t, h)
+        if scene.work is not None and lost > 0:
+            scene.work.totals[scene.work.breaking[number]] -= lost
     sum_all_forces(scene, b, motion, t)
     if scene.work is not None:
         copy_velocities(motion.now, motion.came)
@@ -179,6 +183,7 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
             for axis in range(3):
                 now[axis] += 0.5 * h * b.w[i] * f[axis]
                 now[3 + axis] += 0.5 * h * entry(turned, axis)
+        lean_guests(scene, motion.now)
         if scene.joints is not None:
             for component in range(scene.joints.next.size):
                 level(scene.joints, b, motion.now, motion.other, component)
@@ -193,6 +198,14 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def lean_guests(scene: Any, velocities: Any) -> None:
+    """Let guests have the velocities that they get from what acts on particles alone."""
+    if scene.guests is not None:
+        for m in range(scene.guests.radius.size):
+            for axis in range(3):
+                velocities[scene.guests.first + m, axis] += scene.guests.lean[axis, m]
+
+
 def own(scene: Any, b: Any) -> int:
     """How many bodies there are without guests."""
     return int(b.w.size if scene.guests is None else scene.guests.first)
@@ -204,6 +217,7 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
     `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
     given = take_means(b, motion, own(scene, b), h)
+    lean_guests(scene, motion.other)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
