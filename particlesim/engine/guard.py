@@ -61,6 +61,12 @@ class Guard:
             judged and not any(group.name in meeting for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
         ]
+        # Motors of joints give energy; without books nobody knows how much.
+        driven = any(joint.driven for joint in world.scenario.joints)
+        self._judged = [
+            judged and not (driven and isinstance(island, RigidIsland) and island.books is None)
+            for judged, (island, _) in zip(self._judged, pairs, strict=True)
+        ]
         # What starts inside is pushed apart step by step, which gives energy.
         self._judged = [
             judged and not (isinstance(island, RigidIsland) and island.intrusions())

@@ -95,6 +95,7 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
         "contact": bool(colliders) or any(isinstance(group, Bodies) for group in groups),
+        "motors": any(joint.driven and set(joint.groups()) & set(bodies) for joint in scenario.joints),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
         "deaths": emitted or any(each.contact == "kill" for each in colliders),

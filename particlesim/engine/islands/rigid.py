@@ -35,6 +35,7 @@ from particlesim.engine.rigid.joint_system import (
     Made,
     made_joints,
     new_joints,
+    new_stops,
     partners_of,
     require_speeds,
 )
@@ -404,6 +405,7 @@ def _scene(
         SLOP * min(group.shape.fineness() for group in groups),
         2 if feel or any(np.any(each.springs.c > 0) for each in springs) else 1,
         joints,
+        new_stops(made, order),
         joined,
         partners,
         partner_from,
@@ -424,7 +426,7 @@ def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) ->
     at = {name: k for k, name in enumerate(books.names)}
     damper = np.array([at.get(each.name, -1) for each in springs], np.int64)
     breaking = np.array([at.get(f"{each.name}.breaking", -1) for each in springs], np.int64)
-    return Work(spent, cause, stored, damper, breaking, at["contact"], books.totals)
+    return Work(spent, cause, stored, damper, breaking, at["contact"], at.get("motors", -1), books.totals)
 
 
 def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.bodies import HingeJoint
+from particlesim.bodies import BallJoint, HingeJoint, Joint
 from particlesim.bonds.pairs import SINGLE
 from particlesim.bonds.pairs import WORLD as WORLD_NAME
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.rigid.bodies import WORLD, Bodies
 from particlesim.engine.rigid.joints import BALL, HINGE, ROD, ROWS, Joints
 from particlesim.engine.rigid.rotation import angular_velocity, matrix
+from particlesim.engine.rigid.stops import Stops
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.scenario import Scenario
@@ -37,6 +38,19 @@ class Made(NamedTuple):
     size: float
     name: str
     touch: bool
+    stop: Stop | None = None
+
+
+class Stop(NamedTuple):
+    """What bounds or drives a joint, as `Stops` have it."""
+
+    mark: Floats
+    other: Floats
+    low: float
+    high: float
+    speed: float
+    torque: float
+    cone: bool
 
 
 def frame(b: Bodies, i: int) -> Floats:
@@ -85,9 +99,11 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
             if isinstance(joint, HingeJoint):
                 axis, p, q = _across(np.array(joint.axis))
                 turned = (frame(b, i).T @ axis, frame(b, j).T @ p, frame(b, j).T @ q)
-                found.append(Made(HINGE, i, j, one, two, *turned, 0.0, size, name, joint.touch))
+                hinge = Made(HINGE, i, j, one, two, *turned, 0.0, size, name, joint.touch)
+                found.append(hinge._replace(stop=_stop(joint, frame(b, i).T @ p, turned[1])))
             else:
-                found.append(Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch))
+                ball = Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch)
+                found.append(ball._replace(stop=_cone(joint, frame(b, i), frame(b, j))))
     for rods in scenario.rods:
         if not scenario.at_bodies(rods):
             continue
@@ -106,6 +122,39 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
                 )
             found.append(Made(ROD, i, j, points[0], points[1], none, none, none, length, length, name, True))
     return found
+
+
+def _stop(hinge: HingeJoint, mark: Floats, other: Floats) -> Stop | None:
+    """Limits and motor of a hinge, whose bodies have these marks."""
+    if hinge.limits is None and hinge.motor is None:
+        return None
+    low, high = (-np.inf, np.inf) if hinge.limits is None else np.radians(hinge.limits).tolist()
+    speed, torque = (0.0, 0.0) if hinge.motor is None else (hinge.motor.speed, hinge.motor.torque)
+    return Stop(mark, other, low, high, speed, torque, cone=False)
+
+
+def _cone(ball: Joint, one: Floats, two: Floats) -> Stop | None:
+    """The cone of a ball joint between bodies with these frames."""
+    if not isinstance(ball, BallJoint) or ball.cone is None or ball.axis is None:
+        return None
+    axis = _across(np.array(ball.axis))[0]
+    return Stop(one.T @ axis, two.T @ axis, 0.0, float(np.radians(ball.cone)), 0.0, 0.0, cone=True)
+
+
+def new_stops(made: Sequence[Made], order: Ints) -> Stops:
+    """Limits and motors of joints that have been put in an order."""
+    found = [(k, stop) for k, number in enumerate(order.tolist()) if (stop := made[number].stop) is not None]
+    marks, others = (
+        np.array([getattr(each, name) for _, each in found], float).reshape(-1, 3).T.copy()
+        for name in ("mark", "other")
+    )
+    numbers = (
+        np.array([getattr(each, name) for _, each in found], float)
+        for name in ("low", "high", "speed", "torque")
+    )
+    cone = np.array([each.cone for _, each in found], np.int64)
+    low, high, speed, torque = numbers
+    return Stops(np.array([k for k, _ in found], np.int64), marks, others, low, high, speed, torque, cone)
 
 
 def _size(b: Bodies, i: int, j: int) -> float:

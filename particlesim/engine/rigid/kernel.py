@@ -32,6 +32,7 @@ from particlesim.engine.rigid.rotation import (
 )
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
 from particlesim.engine.rigid.springs import pull, snap
+from particlesim.engine.rigid.stops import find_stops, motor_work
 from particlesim.engine.rigid.walls import touch_wall
 from particlesim.engine.rigid.work import (
     copy_velocities,
@@ -61,9 +62,9 @@ class Stretch(NamedTuple):
 class Scene(NamedTuple):
     """What acts on bodies: forces, springs, colliders, contact between groups; `arms` of the six points [3, n], mass, radius
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
-    depend on velocities, else 1. Joints, None without; which bodies have one [n], and the bodies that each is joined to and
-    does not touch (`partners`, from `partner_from` on). What is booked, None where nothing is. Particles that may touch
-    bodies (`guests`), which are the last bodies then, None where there are none."""
+    depend on velocities, else 1. Joints, None without, and their limits and motors (`stops`); which bodies have one [n], and
+    the bodies that each is joined to and does not touch (`partners`, from `partner_from` on). What is booked, None where
+    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -76,6 +77,7 @@ class Scene(NamedTuple):
     slop: float
     stages: int
     joints: Any
+    stops: Any
     joined: Any
     partners: Any
     partner_from: Any
@@ -212,9 +214,9 @@ def own(scene: Any, b: Any) -> int:
 
 
 @outlined
-def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
-    """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
-    `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
+def book_step(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
+    """Book the work of forces without a potential, of dampers, motors and contact, before bodies go on from the middle of
+    a step; `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
     given = take_means(b, motion, own(scene, b), h)
     lean_guests(scene, motion.other)
@@ -225,8 +227,10 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
     for number, springs in enumerate(scene.springs):
         if work.damper[number] >= 0:
             totals[work.damper[number]] += h * damped_work(springs, b, motion.stage, motion.other)
-    if touched:
-        totals[work.contact] += given
+    if k.number[0] > 0:
+        driven = motor_work(k, motion.other) if work.motors >= 0 else 0.0
+        totals[work.contact] += given - driven
+        totals[max(work.motors, 0)] += driven
 
 
 @outlined
@@ -341,6 +345,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
             at -= 1
         order[at] = i
     find_pairs(scene, b, k, motion, order, n)
+    if scene.joints is not None:
+        find_stops(scene.stops, scene.joints, b, k, motion, h)
     if scene.guests is not None:
         find_guests(scene.guests, b, k, motion, scene.slop, h)
 
@@ -488,7 +494,7 @@ def step_bodies(
         if k.number[0] > 0 or scene.joints is not None:
             solve(b, k, motion, memory, scene.joints, dt)
         if scene.work is not None:
-            book_step(scene, b, motion, k.number[0] > 0, middle, dt)
+            book_step(scene, b, k, motion, middle, dt)
         if k.number[0] > 0:
             before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)

@@ -19,7 +19,8 @@ from particlesim.laws.registry import bond_force, bond_potential
 
 class Work(NamedTuple):
     """For every stretch the laws without a potential, which of the totals each goes to, and the laws with one; which totals
-    the dampers of every set of springs and those that break go to (−1: none), and which contact; the totals [J]."""
+    the dampers of every set of springs and those that break go to (−1: none), which contact, and which motors (−1: none);
+    the totals [J]."""
 
     spent: tuple[tuple[Any, ...], ...]
     cause: tuple[Any, ...]
@@ -27,6 +28,7 @@ class Work(NamedTuple):
     damper: Any
     breaking: Any
     contact: int
+    motors: int
     totals: Any
 
 
