@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
-from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
+
+# What steps particles that act on each other, and rigid bodies, is imported where there are some.
 
 
 class World:
@@ -68,8 +68,12 @@ class World:
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
             if island.rigid:
+                from particlesim.engine.islands.rigid import RigidIsland
+
                 islands.append(RigidIsland(self.scenario, island, mine, ids, others))
             elif island.coupled:
+                from particlesim.engine.islands.coupled import CoupledIsland
+
                 islands.append(CoupledIsland(self.scenario, island, mine, ids))
             else:
                 islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))
@@ -132,10 +136,9 @@ class World:
     def _with_ties(self, name: str, forces: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
         """The forces on a group with those of springs that tie some of its particles to bodies."""
         for island in self.islands:
-            if isinstance(island, RigidIsland) and name in island.ties.rows:
-                hung, pull = island.forces_on_tied(self.time)[name]
+            if (tied := island.forces_on_tied(self.time).get(name)) is not None:
                 forces = forces.copy()
-                forces[hung] += pull
+                forces[tied[0]] += tied[1]
         return forces
 
 
