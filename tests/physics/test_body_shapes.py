@@ -273,6 +273,23 @@ def test_bodies_stand_on_planes_and_on_each_other(
     assert [w, x, y, z] == pytest.approx([math.sqrt(0.5), -math.sqrt(0.5), 0, 0], abs=1e-4)
 
 
+def test_a_ring_rolls_as_on_a_circle_and_rests_on_its_side() -> None:
+    # a = g sin θ/(1 + I/(m R²)) with I = m (a² + ¾ r²) and R = a + r: it rolls on a torus, not on a polygon.
+    a, r, tilt = 0.5, 0.1, math.radians(10)
+    gravity = {"type": "gravity", "acceleration": [G * math.sin(tilt), -G * math.cos(tilt), 0]}
+    ring = {"name": "ring", "shape": {"type": "torus", "radius": a, "tube": r}, "position": [0, a + r, 0]}
+    floor = {"restitution": 0.0, "friction": 0.6}
+    end = simulate(0.5, 2e-3, bodies=[ring], planes=[floor], forces=[gravity]).final
+    speed = 0.5 * G * math.sin(tilt) / (1 + (a * a + 0.75 * r * r) / (a + r) ** 2)
+    assert end["velocity"][0] == pytest.approx([speed, 0, 0], abs=1e-9)
+    assert end["angular_velocity"][0] == pytest.approx([0, 0, -speed / (a + r)], abs=1e-9)
+    # On its side it touches all around, and neither sinks nor turns, also where it leans by a hair at first.
+    lying = ring | {"position": [0, r, 0], "orientation": {"axis": [1, 0, 0], "angle": 90}}
+    end = simulate(0.2, 2e-3, bodies=[lying], planes=[floor], forces=[{"type": "gravity"}]).final
+    assert end["position"][0] == pytest.approx([0, r, 0], abs=1e-12)
+    assert np.abs(end["angular_velocity"]).max() < 1e-9
+
+
 def test_a_cylinder_rolls_down_a_slope() -> None:
     # Solid cylinders roll with 2/3 g sin θ: here the floor is level and gravity leans.
     angle, r = 0.3, 0.1
