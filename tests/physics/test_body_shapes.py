@@ -88,7 +88,7 @@ def test_a_mesh_has_the_mass_of_what_its_triangles_enclose() -> None:
     # An icosphere of 5120 triangles is inside of its ball: by its volume, 0.2 %.
     assert ball.volume() == pytest.approx(4 / 3 * math.pi * 0.3**3, rel=3e-3)
     assert ball.spread() == pytest.approx([4 / 15 * math.pi * 0.3**5] * 3, rel=5e-3)
-    assert hull_volume(ball.hull()) == pytest.approx(ball.volume(), rel=1e-9)
+    assert hull_volume(*ball.hulls()) == pytest.approx(ball.volume(), rel=1e-9)
 
 
 def test_axes_that_are_principal_stay() -> None:
@@ -130,8 +130,39 @@ def test_hulls_have_faces_not_triangles() -> None:
 
 def test_a_hollow_mesh_is_told() -> None:
     ring = mesh_of(trimesh.creation.torus(0.3, 0.1))
+    # The hole of a ring of tube r in a ring of radius a: its innermost place is r below the flat sides of the hull.
     assert "convex hull" in ring.remarks()[0]
+    assert "dents 0.1 m deep" in ring.remarks()[0]
     assert mesh_of(trimesh.creation.icosphere(2)).remarks() == ()
+
+
+def test_a_file_of_closed_parts_touches_with_each_of_them(tmp_path: Path) -> None:
+    # An angle of two boxes, and one with a hollow: a surface with its front inwards is no part.
+    boxes = [trimesh.creation.box([1.0, 0.2, 0.4]), trimesh.creation.box([0.2, 1.0, 0.4])]
+    boxes[1].apply_translation([0.4, 0.601, 0])
+    angle = mesh_of(trimesh.util.concatenate(boxes))
+    assert [len(piece.hull.corners) for piece in angle.pieces() if piece.hull is not None] == [8, 8]
+    assert angle.filled() == pytest.approx(1.0)
+    assert angle.remarks() == ()
+    assert angle.volume() == pytest.approx(2 * 0.08)
+    hollow = trimesh.creation.box([0.5, 0.1, 0.2])
+    hollow.invert()
+    shell = mesh_of(trimesh.util.concatenate([boxes[0], hollow]))
+    assert len(shell.pieces()) == 1
+    assert shell.volume() == pytest.approx(0.08 - 0.01)
+    # A ball lies in the angle, 0.2 m above the floor, where the convex hull of both parts would hold it up.
+    trimesh.util.concatenate(boxes).export(tmp_path / "angle.obj")
+    bodies = [
+        {
+            "name": "angle",
+            "shape": {"type": "mesh", "path": str(tmp_path / "angle.obj")},
+            "position": [0.2, 0.4005, 0],
+        },
+        {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}, "position": [0, 0.3, 0]},
+    ]
+    end = simulate(0.2, 2e-3, bodies=bodies, forces=GRAVITY, planes=[FLOOR]).final
+    assert end.position[1] == pytest.approx([0, 0.3, 0], abs=1e-4)
+    assert end.position[0] == pytest.approx([0.2, 0.4005, 0], abs=1e-4)
 
 
 @pytest.mark.parametrize(
