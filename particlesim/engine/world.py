@@ -144,10 +144,9 @@ class World:
     def _with_ties(self, name: str, forces: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
         """The forces on a group with those of springs that tie some of its particles to bodies."""
         for island in self.islands:
-            if (found := island.forces_on_tied(self.time).get(name)) is not None:
-                hung, pull = found
+            if (tied := island.forces_on_tied(self.time).get(name)) is not None:
                 forces = forces.copy()
-                forces[hung] += pull
+                forces[tied[0]] += tied[1]
         return forces
 
 

@@ -169,7 +169,7 @@ class BaseIsland:
         raise NotImplementedError
 
     def forces_on_tied(self, time: float) -> dict[str, tuple[Ints, Floats]]:
-        """Forces on particles of other islands at a time: of every group the rows, and the forces [N], shape [n, 3]."""
+        """Forces of its springs on particles of other islands: of every group the rows, and the forces [N], shape [n, 3]."""
         return {}
 
     def turning(self) -> NDArray[np.float64]:

@@ -269,7 +269,6 @@ class RigidIsland(BaseIsland):
         return np.ascontiguousarray(self._pulls(time)[: self._joined.whole.count, :3].T)
 
     def forces_on_tied(self, time: float) -> dict[str, tuple[Ints, Floats]]:
-        """Forces of springs on particles of other islands: of every group the rows, and the forces [N], shape [n, 3]."""
         return self.ties.forces(self._pulls(time)[self._joined.whole.count :]) if self.ties else {}
 
     def _pulls(self, time: float) -> Floats:
@@ -288,7 +287,6 @@ class RigidIsland(BaseIsland):
         return b, self._scene._replace(springs=springs), new_motion(b.w.size)
 
     def longest_step(self) -> float:
-        """The longest stable step under springs at bodies [s]."""
         b, scene, _ = self._with_tied()
         return longest_step(scene.springs, b)
 
