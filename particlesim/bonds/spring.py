@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.near import near_pairs
-from particlesim.bonds.pairs import Pairs, check_pairs, check_points, joined_groups
+from particlesim.bonds.pairs import SINGLE, Pairs, check_pairs, check_points, joined_groups
 from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.base import Model, Name
@@ -112,6 +112,10 @@ class Springs(Model):
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
         return joined_groups(self.on, self.between)
+
+    def describe(self) -> str:
+        """Springs at rigid bodies in a few words."""
+        return f"{len(self.pairs or SINGLE)} at bodies"
 
     def spring_law(self) -> SpringLaw:
         """The constants that all springs share."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -70,6 +71,8 @@ class Die(Model):
 
 class Emitter(Group):
     """A source of particles, at a rate, in bursts, or both."""
+
+    kind: ClassVar[str] = "emitter"
 
     name: Name = "emitter"
     """Name of the group of its particles, by which forces, planes and messages speak of it."""
@@ -191,6 +194,19 @@ class Emitter(Group):
         end = duration if self.stop is None else min(duration, self.stop)
         steady = max(end - self.start, 0.0) * (self.rate or 0.0)
         return steady + sum(burst.count for burst in self.bursts() if burst.at < duration)
+
+    def describe(self) -> str:
+        if self.on_impact is not None:
+            return f"{self.on_impact.count} for each impact of {', '.join(self.on_impact.of)}"
+        assert self.shape is not None
+        parts = [f"{self.rate:g}/s"] if self.rate is not None else []
+        parts += [f"{burst.count} at {burst.at:g} s" for burst in self.bursts()[:3]]
+        return f"{', '.join(parts)} from a {self.shape.type}"
+
+    def doubts(self, duration: float) -> Iterator[str]:
+        for burst in self.bursts():
+            if burst.at >= duration:
+                yield f"the burst of {self.name!r} at {burst.at:.6g} s is never born: the run ends at {duration:.6g} s"
 
     def births(self, streams: Streams, first: int, birth: Floats) -> Born:
         """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""

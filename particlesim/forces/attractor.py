@@ -48,6 +48,7 @@ class Attractor(Force):
     """Length ε that bounds the force near the center."""
 
     formula: ClassVar[str] = "f = −μ m l / (l² + ε²)^((n+1)/2), l = x − c"
+    by_place: ClassVar[bool] = True
     energy: ClassVar[str] = "U = −μ m / ((n−1) (l² + ε²)^((n−1)/2)); ½ μ m ln(l² + ε²) for n = 1"
 
     @model_validator(mode="after")

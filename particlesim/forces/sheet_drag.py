@@ -20,6 +20,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
+from particlesim.bonds.base import Ties
 from particlesim.flows import AnyFlow
 from particlesim.flows.fluids import FLUIDS, FluidName, require_density
 from particlesim.forces.base import Force
@@ -101,25 +102,23 @@ class Triangle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SurfaceSet:
+class SurfaceSet(Ties):
     """The triangles of a group under a force on its surface: the force's label, the group, and the force."""
 
     name: str
-    group: str
+    groups: tuple[str]
     law: SheetDrag
 
     @property
-    def groups(self) -> tuple[str, ...]:
-        """The groups whose particles it joins."""
-        return (self.group,)
+    def group(self) -> str:
+        """The group whose surface it is."""
+        return self.groups[0]
 
     @property
     def feeds(self) -> bool:
-        """Whether it may bring energy: wind does."""
-        return bool(self.law.flow)
+        return bool(self.law.flow)  # the wind
 
     def needs_velocity(self) -> bool:
-        """Whether its forces depend on velocities."""
         return True
 
 

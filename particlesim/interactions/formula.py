@@ -7,6 +7,7 @@ Source: A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 3, for
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from particlesim.expressions.constants import check_constant
 from particlesim.expressions.discontinuities import CALLED, edges
 from particlesim.expressions.operations import Node, Ray, slope, value
 from particlesim.expressions.parser import ExpressionError, on_arrays, parse, reads
-from particlesim.interactions.base import PairInteraction
+from particlesim.interactions.base import Jump, PairInteraction
 from particlesim.laws.pair import Pair, Terms, by_distance, central_law
 from particlesim.laws.registry import law
 from particlesim.model.base import Name
@@ -182,6 +183,17 @@ class PairFormula(PairInteraction):
                         break
         return min(found, default=None)
 
+    def doubts(self, lightest: tuple[float, float] | None, dt: float) -> Iterator[str]:
+        if (jump := self.jump()) is None:
+            return
+        unit, effect = "N", "methods lose their order"
+        if jump.of == "energy":
+            unit, effect = "J", "no force does that work: energy is not kept"
+        yield (
+            f"the {jump.of} of {self.label} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} {unit} for some pair; {effect} "
+            "where pairs pass there"
+        )
+
     def changes(self) -> bool:
         """Whether the energy of particles at rest changes with time."""
         return reads(self.node(), Moment)
@@ -194,14 +206,6 @@ class PairFormula(PairInteraction):
         with np.errstate(all="ignore"):
             at = value(self.node(), Known(*map(np.float64, (0.0, *_PROBES[0][1:]))))  # type: ignore[arg-type]
         return not bool(np.isfinite(at))
-
-
-class Jump(NamedTuple):
-    """A jump of the energy [J] or of the force [N] of a pair: of what, at which distance [m], and by how much."""
-
-    of: str
-    at: float
-    size: float  # "energy" comes before "force", and near before far, in the order of tuples
 
 
 ALONG = Known(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from particlesim.colliders import Collider, Plane
-from particlesim.interactions.contact import Contact
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.vectors import unit
@@ -79,7 +78,7 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
                 ((BOX, "here"),),
                 allowed='"auto", "mesh"' if summed else '"auto", "direct", "neighbours"',
             )
-        elif isinstance(each, Contact) and not each.soft:
+        elif each.by_impulses:
             yield Invalid(
                 "impulses are not given across the sides of a periodic box",
                 here,
