@@ -15,7 +15,7 @@ from particlesim.bonds.pairs import SINGLE, WORLD, Pairs, check_pairs, joined_gr
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number, Vector
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Tagged, models_of
 from particlesim.model.vectors import Vector3, norm
 
 
@@ -104,4 +104,4 @@ class HingeJoint(Joint):
 
 
 AnyJoint = Annotated[BallJoint | HingeJoint, Tagged("type")]
-JOINTS: tuple[type[Joint], ...] = (BallJoint, HingeJoint)
+JOINTS: tuple[type[Joint], ...] = models_of(AnyJoint)

@@ -13,19 +13,10 @@ from particlesim.bodies.shape import (
     CylinderBody,
     TorusBody,
 )
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Tagged, models_of
 
 AnyBodyShape = Annotated[
     BallBody | BoxBody | CapsuleBody | CylinderBody | ConeBody | TorusBody | MeshBody | ClumpBody,
     Tagged("type"),
 ]
-BODY_SHAPES: tuple[type[BodyShape], ...] = (
-    BallBody,
-    BoxBody,
-    CapsuleBody,
-    CylinderBody,
-    ConeBody,
-    TorusBody,
-    MeshBody,
-    ClumpBody,
-)
+BODY_SHAPES: tuple[type[BodyShape], ...] = models_of(AnyBodyShape)

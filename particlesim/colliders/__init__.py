@@ -1,4 +1,4 @@
-"""What particles collide with. To add a shape, write its file and add it to `AnyCollider` and `COLLIDERS`."""
+"""What particles collide with. To add a shape, write its file and add it to `AnyCollider`."""
 
 from typing import Annotated
 
@@ -18,7 +18,7 @@ from particlesim.colliders.plane import Plane, PlaneCollider
 from particlesim.colliders.rectangle import RectangleCollider
 from particlesim.colliders.sphere import SphereCollider
 from particlesim.colliders.torus import TorusCollider
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Tagged, models_of
 
 AnyCollider = Annotated[
     PlaneCollider
@@ -39,24 +39,7 @@ AnyCollider = Annotated[
     | DifferenceCollider,
     Tagged("type"),
 ]
-COLLIDERS: tuple[type[Collider], ...] = (
-    PlaneCollider,
-    SphereCollider,
-    BoxCollider,
-    CapsuleCollider,
-    CylinderCollider,
-    ConeCollider,
-    TorusCollider,
-    RectangleCollider,
-    DiscCollider,
-    MeshCollider,
-    HeightFieldCollider,
-    DistanceGridCollider,
-    FormulaCollider,
-    UnionCollider,
-    IntersectionCollider,
-    DifferenceCollider,
-)
+COLLIDERS: tuple[type[Collider], ...] = models_of(AnyCollider)
 
 __all__ = [
     "COLLIDERS",

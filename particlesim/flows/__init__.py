@@ -1,6 +1,6 @@
-"""Velocity fields of fluids. To add one, write its file and add it to `AnyFlow`."""
+"""Velocity fields of fluids. To add one, write its file and add its class to `_Own`."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 from particlesim.extensions.open_union import OpenUnion
 from particlesim.flows.base import Flow
@@ -9,11 +9,12 @@ from particlesim.flows.vortex import Vortex
 from particlesim.laws.registry import velocity, velocity_dx
 from particlesim.model.variants import Tagged
 
-FLOWS: tuple[type[Flow], ...] = (Uniform, Vortex)
+_Own = Uniform | Vortex
+FLOWS: tuple[type[Flow], ...] = get_args(_Own)
 
 OPEN_FLOWS = OpenUnion("particlesim.flows", Flow, FLOWS, laws=(velocity, velocity_dx))
 """What installed packages add to `AnyFlow`."""
 
-AnyFlow = Annotated[Uniform | Vortex, Tagged("type"), OPEN_FLOWS]
+AnyFlow = Annotated[_Own, Tagged("type"), OPEN_FLOWS]
 
 __all__ = ["FLOWS", "OPEN_FLOWS", "AnyFlow", "Flow"]

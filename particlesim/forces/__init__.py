@@ -1,6 +1,6 @@
-"""Forces on single particles. To add one, write its file and add its class to `FORCES` and `AnyForce`."""
+"""Forces on single particles. To add one, write its file and add its class to `_Own`."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 from particlesim.extensions.open_union import OpenUnion
 from particlesim.forces.attractor import Attractor
@@ -17,31 +17,7 @@ from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.laws.registry import force, force_dv, force_dx, potential
 from particlesim.model.variants import Tagged
 
-FORCES: tuple[type[Force], ...] = (
-    Gravity,
-    LinearDrag,
-    StokesDrag,
-    Drag,
-    Buoyancy,
-    PointSpring,
-    Attractor,
-    RotatingFrame,
-    Field,
-)
-
-SURFACE_FORCES: tuple[type[Force], ...] = (SheetDrag,)
-"""Forces on the triangles of surfaces, which have a law of their own."""
-
-OPEN_FORCES = OpenUnion(
-    "particlesim.forces",
-    Force,
-    (*FORCES, *SURFACE_FORCES),
-    texts=("formula", "energy"),
-    laws=(force, force_dx, force_dv, potential),
-)
-"""What installed packages add to `AnyForce`."""
-
-AnyForce = Annotated[
+_Own = (
     Gravity
     | LinearDrag
     | StokesDrag
@@ -51,9 +27,22 @@ AnyForce = Annotated[
     | Attractor
     | RotatingFrame
     | Field
-    | SheetDrag,
-    Tagged("type"),
-    OPEN_FORCES,
-]
+    | SheetDrag
+)
+_ALL: tuple[type[Force], ...] = get_args(_Own)
+FORCES = tuple(each for each in _ALL if not each.on_surfaces)
+SURFACE_FORCES = tuple(each for each in _ALL if each.on_surfaces)
+"""Forces on the triangles of surfaces, which have a law of their own."""
+
+OPEN_FORCES = OpenUnion(
+    "particlesim.forces",
+    Force,
+    _ALL,
+    texts=("formula", "energy"),
+    laws=(force, force_dx, force_dv, potential),
+)
+"""What installed packages add to `AnyForce`."""
+
+AnyForce = Annotated[_Own, Tagged("type"), OPEN_FORCES]
 
 __all__ = ["FORCES", "OPEN_FORCES", "SURFACE_FORCES", "AnyForce", "Force", "SheetDrag"]

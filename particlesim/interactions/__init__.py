@@ -1,7 +1,6 @@
-"""Interactions between any two particles. To add one, write its file and add its class to `INTERACTIONS` and
-`AnyInteraction`."""
+"""Interactions between any two particles. To add one, write its file and add its class to `_Own`."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 from particlesim.extensions.open_union import OpenUnion
 from particlesim.interactions.base import PairInteraction, PairSet
@@ -19,19 +18,20 @@ from particlesim.interactions.yukawa import Yukawa
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
 from particlesim.model.variants import Tagged
 
-INTERACTIONS: tuple[type[PairInteraction], ...] = (
-    MutualGravity,
-    Coulomb,
-    PairPowerLaw,
-    LennardJones,
-    Morse,
-    Yukawa,
-    SoftSphere,
-    PairFormula,
-    PairFriction,
-    Flocking,
-    Contact,
+_Own = (
+    MutualGravity
+    | Coulomb
+    | PairPowerLaw
+    | LennardJones
+    | Morse
+    | Yukawa
+    | SoftSphere
+    | PairFormula
+    | PairFriction
+    | Flocking
+    | Contact
 )
+INTERACTIONS: tuple[type[PairInteraction], ...] = get_args(_Own)
 
 OPEN_INTERACTIONS = OpenUnion(
     "particlesim.interactions",
@@ -43,20 +43,6 @@ OPEN_INTERACTIONS = OpenUnion(
 )
 """What installed packages add to `AnyInteraction`."""
 
-AnyInteraction = Annotated[
-    MutualGravity
-    | Coulomb
-    | PairPowerLaw
-    | LennardJones
-    | Morse
-    | Yukawa
-    | SoftSphere
-    | PairFormula
-    | PairFriction
-    | Flocking
-    | Contact,
-    Tagged("type"),
-    OPEN_INTERACTIONS,
-]
+AnyInteraction = Annotated[_Own, Tagged("type"), OPEN_INTERACTIONS]
 
 __all__ = ["INTERACTIONS", "OPEN_INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]

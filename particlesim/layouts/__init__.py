@@ -17,7 +17,7 @@ from particlesim.layouts.random import Random
 from particlesim.layouts.rope import Rope
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.layouts.waves import Waves
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Tagged, models_of
 
 AnyLayout = Annotated[
     Points
@@ -36,21 +36,6 @@ AnyLayout = Annotated[
     | File,
     Tagged("type"),
 ]
-LAYOUTS: tuple[type[Layout], ...] = (
-    Points,
-    Random,
-    Lattice,
-    Cloth,
-    Rope,
-    Jelly,
-    Net,
-    Hair,
-    Bridge,
-    SurfaceFile,
-    Plummer,
-    Disc,
-    Waves,
-    File,
-)
+LAYOUTS: tuple[type[Layout], ...] = models_of(AnyLayout)
 
 __all__ = ["CHUNK", "LAYOUTS", "AnyLayout", "Layout", "Placed"]

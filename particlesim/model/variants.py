@@ -11,6 +11,11 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 
+def models_of(annotation: Any) -> tuple[type[Any], ...]:
+    """The models of `Annotated[Box | Ball, ...]`, in this order."""
+    return get_args(get_args(annotation)[0])
+
+
 class Tagged:
     """Marks a union of models told apart by the key `by`: `Annotated[Box | Ball, Tagged("type")]`.
 
