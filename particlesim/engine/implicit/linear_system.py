@@ -229,17 +229,7 @@ def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: A
 
 def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
     """−(γ A + weight · B) for two matrices."""
-    return (
-        -(reach * a[0] + weight * b[0]),
-        -(reach * a[1] + weight * b[1]),
-        -(reach * a[2] + weight * b[2]),
-        -(reach * a[3] + weight * b[3]),
-        -(reach * a[4] + weight * b[4]),
-        -(reach * a[5] + weight * b[5]),
-        -(reach * a[6] + weight * b[6]),
-        -(reach * a[7] + weight * b[7]),
-        -(reach * a[8] + weight * b[8]),
-    )
+    return tuple(-(reach * x + weight * y) for x, y in zip(a, b, strict=True))
 
 
 def stiff_of(bond: Any, b: Any, reach: Any) -> Any:
