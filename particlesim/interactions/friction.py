@@ -109,11 +109,13 @@ def parts(f: FrictionRecord | ThermostatRecord, p: Pair) -> tuple[float, float, 
 
 
 def friction_force(f: FrictionRecord | ThermostatRecord, p: Pair) -> Vector:
+    """Force on the first of two particles [N]."""
     _, _, k, _ = parts(f, p)
     return k * p.x, k * p.y, k * p.z
 
 
 def friction_dx(f: FrictionRecord | ThermostatRecord, p: Pair) -> Matrix:
+    """∂f/∂l [N/m]."""
     r, w, k, rise = parts(f, p)
     drag = -f.gamma * w * w / (r * r)
     # k 1 + l (k' l/r + drag v)ᵀ
@@ -122,6 +124,7 @@ def friction_dx(f: FrictionRecord | ThermostatRecord, p: Pair) -> Matrix:
 
 
 def friction_dv(f: FrictionRecord | ThermostatRecord, p: Pair) -> Matrix:
+    """∂f/∂v [N s/m]."""
     r, w, _, _ = parts(f, p)
     k = -f.gamma * w * w / (r * r)
     return outer((k * p.x, k * p.y, k * p.z), (p.x, p.y, p.z))

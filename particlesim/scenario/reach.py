@@ -30,6 +30,7 @@ def acts_on(force: Force, group: Group) -> bool:
 
 
 def unfelt(force: Force, group: Group) -> str | None:
+    """Why a group cannot feel a force; None if it can."""
     if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
         return "this force acts on surfaces; cloth, jelly and mesh have one"
     if group.dynamics.type == "tracer":
@@ -176,6 +177,7 @@ def may_break(scenario: Tables, bonds: BondSet) -> bool:
 
 
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
+    """All groups, and where they are stated."""
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
     for k, bodies in enumerate(scenario.bodies):

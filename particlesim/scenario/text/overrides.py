@@ -56,6 +56,7 @@ def override_from_python(key: str, value: object) -> Override:
 
 
 def overrides_from_mapping(values: Mapping[str, object]) -> tuple[Override, ...]:
+    """The overrides {key: value, ...} of the Python interface."""
     return tuple(override_from_python(key, value) for key, value in values.items())
 
 
