@@ -42,6 +42,7 @@ from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
 from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.text import typewalk
 from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 TARGET = Path(__file__).with_name("scenario.md")
@@ -174,9 +175,11 @@ def prose(name: str) -> str:
 
 def section(field: str) -> str:
     """Title, text and the table of the entries of a list in the scenario."""
-    entries = Scenario.model_fields[field].annotation
-    rows = table(entries.__args__[0])  # type: ignore[union-attr]
-    return f"## `[[{field}]]`\n\n{prose(field).strip()}\n\n{rows}"
+    entries = typewalk.node(Scenario.model_fields[field].annotation)
+    each = typewalk.child(entries, 0, None)
+    assert each is not None
+    assert each.model is not None
+    return f"## `[[{field}]]`\n\n{prose(field).strip()}\n\n{table(each.model)}"
 
 
 def entry(title: str, model: type[BaseModel], without: tuple[str, ...] = ()) -> str:

@@ -11,13 +11,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from particlesim.bodies.base import BodyShape
 from particlesim.bodies.mass import Solidity, together
 from particlesim.bodies.mesh import MeshBody
 from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, HULL, Piece, union_of
 from particlesim.bodies.shape import UNTURNED as STRAIGHT
 from particlesim.bodies.shape import (
     BallBody,
-    BodyShape,
     BoxBody,
     CapsuleBody,
     ConeBody,

@@ -15,7 +15,7 @@ from particlesim.bonds.pairs import SINGLE, WORLD, Pairs, check_pairs, joined_gr
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number, Vector
-from particlesim.model.variants import Tagged, models_of
+from particlesim.model.variants import Tagged
 from particlesim.model.vectors import Vector3, norm
 
 
@@ -43,7 +43,9 @@ class Joint(Model):
         first, second = self.groups()
         if first == WORLD:
             raise invalid(
-                "the world comes second", at=("between", 0), allowed=f'between = ["{second}", "world"]'
+                '"world" must be the second of the two',
+                at=("between", 0),
+                allowed=f'between = ["{second}", "world"]',
             )
         if self.pairs is None and first == second:
             raise invalid(
@@ -52,7 +54,7 @@ class Joint(Model):
         check_pairs(self.pairs or (), inside=first == second)
         for k, pair in enumerate(self.pairs or ()):
             if second == WORLD and pair[1] != 0:
-                raise invalid("there is one world only", at=("pairs", k, 1), allowed="0")
+                raise invalid("the index of the world is 0", at=("pairs", k, 1), allowed="0")
         if self.several and len(self.anchors) != len(self.pairs or SINGLE):
             raise invalid(
                 f"{len(self.anchors)} places for {len(self.pairs or SINGLE)} joints",
@@ -104,4 +106,4 @@ class HingeJoint(Joint):
 
 
 AnyJoint = Annotated[BallJoint | HingeJoint, Tagged("type")]
-JOINTS: tuple[type[Joint], ...] = models_of(AnyJoint)
+JOINTS: tuple[type[Joint], ...] = (BallJoint, HingeJoint)

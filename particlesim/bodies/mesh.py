@@ -11,10 +11,11 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import PrivateAttr
 
+from particlesim.bodies.base import BodyShape
 from particlesim.bodies.hull import Hull, hull_of
 from particlesim.bodies.mass import Solidity, enclosed_by
 from particlesim.bodies.pieces import HULL, Piece
-from particlesim.bodies.shape import UNTURNED, BodyShape
+from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
 from particlesim.colliders.mesh import require_solid, without_flat
 from particlesim.colliders.triangulation import Triangles

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
-from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
+
+# What steps particles that act on each other, and rigid bodies, is imported where there are some.
 
 
 class World:
@@ -66,8 +66,12 @@ class World:
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
             if island.rigid:
+                from particlesim.engine.islands.rigid import RigidIsland
+
                 islands.append(RigidIsland(self.scenario, island, mine, ids))
             elif island.coupled:
+                from particlesim.engine.islands.coupled import CoupledIsland
+
                 islands.append(CoupledIsland(self.scenario, island, mine, ids))
             else:
                 islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))

@@ -28,7 +28,7 @@ Shift = Literal["none", "energy", "force"]
 
 
 class Jump(NamedTuple):
-    """A jump of the energy [J] or the force [N] of a pair: of which, at what distance [m], and by how much."""
+    """A jump of the energy [J] or of the force [N] of a pair: of what, at which distance [m], and by how much."""
 
     of: str
     at: float

@@ -67,7 +67,7 @@ def numbered(out: Path, frames: int) -> list[Path]:
             names = [out.name % (k + 1) for k in range(frames)]
         except (TypeError, ValueError) as error:
             raise UsageError(
-                f"'{out.name}' is no pattern for file numbers",
+                f"'{out.name}' is not a pattern for file numbers",
                 "Use one such as 'frame-%04d.png', or a plain name.",
             ) from error
         if len(set(names)) != len(names):

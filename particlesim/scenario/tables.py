@@ -22,6 +22,7 @@ from particlesim.groups.motion import Motion
 from particlesim.interactions import AnyInteraction
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
+from particlesim.model.variants import Late
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
@@ -64,33 +65,33 @@ class Tables(Model):
     """Which moments and which quantities go to the trajectory."""
     particles: tuple[Particles, ...] = ()
     """Particles that are there from the start."""
-    bodies: tuple[Bodies, ...] = ()
+    bodies: tuple[Late[Bodies], ...] = ()
     """Rigid bodies."""
-    emitters: tuple[Emitter, ...] = ()
+    emitters: tuple[Late[Emitter], ...] = ()
     """Sources of particles."""
     forces: tuple[AnyForce, ...] = ()
     """What acts on particles."""
     interactions: tuple[AnyInteraction, ...] = ()
     """What particles do to each other, near or far."""
-    springs: tuple[Springs, ...] = ()
+    springs: tuple[Late[Springs], ...] = ()
     """Springs between listed particles, or points of rigid bodies."""
-    rods: tuple[Rods, ...] = ()
+    rods: tuple[Late[Rods], ...] = ()
     """Pairs of particles, or points of rigid bodies, whose distance does not change."""
-    angles: tuple[Angles, ...] = ()
+    angles: tuple[Late[Angles], ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
-    dihedrals: tuple[Dihedrals, ...] = ()
+    dihedrals: tuple[Late[Dihedrals], ...] = ()
     """Springs that keep the fold between two triangles."""
     joints: tuple[AnyJoint, ...] = ()
     """Ball joints and hinges of rigid bodies."""
-    motions: tuple[Motion, ...] = ()
+    motions: tuple[Late[Motion], ...] = ()
     """Paths of pinned particles."""
-    planes: tuple[Plane, ...] = ()
+    planes: tuple[Late[Plane], ...] = ()
     """Half-spaces that hold particles back: colliders of type "plane"."""
     colliders: tuple[AnyCollider, ...] = ()
     """Shapes that hold particles back."""
-    impulses: tuple[Impulse, ...] = ()
+    impulses: tuple[Late[Impulse], ...] = ()
     """Kicks at given times."""
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Late[Check], ...] = ()
     """What must hold; a run that breaks one has failed."""
     render: RenderSettings = RenderSettings()
     """How videos look."""

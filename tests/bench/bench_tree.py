@@ -41,7 +41,7 @@ class Bodies:
         self.x = np.ascontiguousarray(sphere.place(Streams(1, "bench"), 0, count).position)
         self.mass = np.full(count, 1 / count)
         self.team, self.softening = team, softening
-        order = calibration.order_for(accuracy, count)
+        order = calibration.order_for(accuracy)
         form = Form((None,) * order, OneSign(), Plummer(softening**2), Gradient())
         self.tree = calibration.for_threads(new_tree(form, count, 1), team.threads)
         self.limits = np.array([*calibration.first_limits(accuracy), accuracy, 0.0])

@@ -486,7 +486,7 @@ ROD = {"between": ["body", "world"], "points": [[0, 0, 0], [0, 1, 0]]}
     ("parts", "message"),
     [
         ({"joints": [BALL | {"between": ["bdoy", "world"]}]}, "unknown body 'bdoy'"),
-        ({"joints": [BALL | {"between": ["world", "body"]}]}, "the world comes second"),
+        ({"joints": [BALL | {"between": ["world", "body"]}]}, '"world" must be the second'),
         ({"joints": [BALL | {"pairs": [[1, 0]]}]}, "has no body 1"),
         ({"joints": [BALL | {"pairs": [[0, 1]]}]}, "one world"),
         ({"joints": [BALL | {"anchor": [[0, 0, 0], [0, 1, 0]]}]}, "2 places for 1"),
@@ -494,7 +494,7 @@ ROD = {"between": ["body", "world"], "points": [[0, 0, 0], [0, 1, 0]]}
         ({"joints": [HINGE | {"axis": [0, 0, 0]}]}, "needs a direction"),
         ({"springs": [SPRING | {"between": ["body", "bdoy"]}]}, "unknown body 'bdoy'"),
         ({"springs": [SPRING | {"break_force": 1.0}]}, "do not break"),
-        ({"springs": [{"between": ["body", "world"], "pairs": [[0, 0]], "stiffness": 1.0}]}, "where in the world"),
+        ({"springs": [{"between": ["body", "world"], "pairs": [[0, 0]], "stiffness": 1.0}]}, '"world" needs points'),
         ({"rods": [ROD | {"pairs": [[2, 0]]}]}, "has no body 2"),
         ({"springs": [SPRING | {"between": ["body", "dust"]}], "particles": [DUST]}, "'dust' are particles"),
     ],

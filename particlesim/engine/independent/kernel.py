@@ -21,6 +21,7 @@ from particlesim.engine.state.columns import (
     fetch_known,
     held,
     keep,
+    lifetimes,
     note,
     put_back,
     recall,
@@ -227,8 +228,11 @@ def step_range(
         for i in range(n):
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
+        born, gone = lifetimes(c.clock)
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, room)
+            begin, end = (first_step + s) * dt, (first_step + s + 1) * dt
+            if end > born and begin < gone:
+                step_block(program, c, begin, end, h, inverse, room)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):

@@ -7,8 +7,9 @@ it, with clocks that start later; at its end the dead are taken out. In between,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,14 @@ WORTH_THREADS = 500_000
 
 OWN_STEPS = 20
 """Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+
+class Intrusion(NamedTuple):
+    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
+
+    body: tuple[str, int]
+    other: Collider | tuple[str, int]
+    depth: float
 
 
 class BaseIsland:
@@ -142,6 +151,18 @@ class BaseIsland:
     def island_columns(self) -> Columns:
         """Columns of the whole island."""
         raise NotImplementedError
+
+    def intrusions(self) -> list[Intrusion]:
+        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
+        return []
+
+    def longest_step(self) -> float:
+        """The largest stable step under springs at bodies [s]."""
+        return math.inf
+
+    def longest_step_on_orbits(self) -> float:
+        """The longest step of a method that follows orbits [s]."""
+        return math.inf
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""

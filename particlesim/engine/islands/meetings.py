@@ -4,19 +4,21 @@ step (`engine.rigid.grains`)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.islands.rigid import RigidIsland
-from particlesim.engine.rigid.grains import near_bodies
-from particlesim.engine.rigid.visit import Visitors
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.reach import meetings_of
 from particlesim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from particlesim.engine.islands.rigid import RigidIsland
+
+# What steps bodies is imported where there are some.
 
 
 class Surfaces(NamedTuple):
@@ -36,7 +38,7 @@ class Meetings:
         self, scenario: Scenario, islands: Sequence[BaseIsland], states: Sequence[GroupState]
     ) -> None:
         self._dt = scenario.grid.dt
-        self._bodies = next((each for each in islands if isinstance(each, RigidIsland)), None)
+        self._bodies = _bodies_among(islands) if scenario.bodies else None
         self._islands = {
             state.name: island for island in islands for state in island.states if island is not self._bodies
         }
@@ -62,6 +64,9 @@ class Meetings:
 
     def invite(self) -> None:
         """Before bodies make a step: particles that may touch them in it are their guests."""
+        from particlesim.engine.rigid.grains import near_bodies
+        from particlesim.engine.rigid.visit import Visitors
+
         assert self._bodies is not None
         bodies, parts = self._bodies.bodies(), []
         self._rows = []
@@ -106,3 +111,9 @@ class Meetings:
                 state.memory[-1, rows] = 0
             if len(rows):
                 self._islands[state.name].fit()
+
+
+def _bodies_among(islands: Sequence[BaseIsland]) -> RigidIsland:
+    from particlesim.engine.islands.rigid import RigidIsland
+
+    return next(each for each in islands if isinstance(each, RigidIsland))

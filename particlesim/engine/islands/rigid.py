@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
-from particlesim.colliders import Collider
 from particlesim.engine.faults import Fault, Unclosed
-from particlesim.engine.islands.base import BaseIsland
+from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.sums import measure
@@ -70,14 +69,6 @@ DEEP = 10.0
 """Overlap at the start that is told, in units of that which contacts leave alone."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
-
-
-class Intrusion(NamedTuple):
-    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
-
-    body: tuple[str, int]
-    other: Collider | tuple[str, int]
-    depth: float
 
 
 class RigidIsland(BaseIsland):
@@ -200,7 +191,6 @@ class RigidIsland(BaseIsland):
         return Fault(member, row, step)
 
     def intrusions(self) -> list[Intrusion]:
-        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
         k, bounds = self._contacts, self._joined.bounds
         time = 0.0 if self.kept_from is None else self.kept_from * self.dt
         look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
@@ -267,7 +257,6 @@ class RigidIsland(BaseIsland):
         return np.ascontiguousarray(self._motion.pull[:, :3].T)
 
     def longest_step(self) -> float:
-        """The longest stable step under springs at bodies [s]."""
         return longest_step([springs for _, springs in self._springs], self.bodies())
 
     def stored(self) -> dict[str, float]:

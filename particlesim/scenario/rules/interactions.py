@@ -35,7 +35,7 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
     for k, each in enumerate(scenario.interactions):
         groups = interacting(each, scenario.groups)
         for key, name in strangers(each, [group.name for group in groups]):
-            yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
+            yield Invalid(f"{name!r} is not a group of this interaction", ("interactions", k, key, name))
         if not groups:
             hint = "rigid bodies touch each other without it" if scenario.bodies else None
             yield Invalid(f"no group of particles can feel {each.label}", ("interactions", k), hint=hint)

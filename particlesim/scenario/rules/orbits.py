@@ -113,7 +113,7 @@ def _acting(scenario: Tables, groups: list[tuple[Path, Group]], here: Path) -> I
             continue
         if each.is_contact or each.random() or each.needs_velocity():
             yield Invalid(
-                f"{each.label} is no force of places alone, and whfast cannot split it off",
+                f"{each.label} depends on more than places, and whfast cannot split it off",
                 ("interactions", k),
                 marks,
                 allowed,
