@@ -27,7 +27,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             if path[0] == "bodies":
                 yield Invalid("impacts of rigid bodies give no births", (*here, "of", j), also)
             elif group.dynamics.type != "second_order":
-                yield Invalid("what has no inertia has no impacts", (*here, "of", j), also)
+                yield Invalid("particles without inertia have no impacts", (*here, "of", j), also)
             elif owner[name] == owner[emitter.name]:
                 yield Invalid(
                     f"{emitter.name!r} and {name!r} act on each other in every step, or are the same, so that births would "
