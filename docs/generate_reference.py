@@ -50,8 +50,6 @@ TEXTS = Path(__file__).with_name("reference")
 
 DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
 SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
-NOT_FOR_BODIES = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
-"""Keys of particles that bodies refuse."""
 DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
 
 
@@ -92,7 +90,7 @@ def parts() -> Iterator[str]:
     yield summary(Cooling) + "\n\n" + table(Cooling)
     yield "## `[[bodies]]`"
     yield prose("rigid_bodies")
-    yield table(Bodies, without=NOT_FOR_BODIES)
+    yield table(Bodies, without=Bodies.unused)
     yield "### Shapes of bodies"
     yield from variants(BODY_SHAPES)
     yield "## `[[joints]]`"

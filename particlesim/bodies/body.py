@@ -41,6 +41,8 @@ class Bodies(Particles):
     """Rigid bodies of one shape: they move, turn, and touch colliders and each other."""
 
     rigid: ClassVar[bool] = True
+    unused: ClassVar[tuple[str, ...]] = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
+    """Keys of particles that bodies do not have."""
 
     name: Name = "bodies"
     """Name of the group, by which forces, colliders and messages speak of it."""
