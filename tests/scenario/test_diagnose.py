@@ -257,7 +257,9 @@ def test_one_mistake_is_told_once(key: str, value: object) -> None:
         assert sum(path.startswith(f"{owner}.{key}") for path in paths) == expected, paths
 
 
-@pytest.mark.parametrize("anchor", [[0, 0, float("nan")], [[0, 0, float("nan")]], [0, "a", 0], [[0, 0, 0], 1]])
+@pytest.mark.parametrize(
+    "anchor", [[0, 0, float("nan")], [[0, 0, float("nan")]], [0, "a", 0], [[0, 0, 0], 1]]
+)
 def test_one_mistake_in_a_place_or_in_a_list_of_places_is_told_once(anchor: list[object]) -> None:
     body = {"name": "a", "shape": {"type": "sphere", "radius": 0.1}}
     joint = {"type": "ball", "between": ["a", "world"], "anchor": anchor}
