@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
+
+if TYPE_CHECKING:
+    from particlesim.engine.islands.separation import Separation
 
 # What steps particles that act on each other, and rigid bodies, is imported where there are some.
 
@@ -40,6 +43,7 @@ class World:
         self.scenario = scenario
         self.graph: Graph = build_graph(scenario)
         self.step = 0
+        self.separations: list[Separation] = []
         self.islands = self._populate(block)
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
@@ -67,6 +71,10 @@ class World:
             mine = [
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
+            if island.coupled:
+                from particlesim.engine.islands.separation import separate
+
+                self.separations += separate(island, mine, self.scenario.simulation.box)
             if island.rigid:
                 from particlesim.engine.islands.rigid import RigidIsland
 
