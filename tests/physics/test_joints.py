@@ -488,7 +488,7 @@ ROD = {"between": ["body", "world"], "points": [[0, 0, 0], [0, 1, 0]]}
         ({"joints": [BALL | {"between": ["bdoy", "world"]}]}, "unknown body 'bdoy'"),
         ({"joints": [BALL | {"between": ["world", "body"]}]}, '"world" must be the second'),
         ({"joints": [BALL | {"pairs": [[1, 0]]}]}, "has no body 1"),
-        ({"joints": [BALL | {"pairs": [[0, 1]]}]}, "one world"),
+        ({"joints": [BALL | {"pairs": [[0, 1]]}]}, "index of the world is 0"),
         ({"joints": [BALL | {"anchor": [[0, 0, 0], [0, 1, 0]]}]}, "2 places for 1"),
         ({"joints": [BALL | {"between": None, "on": "body"}]}, "which bodies"),
         ({"joints": [HINGE | {"axis": [0, 0, 0]}]}, "needs a direction"),
