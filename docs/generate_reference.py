@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
-from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint
+from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint, Motor
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
@@ -103,6 +103,8 @@ def parts_of_matter() -> Iterator[str]:
     yield prose("joints")
     yield table(Joint)
     yield from variants(JOINTS)
+    yield "### Motor"
+    yield summary(Motor) + "\n\n" + table(Motor)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)

@@ -162,6 +162,11 @@ class PairInteraction(Model):
         return False
 
     @property
+    def must_part(self) -> bool:
+        """Whether the scenario asks that particles which overlap at the start are put apart."""
+        return False
+
+    @property
     def by_impulses(self) -> bool:
         """Whether it changes velocities at once where particles touch, by impulses and not by forces."""
         return False

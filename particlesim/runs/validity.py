@@ -124,12 +124,26 @@ def stiff(world: World) -> tuple[str, ...]:
 
 
 def squeezed(world: World) -> tuple[str, ...]:
-    """A sentence for every interaction by contact with particles that overlap each other at the start."""
-    return tuple(
-        f"{each.label}: {each.number:,} pair{'s' if each.number > 1 else ''} of particles overlap at the start, the deepest "
-        f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
+    """A sentence for every interaction by contact with particles that overlap each other at the start, or did."""
+    apart = [
+        f"{each.label}: {_pairs(each.number)} overlapped at the start, the deepest by {each.depth:.3g} m: they have been "
+        f"put apart, particles moved by up to {each.way:.3g} m"
+        + (f", and overlap by up to {each.left:.3g} m still, as there is no room" if each.cramped else "")
+        + '; overlap = "keep" leaves them where they are'
+        for each in world.separations
+    ]
+    known = {each.label for each in world.separations}
+    found = [
+        f"{each.label}: {_pairs(each.number)} overlap at the start, the deepest (ids {each.ids[0]} and {each.ids[1]}) by "
+        f"{each.depth:.3g} m; they move apart"
         for each in crowded(world)
-    )
+        if each.label not in known
+    ]
+    return (*apart, *found)
+
+
+def _pairs(number: int) -> str:
+    return f"{number:,} pair{'s' if number > 1 else ''} of particles"
 
 
 def knotted(world: World) -> tuple[str, ...]:

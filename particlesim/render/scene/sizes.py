@@ -47,7 +47,9 @@ class Sizes:
         least = float(np.interp(crowd, [3.0, 5.0], [0.0028, 0.001]))
         radii = np.empty(len(bodies.owners))
         for k, name in enumerate(bodies.owners):
-            rest = bodies.lines.rest[bodies.owner == k]
+            rest = np.concatenate(
+                [bodies.lines.rest[bodies.owner == k], bodies.links.rest[bodies.links.owner == k]]
+            )
             typical = float(np.median(rest)) if len(rest) else 0.0
             own = np.clip(0.1 * typical, least * self.scale, 0.007 * self.scale)
             radii[k] = (wanted or {}).get(name, own)
