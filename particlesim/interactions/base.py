@@ -206,6 +206,11 @@ class PairInteraction(Model):
         """Whether it acts only where two particles touch, within the sum of their radii."""
         return False
 
+    def beyond(self, radius: float) -> float:
+        """How far the surfaces of particles of at most a radius may be apart and still act on each other, once they have
+        touched [m]."""
+        return 0.0
+
     def numbers_of(self, group: str) -> tuple[float, float]:
         """The two numbers `a` and `b` that the law keeps of every particle of a group."""
         return 0.0, 0.0

@@ -144,6 +144,15 @@ def test_what_cannot_be_heard_is_refused(name: str) -> None:
         ps.from_table(scene(table_))
 
 
+def test_contacts_that_last_have_no_moment_that_could_be_heard() -> None:
+    table_ = scene(emitter())
+    table_["interactions"] = [{"type": "contact", "model": "linear", "stiffness": 1000.0, "on": ["ball"]}]
+    with pytest.raises(
+        ps.ScenarioError, match="contacts of contact last, so that 'ball' has no moment of impact"
+    ):
+        ps.from_table(table_)
+
+
 def test_circles_are_refused() -> None:
     one = {**emitter(on_impact={"of": ["other"]}), "name": "one"}
     other = {**emitter(on_impact={"of": ["one"]}), "name": "other"}
