@@ -50,8 +50,6 @@ TEXTS = Path(__file__).with_name("reference")
 
 DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
 SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
-NOT_FOR_BODIES = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
-"""Keys of particles that bodies refuse."""
 DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
 
 
@@ -96,7 +94,7 @@ def parts_of_matter() -> Iterator[str]:
     yield entry("### Cooling", Cooling)
     yield "## `[[bodies]]`"
     yield prose("rigid_bodies")
-    yield table(Bodies, without=NOT_FOR_BODIES)
+    yield table(Bodies, without=Bodies.unused)
     yield "### Shapes of bodies"
     yield from variants(BODY_SHAPES)
     yield "## `[[joints]]`"

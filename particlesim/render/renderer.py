@@ -61,6 +61,11 @@ Picture = npt.NDArray[np.uint8]
 CHUNK = 1 << 16
 """Particles of one piece of work."""
 
+CLEAR = 0.45
+"""How much of what is behind it the surface of a fluid hides."""
+SEA = 1.6
+"""Half a side of such a surface, in half extents of the scene."""
+
 _AS_IT_IS = np.empty(0, np.int32)
 _NOTHING = np.empty((0, 0), np.float32)
 _NO_PATHS = Paths(np.empty((0, 0), np.float32), np.empty((0, 0), np.int32), np.empty((0, 0), np.float32))
@@ -113,23 +118,34 @@ class Renderer:
         solid = balls if settings.ground else ()
         stage = tuple(each for each in meshes if settings.ground or each.group is not None)
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
-        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, stage)
+        still = tuple(each for each in stage if not each.fluid)
+        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, still)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         self.balls = Balls.of(solid, self.center, self.scale)
+        stage = tuple(each.spread(self.center, SEA * self.scale) for each in stage)
         self.props = Props(stage, self.center, self.scale, source[0])
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
-        self.palette = colormaps.to_linear(np.concatenate([srgb, own, [colormaps.STONE]])).astype(np.float32)
+        self.palette = colormaps.to_linear(
+            np.concatenate([srgb, own, [colormaps.WATER, colormaps.STONE]])
+        ).astype(np.float32)
         self.paint = {name: self.shades + k for k, name in enumerate(self.own_colors)}
         self._has_groups = "group" in source.fields
         self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
-        masks = {name: self.bodies.skin == k for k, name in enumerate(self.bodies.skins)}
+        dry = np.zeros(len(self.props.fluid), np.bool_)
+        masks = {
+            name: np.concatenate([self.bodies.skin == k, dry]) for k, name in enumerate(self.bodies.skins)
+        }
         self._sheer = [
             (share, masks[name]) for name, share in settings.opacity.items() if share < 1 and name in masks
         ]
+        if self.props.fluid.any():
+            self._sheer.append(
+                (CLEAR, np.concatenate([np.zeros(len(self.bodies.skin), np.bool_), self.props.fluid]))
+            )
         self.overlay = Overlay(settings, self.coloring, self.range, srgb, groups, title, self.scene.count)
         self.curve = tone_curve()
         wanted = settings.trails
@@ -455,8 +471,7 @@ def _without(cast: Cast, masks: list[Array]) -> Cast:
     """A cast without some of its triangles, each mask of shape [t]."""
     if not masks:
         return cast
-    gone = np.zeros(len(cast.whole), np.bool_)  # props stay
-    gone[: len(masks[0])] = np.logical_or.reduce(masks)
+    gone = np.logical_or.reduce(masks)
     whole, box = cast.whole & ~gone, cast.triangle_box.copy()
     box[~whole] = NO_BOX
     return replace(cast, whole=whole, triangle_box=box)

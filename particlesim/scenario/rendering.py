@@ -119,7 +119,9 @@ class RenderSettings(Model):
         description="Draw each particle's recent path; 'auto': when there are at most 64 particles and "
         "no springs.",
     )
-    ground: bool = Field(True, description="Draw the planes and the colliders that particles meet.")
+    ground: bool = Field(
+        True, description="Draw the planes and the colliders that particles meet, and surfaces of fluids."
+    )
     shadows: bool = Field(True, description="Cast shadows and darken corners.")
     light: Vector[Number] | None = Field(
         None, description="Direction towards the light. Left out: above the camera, to its left."

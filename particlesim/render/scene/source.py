@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -38,6 +38,7 @@ class MeshShape:
 
     Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
     is at a time [s]. `group` is the number of a group of rigid bodies, each of which has this shape in its own frame.
+    The surface of a fluid (`fluid`) is a square that is drawn as large as the scene, and shows what is behind it.
     """
 
     corners: npt.NDArray[Any]
@@ -45,6 +46,16 @@ class MeshShape:
     hollow: bool = False
     pose: Callable[[float], Pose] | None = None
     group: int | None = None
+    fluid: bool = False
+
+    def spread(self, center: npt.NDArray[Any], half: float) -> MeshShape:
+        """The surface of a fluid about the place that is nearest to the centre of the scene, with sides of twice `half`."""
+        if not self.fluid:
+            return self
+        arms = self.corners - self.corners.mean(axis=0)
+        normal = np.cross(arms[0], arms[1])
+        away = (center - self.corners[0]) @ normal / (normal @ normal)
+        return replace(self, corners=center - away * normal + half * arms)
 
 
 class Frame(Protocol):

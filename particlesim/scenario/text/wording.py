@@ -125,6 +125,9 @@ def is_label_of(branch: Node, label: str) -> bool:
     if branch.unit is not None:  # "function-plain" is a union whose models are built as they are named
         return label.startswith(("function-before", "function-after")) and "_validate" in label
     name = getattr(branch.origin, "__name__", "")
+    if branch.is_list and label.startswith(f"{name}["):  # a list of numbers, or of such lists
+        inner = typewalk.child(branch, 0, ())
+        return label.startswith(f"{name}[{name}[") == (inner is not None and inner.is_list)
     return label == name or label.startswith(("literal",) if branch.origin is Literal else (f"{name}[",))
 
 
