@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -386,17 +385,17 @@ def test_balls_and_ropes_rebound_by_the_closed_form(e: float) -> None:
     simulation.close()
 
 
-def test_crumpling_cloth_gains_nothing_near_the_largest_stable_step() -> None:
-    # a sheet on its edge is thrown at a floor; Σ k along one line bounds the stiffness of every shape, at most twice that of
-    # the flat sheet
+def test_crumpling_cloth_loses_its_energy_near_the_largest_stable_step() -> None:
+    # a sheet with hardly any damping is thrown on its edge at a floor; contact and friction take nearly all that it brings
     cloth = sheet("cloth", n=9, up=[0, 1, 0.05], origin=[-0.5, 1.02, 0], velocity=[0, -6.0, 0])
+    cloth["springs"]["damping_ratio"] = 0.01
     parts = {
         "particles": [cloth],
         "planes": [{"restitution": 0, "friction": 0.4}],
         "interactions": [TOUCH],
     }
-    stable = stability(Simulation(ps.from_table(table(0.3, 1e-3, "symplectic_euler", **parts)))).step
-    steps = round(0.3 / (stable / math.sqrt(2))) + 1
-    found = energies(table(0.3, 0.3 / steps, "symplectic_euler", **parts, output={"every": 4}))
-    assert np.diff(found).max() < 2e-3 * found[0]
-    assert found[-1] < 0.5 * found[0]
+    stable = stability(Simulation(ps.from_table(table(0.6, 1e-3, "symplectic_euler", **parts)))).step
+    steps = round(0.6 / (0.95 * stable)) + 1
+    found = energies(table(0.6, 0.6 / steps, "symplectic_euler", **parts, output={"every": 4}))
+    assert found.max() < 1.001 * found[0]
+    assert found[-1] < 0.25 * found[0]
