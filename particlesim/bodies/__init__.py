@@ -2,7 +2,7 @@
 
 from particlesim.bodies.base import BodyShape
 from particlesim.bodies.body import Bodies
-from particlesim.bodies.joint import JOINTS, AnyJoint, BallJoint, HingeJoint, Joint
+from particlesim.bodies.joint import JOINTS, AnyJoint, BallJoint, HingeJoint, Joint, Motor
 from particlesim.bodies.shapes import BODY_SHAPES, AnyBodyShape
 
 __all__ = [
@@ -15,4 +15,5 @@ __all__ = [
     "BodyShape",
     "HingeJoint",
     "Joint",
+    "Motor",
 ]

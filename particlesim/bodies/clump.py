@@ -73,7 +73,8 @@ class ConePart(Placed, ConeBody):
 
 
 class MeshPart(Placed, MeshBody):
-    """What the triangles of a file (OBJ, PLY or STL) enclose; its convex hull is what touches."""
+    """What the triangles of a file (OBJ, PLY or STL) enclose; what touches is its convex hull, or those of its parts, if it
+    has several closed surfaces."""
 
 
 AnyPart = Annotated[

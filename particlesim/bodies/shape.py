@@ -171,7 +171,8 @@ class ConeBody(BodyShape):
 
 
 class TorusBody(BodyShape):
-    """A ring of round wire about the z axis, before it is turned. It touches as a chain of capsules."""
+    """A ring of round wire about the z axis, before it is turned. It touches planes as what it is, all else as
+    a chain of capsules."""
 
     type: Literal["torus"] = "torus"
     radius: Length
@@ -206,8 +207,9 @@ class TorusBody(BodyShape):
         for k in range(self.segments):
             c, s = math.cos(2 * half * k), math.sin(2 * half * k)
             at = corner * math.cos(half) * np.array([c, s, 0.0])
-            rotation = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])  # z along the ring
-            found.append(Piece(CAPSULE, (self.tube, corner * math.sin(half), 0.0), at, rotation))
+            rotation = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])  # x its axis, z along it
+            size = (self.tube, corner * math.sin(half), self.radius)
+            found.append(Piece(CAPSULE, size, at, rotation))
         return tuple(found)
 
     def surface(self, sides: int = 48) -> Triangles:

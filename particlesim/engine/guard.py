@@ -51,12 +51,19 @@ class Guard:
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
         ]
-        # Particles and bodies that touch give energy to each other.
+        # Particles and bodies that touch, or that springs join, give energy to each other.
         meetings = meetings_of(world.scenario)
         meeting = {name for each in meetings for name in (each.particles, each.bodies)}
+        meeting |= {name for each in world.scenario.ties for name in each.groups()}
         self._judged = [
             judged and not any(group.name in meeting for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
+        ]
+        # Motors of joints give energy; without books nobody knows how much.
+        driven = any(joint.driven for joint in world.scenario.joints)
+        self._judged = [
+            judged and not (driven and structure.rigid and island.books is None)
+            for judged, (island, structure) in zip(self._judged, pairs, strict=True)
         ]
         # What starts inside is pushed apart step by step, which gives energy.
         self._judged = [

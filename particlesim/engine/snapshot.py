@@ -67,11 +67,12 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
-            *("_made", "_springs", "_order"),
+            *("_made", "_springs", "_order", "_scenario", "_particles"),
             "kept_from",
             "impacts",
         )
     ),
+    "Ties": frozenset(("_sets", "_states", "rows")),
     "IndependentIsland": frozenset(("program", "_booking", "impacts")),
     "CoupledIsland": frozenset(
         {

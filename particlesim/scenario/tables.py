@@ -20,7 +20,6 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.interactions import AnyInteraction
-from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.model.variants import Late
@@ -149,6 +148,25 @@ class Tables(Model):
         """Springs at rigid bodies, each with its name in the ledger."""
         return tuple((label, springs) for springs, label in self._labelled_springs if self.at_bodies(springs))
 
+    @property
+    def ties(self) -> tuple[Springs, ...]:
+        """Springs from rigid bodies to particles."""
+        others = {WORLD, *(body.name for body in self.bodies)}
+        return tuple(springs for _, springs in self.body_springs if not others.issuperset(springs.groups()))
+
+    @property
+    def body_rods(self) -> tuple[tuple[str, Rods], ...]:
+        """Rods at rigid bodies, each with a name of its own."""
+        return tuple(
+            (label, rods)
+            for rods, label in zip(self.rods, self._rod_labels, strict=True)
+            if self.at_bodies(rods)
+        )
+
+    @property
+    def _rod_labels(self) -> tuple[str, ...]:
+        return distinct([rods.name for rods in self.rods], self.labels.all)
+
     def at_bodies(self, joint: Springs | Rods) -> bool:
         """Whether springs or rods join rigid bodies."""
         names = joint.groups()
@@ -157,10 +175,9 @@ class Tables(Model):
     @property
     def rod_sets(self) -> tuple[RodSet, ...]:
         """All sets of rods, each with a name of its own."""
-        labels = distinct([rods.name for rods in self.rods], self.labels.all)
         listed = (
             rods.rods(label, ("rods", k))
-            for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
+            for k, (rods, label) in enumerate(zip(self.rods, self._rod_labels, strict=True))
             if not self.at_bodies(rods)
         )
         bodies = (
@@ -180,7 +197,7 @@ class Tables(Model):
     @property
     def has_spin(self) -> bool:
         """Whether some particles turn, as their contacts with each other have friction."""
-        return any(isinstance(each, Contact) and each.rubs for each in self.interactions)
+        return any(each.rubs for each in self.interactions)
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""

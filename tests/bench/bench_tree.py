@@ -19,7 +19,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from particlesim.engine.interactions.tree import calibration
 from particlesim.engine.interactions.tree.field import new_tree
 from particlesim.engine.interactions.tree.form import Form, Gradient, OneSign, Plummer
 from particlesim.layouts import Plummer as Sphere
+from particlesim.preflight.pair_memory import held
 from particlesim.process.threads import Team
 from particlesim.sampling.random_streams import Streams
 
@@ -67,11 +67,6 @@ class Bodies:
 
     def bytes_each(self) -> float:
         """Memory of the tree, all of it, per body."""
-
-        def held(part: Any) -> int:
-            if isinstance(part, np.ndarray):
-                return part.nbytes
-            return sum(map(held, part)) if isinstance(part, tuple) else 0
 
         return (held(self.tree) + self.size.nbytes + self.mass.nbytes) / len(self.mass)
 

@@ -138,6 +138,7 @@ def test_drift_from_no_energy() -> None:
 WRONG = [
     ({"quantity": "energy.drfit", "max": 1}, "unknown quantity", 'did you mean "energy.drift"?'),
     ({"quantity": "position", "max": 1}, "unknown quantity", "position.x"),
+    ({"quantity": "balls.vx", "max": 1}, "unknown quantity", 'quantity = "velocity.x", group = "balls"'),
     ({"quantity": "potential.wind", "max": 1}, "unknown quantity", "potential.gravity"),
     ({"quantity": "balance", "max": 1}, "no work is booked", "work = true under [output]"),
     ({"quantity": "work.contact", "max": 1}, "unknown quantity", "work is done by: nothing"),
@@ -149,7 +150,7 @@ WRONG = [
     ({"quantity": "speed", "max": 2}, "needs a statistic", None),
     ({"quantity": "energy", "statistic": "max", "max": 2}, "there is no statistic", None),
     ({"quantity": "energy", "group": "balls", "max": 2}, "sum over all groups", None),
-    ({"quantity": "speed", "statistic": "percentile", "max": 2}, "which percentile", None),
+    ({"quantity": "speed", "statistic": "percentile", "max": 2}, "a percentile needs", None),
     ({"quantity": "speed", "statistic": "max", "percentile": 5, "max": 2}, "needs statistic", None),
     ({"quantity": "count", "max": 2, "at": 1.5}, "after the end", None),
     ({"quantity": "count", "max": 2, "at": 0.3}, "no frame at 0.3 s", "0.25 s and 0.5 s"),

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import particlesim as ps
 from particlesim.errors import UsageError
 from particlesim.layouts import Cloth, Jelly
 from particlesim.process.threads import Team
 from particlesim.render import Camera, RenderSettings, render_frame
+from particlesim.render.film import mesh_shapes
 from particlesim.render.scene.bodies import Bodies
 from particlesim.render.scene.smooth_normals import is_closed, smooth_fans
 from particlesim.sampling.random_streams import Streams
@@ -69,6 +71,25 @@ def test_a_line_is_as_thick_as_it_says_and_never_thinner_than_a_sample(plain):
     assert thick == pytest.approx(4 * 20 * np.hypot(2, 0.7) + 4 * np.pi, rel=0.06)
     thin = cover(source, plain(line_radius=1e-6)) > 0.15
     assert thin[:, 62:98].any(axis=0).all(), "without gaps"
+
+
+def test_links_go_between_points_of_bodies_and_the_world(plain):
+    # From a point 0.5 m to the right of a body that is turned by 90°, which is then above it, to a place of the world.
+    s = np.sqrt(0.5)
+    turned = {"orientation": np.array([[s, 0, 0, s], [1, 0, 0, 0]])}
+    frame = ArrayFrame(1.0, np.array([[-1.0, -0.5, 0], [1, -1, 0]]), turned)
+    points = np.array([[[0.5, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 0]]])
+    link = Topology(
+        "link", np.array([[0, -1], [0, 1]]), np.array([1.0, 1]), np.array([np.inf, 0.5]), points=points
+    )
+    source = ArraySource([frame], topology={"link": link})
+    links = Bodies(source, plain()).links
+    ends, strain, owner = links.at(frame, Bodies(source, plain()).rows)
+    assert ends == pytest.approx(np.array([[[-1, 0, 0], [1, 0, 0]]]), abs=1e-6)  # the other one is broken
+    assert (strain.tolist(), owner.tolist()) == ([pytest.approx(1.0)], [0])
+    seen = cover(source, plain(line_radius=0.1, light=(0, 0, 1)))
+    assert (seen[58:62, 70:90] > 0.2).all()  # across the middle, where no particle is
+    assert (seen[:50, 70:90] < 0.1).all()
 
 
 def test_lines_have_the_radius_and_the_colour_of_their_name(plain):
@@ -361,3 +382,30 @@ def test_positions_that_are_no_numbers_leave_holes(plain):
     source = scene(position, Topology("s", triangles=SQUARE), springs([[0, 2]], [2.0]), groups=("s",))
     picture = render_frame(source, 0, plain(shadows=True), planes=FLOOR)
     assert picture[60, 96].sum() > 0
+
+
+def test_the_surface_of_a_fluid_is_as_large_as_the_scene_and_shows_what_is_below(plain):
+    # Two balls of which one is below the surface at y = 0.5: it is seen, dimmed; the other is as it was.
+    floating = {"type": "buoyancy", "fluid": "water", "surface": 0.5}
+    settings = plain(
+        camera=Camera(eye=(0, 10, 0.1), target=(0, 0, 0), fov=30), color_by="none", light=(0, 1, 0)
+    )
+    source = single([[-1, 0, 0], [1, 1, 0]], radius=[0.4, 0.4])
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 0.1},
+            "particles": [{"radius": 0.4, "layout": {"type": "points", "position": [[-1, 0, 0]]}}],
+            "forces": [floating],
+        }
+    )
+    (water,) = mesh_shapes(scenario)
+    sheet = water.spread(np.array([0.0, 3.0, 1.0]), 2.0)
+    assert sheet.corners.min(axis=0) == pytest.approx([-2, 0.5, -1])
+    assert sheet.corners.max(axis=0) == pytest.approx([2, 0.5, 3])
+    dry, wet = (render_frame(source, 0, settings, meshes=meshes).astype(int) for meshes in ((), (water,)))
+    change = np.abs(wet - dry).max(axis=2)
+    assert change[60, 100:110].max() < 12  # above the surface, in the middle of its ball
+    assert (change[60, 50:60] > 5).all()
+    seen = dry[60, 40:70] - dry[5, 5]
+    below = wet[60, 40:70] - wet[60, 80]
+    assert np.abs(below).max() > 0.25 * np.abs(seen).max()  # and still to be seen

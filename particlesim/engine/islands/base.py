@@ -30,7 +30,7 @@ from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, Method
 from particlesim.interactions import PairSet
-from particlesim.model.arrays import Ints
+from particlesim.model.arrays import Floats, Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -157,7 +157,7 @@ class BaseIsland:
         return []
 
     def longest_step(self) -> float:
-        """The longest stable step under springs at bodies [s]."""
+        """The largest stable step under springs at bodies [s]."""
         return math.inf
 
     def longest_step_on_orbits(self) -> float:
@@ -167,6 +167,10 @@ class BaseIsland:
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
         raise NotImplementedError
+
+    def forces_on_tied(self, time: float) -> dict[str, tuple[Ints, Floats]]:
+        """Forces of its springs on particles of other islands: of every group the rows, and the forces [N], shape [n, 3]."""
+        return {}
 
     def turning(self) -> NDArray[np.float64]:
         """Angular velocities [rad/s], shape [3, n]; particles do not turn."""
@@ -180,6 +184,14 @@ class BaseIsland:
     def stored(self) -> dict[str, float]:
         """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
         return {}
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        return {
+            name: each.broke
+            for name, each in zip(self.names, self.interactions, strict=True)
+            if each.broke is not None
+        }
 
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""

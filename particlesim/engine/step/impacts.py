@@ -20,6 +20,7 @@ import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import along, crossable, opposite, yielded
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
@@ -36,6 +37,8 @@ MAX_IMPACTS = 1024
 a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
+SAME = 1 - 1e-6
+"""The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
 MAX_SWEEPS = 8
 """Passes over the colliders of a corner before the particle goes back to where its step began."""
 MAX_HALVINGS = 80
@@ -318,7 +321,11 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     is nothing to trace."""
     slack = rounding_of_step(contacts, p, q, h)
     r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
-    calm = any(on) & (turn >= 1) & (not loose(contacts.continuous, on, r, slack))
+    calm = any(on) & (turn >= 1)
+    if len(contacts.continuous) > 1 or crossable(
+        contacts.continuous[0]
+    ):  # else nothing has moved it off the plane
+        calm &= not loose(contacts.continuous, on, r, slack)
     calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
@@ -332,14 +339,27 @@ def respond(contacts: Any, p: Any) -> Any:
     return p, PASS
 
 
+def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
+    """|x| + |y| + |z|, without the coordinates that no gap depends on: those along planes whose normal is an axis."""
+    total = type_of(x, 0)
+    for v, along_it in ((x, (PlaneYRecord, PlaneZRecord)), (y, (PlaneZRecord, PlaneXRecord)), (z, FLAT)):
+        if not all(isinstance(c.shape, along_it) for c in contacts.continuous):
+            total = total + abs(v)
+    return total
+
+
+FLAT = (PlaneXRecord, PlaneYRecord)
+"""Planes along the z axis."""
+
+
 def rounding(contacts: Any, p: Any) -> Any:
     """Gaps that are nothing but rounding errors [m]."""
-    return contacts.tolerance * (abs(p.x) + abs(p.y) + abs(p.z) + p.r + contacts.reach)
+    return contacts.tolerance * (extent(contacts, p.x, p.y, p.z) + p.r + contacts.reach)
 
 
 def rounding_of_step(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Gaps that are nothing but rounding errors in a step from p to q [m]."""
-    way = abs(p.vx) + abs(p.vy) + abs(p.vz) + abs(q.vx) + abs(q.vy) + abs(q.vz)
+    way = extent(contacts, p.vx, p.vy, p.vz) + extent(contacts, q.vx, q.vy, q.vz)
     return rounding(contacts, p) + contacts.tolerance * h * way
 
 
@@ -540,9 +560,15 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
         while outcome == PASS:
             q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
             if turn < 1 and impacts < MAX_IMPACTS:
-                # It comes to a stop and will not stay there: on from the stop.
+                # It comes to a stop and will not stay there, or to another part of what it lies on: on from there.
                 tau = turn * left
-                p, _, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                q, _, _, turn = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                shorter = 0
+                while turn < SAME and shorter < MAX_SWEEPS:
+                    tau = turn * tau
+                    q, _, _, turn = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                    shorter += 1
+                p = q
                 memory = restart(memory)
                 left = left - tau
                 impacts += 1

@@ -17,10 +17,11 @@ rigid bodies (Moreau 1988; Stewart, Trinkle, Int. J. Numer. Meth. Eng. 39, 2673 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.dents import dented, thinnest
 from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import (
     ResponseRecord,
@@ -34,46 +35,64 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
+from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
+from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, has_law, moved_to, surface
+
+LIFT = 8
+"""How far above a surface the way along it is looked at, in units of rounding errors."""
 
 
-def lies(c: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
+def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
     less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
     are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
     have died out, only touching counts. What ends beside another face, as over an edge, does not lie on this one."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    deep, m = sunk(c, p, q)
-    _, n = gap_and_normal(c, p)
+    n, m = touch.up, touch.normal
     calm = (
-        (coasting >= type_of(h, 0.5) * deep - slack) & (h * along(n, p) >= -slack) & (c.response.bounce < 2)
+        (coasting >= type_of(h, 0.5) * touch.depth - slack)
+        & (h * along(n, p) >= -slack)
+        & (c.response.bounce < 2)
     )
     calm |= (abs(coasting) <= slack) | sure
     if crossable(c):
         calm &= n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type_of(h, 0.5)
-    return (gap(c, p) <= slack) & (deep < 0) & calm & (c.response.outcome == PASS)
+    return (touch.start <= slack) & (touch.depth < 0) & calm & (c.response.outcome == PASS)
 
 
-def sunk(c: Any, p: Any, q: Any) -> Any:
-    """Gap and normal of a collider for the end q of a step from p, which touches it: those of the side that p is on. A free
-    step may well lead through a thin sheet on which a particle lies, and there is no other side for it."""
+class Touch(NamedTuple):
+    """Gap and normal of a collider at the beginning of a step, and at its end."""
+
+    start: Any
+    up: Any
+    depth: Any
+    normal: Any
+
+
+def touched(c: Any, p: Any, q: Any) -> Touch:
+    """How a step from p to q touches a collider."""
+    start, up = gap_and_normal(c, p)
+    return Touch(start, up, *sunk(c, p, start, up, q))
+
+
+def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
+    """Gap and normal of a collider for the end q of a step from p, which touches it with the gap `start` and the normal
+    `up`: those of the side that p is on. A free step may well lead through a thin sheet on which a particle lies, and there
+    is no other side for it."""
     g, n = gap_and_normal(c, q)
     if not crossable(c):
         return g, n
-    start, m = gap_and_normal(c, p)
-    depth = start + m[0] * (q.x - p.x) + m[1] * (q.y - p.y) + m[2] * (q.z - p.z)
-    behind = (n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0) & (depth < 0)
-    return depth if behind else g, tuple(a if behind else b for a, b in zip(m, n, strict=True))
+    depth = start + up[0] * (q.x - p.x) + up[1] * (q.y - p.y) + up[2] * (q.z - p.z)
+    behind = (n[0] * up[0] + n[1] * up[1] + n[2] * up[2] < type_of(g, -0.5)) & (depth < 0)
+    return depth if behind else g, tuple(a if behind else b for a, b in zip(up, n, strict=True))
 
 
-def lifted(c: Any, p: Any, q: Any) -> Any:
-    """The place of q put back on the side of a collider that p is on."""
-    if not crossable(c) or has_law(surface, c.shape):
-        g, n = gap_and_normal(c, q)
-        return put_back(c.shape, q, g, n)
-    g, n = sunk(c, p, q)
-    return q.x - g * n[0], q.y - g * n[1], q.z - g * n[2]
+def lifted(c: Any, q: Any, depth: Any, n: Any) -> Any:
+    """The place of q put back on the side of a collider where it has this depth and normal."""
+    if has_law(surface, c.shape):
+        return surface(c.shape, q)
+    return put_back(c.shape, q, depth, n)
 
 
 def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
@@ -102,26 +121,57 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     if isinstance(c.shape, MovingRecord):
         here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
         return here, alight(c.shape, r), turn
-    r, turn = held(c, p, q, h, tolerance)
-    return lies(c, p, q, h, slack, sure), r, turn
+    touch = touched(c, p, q)
+    r, turn = held(c, p, q, touch, h, tolerance)
+    here = lies(c, p, q, touch, h, slack, sure)
+    if dented(c.shape):
+        free = _free_part(c, here, p, r, touch.up, touch.normal, h, slack)
+        return free > 0, r, min(turn, free)
+    return here, r, turn
 
 
-def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+@outlined
+def _free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: Any) -> Any:
+    """The part of a step along the surface of a shape with dents, from p with the normal n to r with m, before which no
+    other part of the shape is in the way: 1 if none is, and 0 of what is not `here` on the surface."""
+    if not here:
+        return h - h
+    # A little above the surface: along the plane that touches it at p, and from there along the one at r.
+    half, lift, one = type_of(h, 0.5), type_of(h, LIFT) * slack, type_of(h, 1)
+    a = tuple(x + lift * u for x, u in zip((p.x, p.y, p.z), n, strict=True))
+    b = tuple(x + lift * u for x, u in zip((r.x, r.y, r.z), m, strict=True))
+    way = tuple(half * (y - x) for x, y in zip(a, b, strict=True))
+    part, begin = one, one - one
+    if np.sqrt(_dot(way, way)) > half * max(type_of(h, thinnest(c.shape)), lift):
+        up = tuple(half * (u + v) for u, v in zip(n, m, strict=True))
+        rise = max(-_dot(way, n) / _dot(up, n), _dot(way, m) / _dot(up, m), one - one)
+        middle = tuple(x + y + rise * u for x, y, u in zip(a, way, up, strict=True))
+        for start, end in ((a, middle), (middle, b)):
+            v = tuple((y - x) / h for x, y in zip(start, end, strict=True))
+            if part >= 1:
+                s = first_contact(c, _at(p, start, v), _at(p, end, v), h, slack)
+                if s < 1:
+                    # up to a place before it from which a free step meets it
+                    s = s - 2 * lift / (h * np.sqrt(_dot(v, v)))
+                    part = begin + half * max(s, one - one)
+            begin = half
+    return part
+
+
+def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around."""
     response, one = c.response, type_of(h, 1)
     zero = one - one
-    _, n = sunk(c, p, q)
+    n = touch.normal
     approach = along(n, q)
     push = max(-approach, zero)
     if response.friction is None:
-        there = _at(q, lifted(c, p, q), (q.vx, q.vy, q.vz))
         dull = ResponseRecord(one, response.loss, response.keep, response.outcome, None, None, response.belt)
-        after = rebound(dull, n, approach, q)
+        after, ends = rebound(dull, n, approach, q), lifted(c, q, touch.depth, n)
         hit = approach < 0
+        after = tuple(new if hit else old for new, old in zip(after, (q.vx, q.vy, q.vz), strict=True))
         return _at(
-            there,
-            (there.x, there.y, there.z),
-            tuple(new if hit else old for new, old in zip(after, (q.vx, q.vy, q.vz), strict=True)),
+            q, ends, _unlifted(c, p, q, touch, h, tolerance, (q.x, q.y, q.z), ends, push * push, after)
         ), one
     before, after = sliding(response, n, along(n, p), p), sliding(response, n, approach, q)
     change = tuple(None if b is None else a - b for a, b in zip(after, before, strict=True))
@@ -135,7 +185,8 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
     bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
     base = tuple(None if b is None else (a if bends else b) for a, b in zip(after, base, strict=True))
-    size = np.sqrt(square(base))
+    length2 = square(base)
+    size = np.sqrt(length2)
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
     left = _dot(after, way) - drag
@@ -143,7 +194,7 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     slides = (left > 0) & ((not calm) | (not firm))
     # Where it slides to the end: what friction takes from the free end, and half of that for the place. Where it stops: the
     # part `f` of the step until then, at a speed that falls evenly.
-    f = zero if calm else size / (size - left)
+    f = zero if calm else length2 / (length2 - _dot(after, base) + drag * size)
     half = type_of(h, 0.5) * h
     belt = belt_along(response, n)
     ends = tuple(
@@ -151,15 +202,46 @@ def held(c: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
     there = _at(q, ends, (q.vx, q.vy, q.vz))
-    ends = lifted(c, p, there)
+    ends = lifted(c, there, *sunk(c, p, touch.start, touch.up, there))
     if response.belt is None:
         rests = calm & (not slides)
         ends = tuple(old if rests else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
     slid = tuple(
         None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
     )
+    slid = _unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
     turns = not (slides | calm | firm)
     return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one
+
+
+def _unlifted(
+    c: Any,
+    p: Any,
+    q: Any,
+    touch: Touch,
+    h: Any,
+    tolerance: Any,
+    found: Any,
+    ends: Any,
+    lost: Any,
+    v: Any,
+) -> Any:
+    """A velocity along a surface after a step from p to q that was put back on it, from the place `found` to `ends`, and
+    lost `lost` of the square of its speed: slower, where the lift took more work than that.
+
+    On a flat surface both are the same. Where a convex one falls away under the way, less speed than that is lost into it,
+    and the lift would add energy.
+    """
+    if not crossable(c) or c.response.belt is not None:
+        return v
+    zero = h - h
+    change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    work = _dot(change, tuple(b - a for a, b in zip(found, ends, strict=True)))
+    had = square(v)
+    left = had + min(lost + work / (type_of(h, 0.5) * h), zero)
+    kept = np.sqrt(left / had) if left > 0 else zero
+    bent = _dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
+    return tuple(kept * each if bent & (left < had) else each for each in v)
 
 
 def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
@@ -171,8 +253,9 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
         return q, one, False
     zero = one - one
-    (deep, n), (low, m) = sunk(c, p, q), sunk(d, p, q)
-    n, m = _full(n, zero), _full(m, zero)
+    one_touch, other = touched(c, p, q), touched(d, p, q)
+    deep, low = one_touch.depth, other.depth
+    n, m = _full(one_touch.normal, zero), _full(other.normal, zero)
     velocity = (q.vx, q.vy, q.vz)
     lean = _dot(n, m)
     spread = one - lean * lean
@@ -180,7 +263,8 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     a, b = -_dot(n, velocity), -_dot(m, velocity)
     j, k = (a - lean * b) / spread, (b - lean * a) / spread
     f, g = (lean * low - deep) / spread, (lean * deep - low) / spread
-    ends = tuple(x + f * u + g * v for x, u, v in zip((q.x, q.y, q.z), n, m, strict=True))
+    found = (q.x, q.y, q.z)
+    lifts = tuple(x + f * u + g * v for x, u, v in zip(found, n, m, strict=True))
     inverse = one / np.sqrt(spread)
     way = (
         inverse * (n[1] * m[2] - n[2] * m[1]),
@@ -208,11 +292,16 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
         if slides
         else half * part * before - _dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
     )
-    ends = tuple(x + shift * w for x, w in zip(ends, way, strict=True))
+    ends = tuple(x + shift * w for x, w in zip(lifts, way, strict=True))
     stays = calm & (not slides)
     ends = tuple(old if stays else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
     turns = not (slides | calm | firm)
-    r = _at(q, ends, tuple(speed * w for w in way))
+    lost = _dot(velocity, velocity) - after * after
+    r = _at(
+        q,
+        ends,
+        _unlifted(c, p, q, one_touch, h, tolerance, found, lifts, lost, tuple(speed * w for w in way)),
+    )
     return r, part if turns else one, (j >= 0) & (k >= 0) & (spread > tolerance)
 
 

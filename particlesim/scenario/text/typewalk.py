@@ -32,33 +32,39 @@ class Node:
 
     @property
     def unit(self) -> Unit | None:
+        """The unit of a quantity, None of other things."""
         return next((mark for mark in self.metadata if isinstance(mark, Unit)), None)
 
     @property
     def model(self) -> type[BaseModel] | None:
+        """The model of a table, None of other things."""
         kind = self.annotation
         return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
     @property
     def origin(self) -> Any:
+        """What the annotation is made of: `tuple` of tuple[int, ...]."""
         return get_origin(self.annotation) or self.annotation
 
     @property
     def is_union(self) -> bool:
+        """Whether it has alternatives."""
         return self.origin in (Union, types.UnionType)
 
     @property
     def is_list(self) -> bool:
+        """Whether it is a list."""
         return self.origin in (list, tuple, set, frozenset, Sequence)
 
 
 def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None = None) -> Node:
     """`annotation` freed of Annotated, Optional and type aliases."""
     marks = list(metadata)
+    annotation = _meant(annotation, marks)
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *inner = get_args(annotation)
-            annotation = next((m.union_of(annotation) for m in inner if isinstance(m, Tagged)), annotation)
+            annotation = _meant(annotation, inner)
             marks = [
                 *chain.from_iterable(m.metadata if isinstance(m, FieldInfo) else [m] for m in inner),
                 *marks,
@@ -72,6 +78,11 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
             annotation = branches[0]
         else:
             return Node(annotation, tuple(marks), description)
+
+
+def _meant(annotation: Any, marks: Sequence[Any]) -> Any:
+    """The union that a mark says is meant; without one the annotation itself."""
+    return next((mark.union_of(annotation) for mark in marks if isinstance(mark, Tagged)), annotation)
 
 
 def is_vector(kind: Node) -> bool:
