@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from reference_methods import integrators_table
 from reference_words import default_words, type_words
 
-from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint
+from particlesim.bodies import BODY_SHAPES, JOINTS, Bodies, Joint, Motor
 from particlesim.bonds import MeshSprings
 from particlesim.colliders import COLLIDERS, Collider
 from particlesim.colliders.friction import FallingRestitution, Friction
@@ -42,6 +42,7 @@ from particlesim.sampling.shapes import Ball, Box, Disc, Point, Shell, Sphere
 from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.rendering import Camera, RenderSettings
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.text import typewalk
 from particlesim.scenario.time_and_output import Output, SimulationSettings
 
 TARGET = Path(__file__).with_name("scenario.md")
@@ -98,6 +99,8 @@ def parts() -> Iterator[str]:
     yield prose("joints")
     yield table(Joint)
     yield from variants(JOINTS)
+    yield "### Motor"
+    yield summary(Motor) + "\n\n" + table(Motor)
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)
@@ -180,9 +183,12 @@ def prose(name: str) -> str:
 
 def section(model: type[BaseModel], field: str) -> Iterator[str]:
     """A text and the table of the entries of a list in the scenario."""
-    entries = model.model_fields[field].annotation
+    entries = typewalk.node(model.model_fields[field].annotation)
+    entry = typewalk.child(entries, 0, None)
+    assert entry is not None
+    assert entry.model is not None
     yield prose(field)
-    yield table(entries.__args__[0])  # type: ignore[union-attr]
+    yield table(entry.model)
 
 
 def options_of_methods() -> Iterator[str]:

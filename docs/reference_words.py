@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, StringConstraints
 from pydantic.fields import FieldInfo
 
-from particlesim.bodies import Bodies, BodyShape, Joint
+from particlesim.bodies import Bodies, BodyShape, Joint, Motor
 from particlesim.bonds import Angles, Dihedrals, MeshSprings, Rods, Springs
 from particlesim.checks.check import Check
 from particlesim.checks.quantities import InUnitOfQuantity
@@ -47,6 +47,7 @@ TABLES: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (Camera, "[camera](#camera)"),
     (Bodies, "[bodies](#bodies)"),
     (Joint, "[joints](#joints)"),
+    (Motor, "[motor](#motor)"),
     (BodyShape, "[shape of a body](#shapes-of-bodies)"),
     (Particles, "[particles](#particles)"),
     (Emitter, "[emitters](#emitters)"),

@@ -17,7 +17,22 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from psim.app import main as run
 
-    run()
+    try:
+        run()
+    except SystemExit as end:
+        _leave(end)
+
+
+def _leave(end: SystemExit) -> None:
+    """End the process as Python does, but for taking apart a hundred thousand objects one by one, which takes a tenth of the
+    time of a small run. Output has been written by then."""
+    import atexit
+    import threading
+
+    if threading.active_count() > 1 or not isinstance(end.code, int):
+        raise end
+    atexit._run_exitfuncs()
+    os._exit(end.code)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -121,7 +121,7 @@ def _sections() -> Iterator[tuple[str, dict[str, Any]]]:
 
     unions = (OPEN_FORCES, OPEN_FLOWS, OPEN_INTERACTIONS)
     forces, flows, interactions = ((*union.own, *union.added) for union in unions)
-    kinds: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
+    kinds: tuple[tuple[str, Iterable[type[BaseModel]]], ...] = (
         ("Forces", forces),
         ("Interactions", interactions),
         ("Flows", flows),
@@ -142,12 +142,12 @@ def _tables(scenario: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
     """The tables of a scenario file that are one model: [simulation], [[planes]] ..."""
     from typing import get_args
 
-    from pydantic import BaseModel
+    from particlesim.scenario.text import typewalk
 
     for name, field in scenario.model_fields.items():
         for kind in (field.annotation, *get_args(field.annotation)):
-            if isinstance(kind, type) and issubclass(kind, BaseModel):
-                yield name, kind
+            if (model := typewalk.node(kind).model) is not None:
+                yield name, model
 
 
 def _headline(entry: Any) -> str:

@@ -17,7 +17,7 @@ MOST_PARTICLES = 2_000_000
 MOST_LED = 50_000
 """The same where particles are led along paths or held by rods: plain Python may have to put them into place."""
 MOST_IN_PYTHON = 300
-"""Particles that act on each other up to which plain Python looks at their pairs; compiled kernels look at those of more."""
+"""Particles that act on each other up to which plain Python looks at their pairs; kernels look at those of more."""
 
 
 def default_output(scenario: Path) -> Path:
@@ -32,6 +32,7 @@ def plan(
 
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
+    from particlesim.compiler import NotKept
     from particlesim.graph.graph import method_of
     from particlesim.integrators import method_for
     from particlesim.preflight.advice import advice, long_sums, sliding
@@ -44,9 +45,16 @@ def plan(
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
-    found, doubts = (
-        _first_look(scenario, required.particles) if look and required.particles <= most else (None, ())
-    )
+    found: Stability | None = None
+    doubts: tuple[str, ...] = ()
+    missing = None
+    if look and required.particles <= most:
+        try:
+            found, doubts = _first_look(scenario, required.particles)
+        except NotKept:
+            missing = (
+                "not looked for, as kernels would be compiled for it: psim stability does, and so does a run"
+            )
     grid = scenario.grid
     return {
         "title": scenario.title,
@@ -68,20 +76,22 @@ def plan(
         "compressed": required.compressed,
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
+        "stability_missing": missing,
         "advice": [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)],
     }
 
 
 def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[str, ...]]:
-    """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it, but where many
-    particles act on each other."""
-    from particlesim.compiler import compiled, uncompiled
+    """What the initial state tells: largest stable steps, and what to doubt. Nothing is compiled for it.
+
+    Raises NotKept where that is too much for plain Python and kernels are not on disk."""
+    from particlesim.compiler import much, uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
     from particlesim.runs.validity import misplaced, squeezed, stiff
 
     crowded = scenario.interactions and particles > MOST_IN_PYTHON
-    with uncompiled(), compiled(bool(crowded)):
+    with uncompiled(), much(bool(crowded)):
         world = World(scenario)
         found = stability(world)
         return found, (*found.warnings, *misplaced(world), *squeezed(world), *stiff(world))
@@ -106,7 +116,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
             ("time", f"{planned['duration']:.6g} s"),
             ("steps", steps),
             ("method", f"{planned['integrator']}, {planned['precision']} precision"),
-            ("stable dt", "\n".join(stability_rows(planned["stability"]))),
+            ("stable dt", planned["stability_missing"] or "\n".join(stability_rows(planned["stability"]))),
             ("work", f"about {number(planned['particle_steps'])} particle-steps{_takes(planned)}"),
             ("frames", f"{planned['frames']:,} with {', '.join(planned['fields'])}"),
             ("memory", f"about {size(planned['memory'])}"),

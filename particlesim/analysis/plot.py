@@ -13,7 +13,7 @@ from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, sa
 from particlesim.analysis.motion import mean_square_displacement
 from particlesim.analysis.structure import radial_distribution
 from particlesim.errors import UsageError
-from particlesim.trajectory.fields import unknown_name
+from particlesim.trajectory.fields import short_name, unknown_name
 from particlesim.trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def plot(
     ending, and when matplotlib is missing.
     """
     out = Path(out)
-    known = series.quantities(trajectory)
+    quantity, known = short_name(quantity), series.quantities(trajectory)
     if quantity not in known and quantity not in series.LEDGER_QUANTITIES:
         raise unknown_name("quantity", quantity, known)
     if quantity in (*series.LEDGER_QUANTITIES, "pressure") and (ids is not None or group is not None):

@@ -11,13 +11,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from particlesim.bodies.base import BodyShape
 from particlesim.bodies.mass import Solidity, together
 from particlesim.bodies.mesh import MeshBody
 from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, HULL, Piece, union_of
 from particlesim.bodies.shape import UNTURNED as STRAIGHT
 from particlesim.bodies.shape import (
     BallBody,
-    BodyShape,
     BoxBody,
     CapsuleBody,
     ConeBody,
@@ -73,7 +73,8 @@ class ConePart(Placed, ConeBody):
 
 
 class MeshPart(Placed, MeshBody):
-    """What the triangles of a file (OBJ, PLY or STL) enclose; its convex hull is what touches."""
+    """What the triangles of a file (OBJ, PLY or STL) enclose; what touches is its convex hull, or those of its parts, if it
+    has several closed surfaces."""
 
 
 AnyPart = Annotated[

@@ -1,20 +1,21 @@
 """`[[joints]]`: ball joints and hinges between rigid bodies, or between bodies and the world.
 
-A joint holds two bodies together at a place, about which they turn: freely in a ball joint, about one axis in a hinge. It
-does no work. What holds bodies at a distance are rods (`[[rods]]`), what pulls them are springs (`[[springs]]`); both go
-from a point of one body to a point of another, or of the world.
+A joint holds two bodies together at a place, about which they turn: freely in a ball joint, about one axis in a hinge, or as
+far as limits let them. It does no work but that of its motor. What holds bodies at a distance are rods (`[[rods]]`), what
+pulls them are springs (`[[springs]]`); both go from a point of one body to a point of another, or of the world.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from annotated_types import Gt, Lt
 from pydantic import Field, model_validator
 
 from particlesim.bonds.pairs import SINGLE, WORLD, Pairs, check_pairs, joined_groups
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import invalid
-from particlesim.model.units import Metres, Number, Vector
+from particlesim.model.units import Degrees, Metres, NewtonMetres, Number, RadiansPerSecond, Vector
 from particlesim.model.variants import Tagged
 from particlesim.model.vectors import Vector3, norm
 
@@ -73,6 +74,11 @@ class Joint(Model):
             return ()
         return self.anchor if self.several else (self.anchor,)  # type: ignore[return-value]
 
+    @property
+    def driven(self) -> bool:
+        """Whether a motor turns it."""
+        return False
+
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second bodies; the second may be the world."""
         return joined_groups(self.on, self.between)
@@ -84,9 +90,33 @@ class Joint(Model):
 
 
 class BallJoint(Joint):
-    """Bodies turn freely about a place that they share."""
+    """Bodies turn freely about a place that they share, or within a cone."""
 
     type: Literal["ball"] = "ball"
+    axis: Vector[Number] | None = None
+    """Direction at the start that `cone` is about; its length does not count."""
+    cone: Annotated[Degrees, Gt(0), Lt(180)] | None = None
+    """How far the first body may lean: the greatest angle between the axis as it carries it and as the second one does, in
+    degrees. They may turn about it freely."""
+
+    @model_validator(mode="after")
+    def _leans(self) -> BallJoint:
+        if (self.axis is None) != (self.cone is None):
+            given, missing = ("cone", "axis") if self.axis is None else ("axis", "cone")
+            allowed = "axis = [0, -1, 0]" if missing == "axis" else "cone = 40 (degrees)"
+            raise invalid(f"{given} needs {missing}", at=(given,), allowed=allowed)
+        if self.axis is not None:
+            require_direction(self.axis, "cone")
+        return self
+
+
+class Motor(Model):
+    """What turns a hinge."""
+
+    speed: RadiansPerSecond
+    """Speed that it is to reach: of the first body against the second about the axis, right-handed."""
+    torque: Annotated[NewtonMetres, Gt(0)]
+    """Greatest torque with which it turns, and with which it brakes what turns faster."""
 
 
 class HingeJoint(Joint):
@@ -95,12 +125,32 @@ class HingeJoint(Joint):
     type: Literal["hinge"] = "hinge"
     axis: Vector[Number]
     """Direction of the axis at the start; its length does not count."""
+    limits: tuple[Degrees, Degrees] | None = None
+    """Least and greatest angle of the first body against the second about the axis, right-handed, in degrees; it is 0 at the
+    start. Unlimited unless given."""
+    motor: Motor | None = None
+    """Turns the first body against the second, with a bounded torque."""
 
     @model_validator(mode="after")
     def _axis(self) -> HingeJoint:
-        if not norm(self.axis) > 0:
-            raise invalid("the axis of a hinge needs a direction", at=("axis",), allowed="axis = [0, 0, 1]")
+        require_direction(self.axis, "hinge")
+        if self.limits is not None and not -180 < self.limits[0] <= 0 <= self.limits[1] < 180:
+            raise invalid(
+                "the angle is 0 at the start and must be within its limits",
+                at=("limits",),
+                allowed="limits = [-30, 90], between -180 and 180",
+            )
         return self
+
+    @property
+    def driven(self) -> bool:
+        return self.motor is not None
+
+
+def require_direction(axis: Vector3, what: str) -> None:
+    """Raises a mistake for an axis of no length."""
+    if not norm(axis) > 0:
+        raise invalid(f"the axis of a {what} needs a direction", at=("axis",), allowed="axis = [0, 0, 1]")
 
 
 AnyJoint = Annotated[BallJoint | HingeJoint, Tagged("type")]

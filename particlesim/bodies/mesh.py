@@ -1,6 +1,7 @@
 """Bodies whose surface is the triangles of a file.
 
-Mass, centre and moments of inertia are those of what the triangles enclose; what touches is their convex hull.
+Mass, centre and moments of inertia are those of what the triangles enclose; what touches is the convex hull of each closed
+surface in the file. So a shape with dents may be cut into convex parts by another program, and is one file still.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import PrivateAttr
 
+from particlesim.bodies.base import BodyShape
 from particlesim.bodies.hull import Hull, hull_of
 from particlesim.bodies.mass import Solidity, enclosed_by
 from particlesim.bodies.pieces import HULL, Piece
-from particlesim.bodies.shape import UNTURNED, BodyShape
+from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
 from particlesim.colliders.mesh import require_solid, without_flat
 from particlesim.colliders.triangulation import Triangles
@@ -26,11 +28,14 @@ FILLED = 0.95
 """Part of its hull that a mesh fills at least, or it is told that the hull is what touches."""
 MOST_CORNERS = 4096
 """Corners of a hull at most."""
+MOST_PARTS = 256
+"""Parts at most."""
 NO_SIZE = (0.0, 0.0, 0.0)
 
 
 class MeshBody(FromFile, BodyShape):
-    """What the triangles of a file (OBJ, PLY or STL) enclose; its convex hull is what touches."""
+    """What the triangles of a file (OBJ, PLY or STL) enclose; what touches is its convex hull, or those of its parts, if it
+    has several closed surfaces."""
 
     kind: ClassVar[str] = "mesh"
     endings: ClassVar[tuple[str, ...]] = (".obj", ".ply", ".stl")
@@ -41,7 +46,7 @@ class MeshBody(FromFile, BodyShape):
 
     _dropped: int = PrivateAttr(default=0)
     _surface: Triangles | None = PrivateAttr(default=None)
-    _hull: Hull | None = PrivateAttr(default=None)
+    _hulls: tuple[Hull, ...] = PrivateAttr(default=())
 
     @property
     def dropped(self) -> int:
@@ -58,18 +63,24 @@ class MeshBody(FromFile, BodyShape):
         require_solid(
             corners, faces, self.path, "a rigid body is closed: every edge of its surface has two triangles"
         )
-        hull = hull_of(corners[np.unique(solid)], self.path)
-        if len(hull.corners) > MOST_CORNERS:
+        hulls = tuple(hull_of(corners[part], self.path) for part in convex_parts(corners, solid))
+        if len(hulls) > MOST_PARTS:
             raise UsageError(
-                f"{self.path}: its convex hull has {len(hull.corners):,} corners",
+                f"{self.path}: it has {len(hulls):,} closed surfaces, each of them a part",
+                f"{MOST_PARTS} at most: cut it into fewer parts, or join its surfaces",
+            )
+        most = max(len(hull.corners) for hull in hulls)
+        if most > MOST_CORNERS:
+            raise UsageError(
+                f"{self.path}: its convex hull has {most:,} corners",
                 f"{MOST_CORNERS:,} at most: take a coarser mesh",
             )
-        self._surface, self._hull, self._content = Triangles(corners, solid), hull, content
+        self._surface, self._hulls, self._content = Triangles(corners, solid), hulls, content
 
-    def hull(self) -> Hull:
-        """Its convex hull, in the coordinates of the file in metres."""
-        assert self._hull is not None, "the file has not been read"
-        return self._hull
+    def hulls(self) -> tuple[Hull, ...]:
+        """The convex hulls of its parts, in the coordinates of the file in metres."""
+        assert self._hulls, "the file has not been read"
+        return self._hulls
 
     def surface(self, sides: int = 48) -> Triangles:
         assert self._surface is not None, "the file has not been read"
@@ -79,22 +90,22 @@ class MeshBody(FromFile, BodyShape):
         return enclosed_by(*self.surface())
 
     def pieces(self) -> tuple[Piece, ...]:
-        hull = self.hull()
-        middle = hull.corners.mean(axis=0)
-        planes = hull.planes.copy()
-        planes[:, 3] -= planes[:, :3] @ middle
-        return (
-            Piece(
-                HULL, NO_SIZE, middle, UNTURNED, hull._replace(corners=hull.corners - middle, planes=planes)
-            ),
-        )
+        return tuple(map(_piece, self.hulls()))
 
     def words(self) -> str:
         return f"what {self.path} encloses"
 
     def filled(self) -> float:
-        """Part of its hull that it fills."""
-        return self.solid().volume / hull_volume(self.hull())
+        """Part of its hulls that it fills."""
+        return self.solid().volume / sum(map(hull_volume, self.hulls()))
+
+    def dent(self) -> float:
+        """How deep a place of its surface is below its hulls, at most [m]."""
+        corners, deepest = self.surface().corners[np.unique(self.surface().faces)], 0.0
+        for hull in self.hulls():
+            above = corners @ hull.planes[:, :3].T - hull.planes[:, 3]
+            deepest = max(deepest, float(-above.max(axis=1).min()))
+        return deepest
 
     def remarks(self) -> tuple[str, ...]:
         found = []
@@ -102,10 +113,31 @@ class MeshBody(FromFile, BodyShape):
             found.append(f"{self.path}: {self.dropped:,} of its triangles have no area and are left out")
         if self.filled() < FILLED:
             found.append(
-                f"{self.path}: bodies touch with the convex hull of their mesh, of which it fills {self.filled():.0%} only; "
-                'a shape of type "clump" puts several meshes or other shapes together'
+                f"{self.path}: bodies touch with the convex hull of their mesh, of which it fills {self.filled():.0%} only, "
+                f"with dents {self.dent():.3g} m deep; a file of several closed convex parts, or a shape of type "
+                '"clump" of meshes and other shapes, touches with each of them'
             )
         return tuple(found)
+
+
+def convex_parts(corners: Floats, faces: Ints) -> list[Ints]:
+    """The corners of every closed surface of triangles that has its fronts outwards; others are hollows in these."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
+    near = coo_array((np.ones(edges.shape[1], np.int8), (edges[0], edges[1])), shape=(len(corners),) * 2)
+    label = connected_components(near, directed=False)[1][faces[:, 0]]
+    parts = [faces[label == number] for number in dict.fromkeys(label.tolist())]
+    return [np.unique(part) for part in parts if enclosed_by(corners, part).volume > 0]
+
+
+def _piece(hull: Hull) -> Piece:
+    """A hull about its middle."""
+    middle = hull.corners.mean(axis=0)
+    planes = hull.planes.copy()
+    planes[:, 3] -= planes[:, :3] @ middle
+    return Piece(HULL, NO_SIZE, middle, UNTURNED, hull._replace(corners=hull.corners - middle, planes=planes))
 
 
 def hull_volume(hull: Hull) -> float:

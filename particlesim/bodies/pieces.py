@@ -25,9 +25,10 @@ LINES = 256
 class Piece(NamedTuple):
     """A convex piece of a body: x = at + R y, with y in its own frame.
 
-    `size` [m]: a sphere has its radius; a box half its edges; a capsule its radius and half its axis, along z; a cylinder
-    its radius and half its length, along z; a cone its radius and length, with its centre of mass in the origin and its
-    tip towards z; a hull has none.
+    `size` [m]: a sphere has its radius; a box half its edges; a capsule its
+    radius and half its axis, along z, and the radius of the ring that it is part of, 0 for none: x is the axis of the ring
+    then, and y away from it; a cylinder its radius and half its length, along z; a cone its radius and length, with its
+    centre of mass in the origin and its tip towards z; a hull has none.
     """
 
     kind: int
@@ -63,7 +64,7 @@ class Piece(NamedTuple):
         if self.kind == HULL:
             assert self.hull is not None
             return float(self.hull.planes[:, 3].min())
-        return min(size for size in self.size if size > 0)
+        return min(size for size in (self.size[:2] if self.kind == CAPSULE else self.size) if size > 0)
 
     def extent(self, direction: Floats) -> tuple[float, float]:
         """From where to where it reaches along a direction [m]."""

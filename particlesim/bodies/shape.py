@@ -9,124 +9,23 @@ J_z = π r² l³/12 + 2 (2 π r⁵/15 + (2 π r³/3)(l²/4 + 3 l r/8)), J_x = π
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from pydantic import PrivateAttr, model_validator
+from pydantic import model_validator
 
-from particlesim.bodies.mass import Solidity, enclosed_by, principal
+from particlesim.bodies.base import BodyShape
+from particlesim.bodies.mass import Solidity
 from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, SPHERE, Piece
 from particlesim.colliders.triangulation import Triangles, arc, cuboid, revolved
-from particlesim.model.arrays import Floats
-from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
-from particlesim.model.vectors import Vector3
 
 Length = Annotated[Metres, Gt(0)]
 
 NOWHERE = np.zeros(3)
 UNTURNED = np.eye(3)
-
-
-class Frame(NamedTuple):
-    """What a body is, whatever its shape: volume [m³], centre of mass in the frame of the shape [m], J along the principal
-    axes [m⁵], and these as columns of a rotation in that frame."""
-
-    volume: float
-    center: Floats
-    spread: Floats
-    axes: Floats
-
-
-class BodyShape(Model):
-    """A shape of a rigid body."""
-
-    type: str
-
-    _frame: Frame | None = PrivateAttr(default=None)
-
-    def __eq__(self, other: object) -> bool:
-        return self.says(other)
-
-    def __hash__(self) -> int:
-        return hash(self.type)
-
-    def solid(self) -> Solidity:
-        """What it encloses, in its own frame."""
-        raise NotImplementedError
-
-    def pieces(self) -> tuple[Piece, ...]:
-        """The convex pieces that touch, in its own frame."""
-        raise NotImplementedError
-
-    def surface(self, sides: int = 48) -> Triangles:
-        """Its surface in its own frame; round ones with so many corners around."""
-        raise NotImplementedError
-
-    def words(self) -> str:
-        """A body of this shape in a few words."""
-        raise NotImplementedError
-
-    def remarks(self) -> tuple[str, ...]:
-        """What to tell of it before a run."""
-        return ()
-
-    # ---- of its own
-
-    def frame(self) -> Frame:
-        """Its centre and its principal axes, found once."""
-        if self._frame is None:
-            solid = self.solid()
-            spread, axes = principal(solid.second)
-            self._frame = Frame(solid.volume, solid.center, spread, axes)
-        return self._frame
-
-    def volume(self) -> float:
-        """Volume [m³]."""
-        return self.frame().volume
-
-    def spread(self) -> Vector3:
-        """J = ∫ x² dV along its principal axes [m⁵]."""
-        x, y, z = self.frame().spread
-        return float(x), float(y), float(z)
-
-    def own_pieces(self) -> tuple[Piece, ...]:
-        """The convex pieces that touch, about the centre of mass and along the principal axes."""
-        frame = self.frame()
-        return tuple(piece.seen_from(frame.center, frame.axes) for piece in self.pieces())
-
-    def reach(self) -> float:
-        """Radius of a ball about its centre of mass that holds all of it [m]."""
-        return max(_farthest(piece) for piece in self.own_pieces())
-
-    def fineness(self) -> float:
-        """Its smallest size [m]."""
-        return min(piece.fineness() for piece in self.pieces())
-
-    def triangles(self) -> Triangles:
-        """Its surface about the centre of mass, along the axes of its frame: for pictures."""
-        surface = self.surface()
-        return Triangles(surface.corners - self.frame().center, surface.faces)
-
-    def skin(self) -> Triangles:
-        """A coarser surface about the centre of mass and along the principal axes, which encloses the same volume: fluids
-        act on it."""
-        frame, surface = self.frame(), self.surface(24)
-        corners = (surface.corners - frame.center) @ frame.axes
-        size = enclosed_by(corners, surface.faces).volume
-        return Triangles(corners * (frame.volume / size) ** (1 / 3), surface.faces)
-
-
-def _farthest(piece: Piece) -> float:
-    """How far a piece reaches from the origin [m], at most."""
-    if piece.hull is not None:
-        corners = piece.at + piece.hull.corners @ piece.rotation.T
-        return float(np.linalg.norm(corners, axis=1).max())
-    if piece.kind == BOX:
-        return float(np.linalg.norm(np.abs(piece.rotation.T @ piece.at) + piece.size))
-    return float(np.linalg.norm(piece.at)) + piece.ball()
 
 
 def about_z(profile: list[tuple[float, float]], sides: int, closed: bool = False) -> Triangles:
@@ -272,7 +171,8 @@ class ConeBody(BodyShape):
 
 
 class TorusBody(BodyShape):
-    """A ring of round wire about the z axis, before it is turned. It touches as a chain of capsules."""
+    """A ring of round wire about the z axis, before it is turned. It touches planes as what it is, all else as
+    a chain of capsules."""
 
     type: Literal["torus"] = "torus"
     radius: Length
@@ -307,8 +207,9 @@ class TorusBody(BodyShape):
         for k in range(self.segments):
             c, s = math.cos(2 * half * k), math.sin(2 * half * k)
             at = corner * math.cos(half) * np.array([c, s, 0.0])
-            rotation = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])  # z along the ring
-            found.append(Piece(CAPSULE, (self.tube, corner * math.sin(half), 0.0), at, rotation))
+            rotation = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])  # x its axis, z along it
+            size = (self.tube, corner * math.sin(half), self.radius)
+            found.append(Piece(CAPSULE, size, at, rotation))
         return tuple(found)
 
     def surface(self, sides: int = 48) -> Triangles:

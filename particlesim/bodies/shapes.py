@@ -2,30 +2,19 @@
 
 from typing import Annotated
 
-from particlesim.bodies.clump import ClumpBody
-from particlesim.bodies.mesh import MeshBody
-from particlesim.bodies.shape import (
-    BallBody,
-    BodyShape,
-    BoxBody,
-    CapsuleBody,
-    ConeBody,
-    CylinderBody,
-    TorusBody,
-)
-from particlesim.model.variants import Tagged
+from particlesim.bodies.base import BodyShape
+from particlesim.model.variants import Family, Tagged
 
-AnyBodyShape = Annotated[
-    BallBody | BoxBody | CapsuleBody | CylinderBody | ConeBody | TorusBody | MeshBody | ClumpBody,
-    Tagged("type"),
-]
-BODY_SHAPES: tuple[type[BodyShape], ...] = (
-    BallBody,
-    BoxBody,
-    CapsuleBody,
-    CylinderBody,
-    ConeBody,
-    TorusBody,
-    MeshBody,
-    ClumpBody,
+BODY_SHAPES = Family[BodyShape](
+    "particlesim.bodies",
+    sphere="shape.BallBody",
+    box="shape.BoxBody",
+    capsule="shape.CapsuleBody",
+    cylinder="shape.CylinderBody",
+    cone="shape.ConeBody",
+    torus="shape.TorusBody",
+    mesh="mesh.MeshBody",
+    clump="clump.ClumpBody",
 )
+
+AnyBodyShape = Annotated[BodyShape, Tagged("type", BODY_SHAPES)]

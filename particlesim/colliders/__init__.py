@@ -1,83 +1,34 @@
-"""What particles collide with. To add a shape, write its file and add it to `AnyCollider` and `COLLIDERS`."""
+"""What particles collide with. To add a shape, write its file and add a line to `COLLIDERS`."""
 
 from typing import Annotated
 
 from particlesim.colliders.base import Collider
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.box import BoxCollider
-from particlesim.colliders.capsule import CapsuleCollider
-from particlesim.colliders.combination import DifferenceCollider, IntersectionCollider, UnionCollider
-from particlesim.colliders.cone import ConeCollider
-from particlesim.colliders.cylinder import CylinderCollider
-from particlesim.colliders.disc import DiscCollider
-from particlesim.colliders.distance_grid import DistanceGridCollider
-from particlesim.colliders.formula import FormulaCollider
-from particlesim.colliders.height_field import HeightFieldCollider
-from particlesim.colliders.mesh import MeshCollider
-from particlesim.colliders.plane import Plane, PlaneCollider
-from particlesim.colliders.rectangle import RectangleCollider
-from particlesim.colliders.sphere import SphereCollider
-from particlesim.colliders.torus import TorusCollider
-from particlesim.model.variants import Tagged
+from particlesim.colliders.plane import Plane
+from particlesim.model.variants import Family, Tagged
 
-AnyCollider = Annotated[
-    PlaneCollider
-    | SphereCollider
-    | BoxCollider
-    | CapsuleCollider
-    | CylinderCollider
-    | ConeCollider
-    | TorusCollider
-    | RectangleCollider
-    | DiscCollider
-    | MeshCollider
-    | HeightFieldCollider
-    | DistanceGridCollider
-    | FormulaCollider
-    | UnionCollider
-    | IntersectionCollider
-    | DifferenceCollider,
-    Tagged("type"),
-]
-COLLIDERS: tuple[type[Collider], ...] = (
-    PlaneCollider,
-    SphereCollider,
-    BoxCollider,
-    CapsuleCollider,
-    CylinderCollider,
-    ConeCollider,
-    TorusCollider,
-    RectangleCollider,
-    DiscCollider,
-    MeshCollider,
-    HeightFieldCollider,
-    DistanceGridCollider,
-    FormulaCollider,
-    UnionCollider,
-    IntersectionCollider,
-    DifferenceCollider,
+COLLIDERS = Family[Collider](
+    "particlesim.colliders",
+    plane="plane.PlaneCollider",
+    sphere="sphere.SphereCollider",
+    box="box.BoxCollider",
+    capsule="capsule.CapsuleCollider",
+    cylinder="cylinder.CylinderCollider",
+    cone="cone.ConeCollider",
+    torus="torus.TorusCollider",
+    rectangle="rectangle.RectangleCollider",
+    disc="disc.DiscCollider",
+    mesh="mesh.MeshCollider",
+    height_field="height_field.HeightFieldCollider",
+    distance_grid="distance_grid.DistanceGridCollider",
+    formula="formula.FormulaCollider",
+    union="combination.UnionCollider",
+    intersection="combination.IntersectionCollider",
+    difference="combination.DifferenceCollider",
 )
 
-__all__ = [
-    "COLLIDERS",
-    "AnyCollider",
-    "BoundsRecord",
-    "BoxCollider",
-    "CapsuleCollider",
-    "Collider",
-    "ConeCollider",
-    "CylinderCollider",
-    "DifferenceCollider",
-    "DiscCollider",
-    "DistanceGridCollider",
-    "FormulaCollider",
-    "HeightFieldCollider",
-    "IntersectionCollider",
-    "MeshCollider",
-    "Plane",
-    "PlaneCollider",
-    "RectangleCollider",
-    "SphereCollider",
-    "TorusCollider",
-    "UnionCollider",
-]
+AnyCollider = Annotated[Collider, Tagged("type", COLLIDERS)]
+
+__getattr__ = COLLIDERS.by_name
+
+__all__ = ["COLLIDERS", "AnyCollider", "BoundsRecord", "Collider", "Plane"]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.colliders.way import Way, first_root
-from particlesim.compiler import compiled, kernel, outlined
+from particlesim.compiler import kernel, much, outlined
 from particlesim.compiler.intrinsics import on_stack
 from particlesim.model.arrays import Floats, Ints
 
@@ -149,7 +149,7 @@ def _with_grid(tree: BvhRecord, number: int) -> BvhRecord:
     corner: Floats = 0.5 * (low + high - shape * cell)
     x, y, z = (float(v) for v in corner)
     tree = tree._replace(low=(x, y, z), cell=cell)
-    with compiled(worth=bounds.size > IN_PYTHON):
+    with much(bounds.size > IN_PYTHON):
         fill_bounds(tree, bounds, hints)
     return tree._replace(bounds=bounds, hints=hints)
 

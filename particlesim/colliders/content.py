@@ -35,6 +35,11 @@ class FromFile(Model):
         raise NotImplementedError
 
     @property
+    def dropped(self) -> int:
+        """How many triangles of the file have no area, and are left out."""
+        return 0
+
+    @property
     def is_open(self) -> bool:
         """Whether the file has been read."""
         return self._content is not None

@@ -15,23 +15,25 @@ from particlesim.compiler.intrinsics import (
 )
 from particlesim.compiler.kernel import (
     Kernel,
-    compiled,
+    NotKept,
     compiling_seconds,
     kernel,
+    much,
     told_of_compiling,
     uncompiled,
 )
 
 __all__ = [
     "Kernel",
+    "NotKept",
     "atomic_add",
     "atomic_load",
-    "compiled",
     "compiling_seconds",
     "exact",
     "kernel",
     "lanes",
     "let_others_run",
+    "much",
     "on_stack",
     "outlined",
     "shared",

@@ -36,6 +36,7 @@ _BUSY: list[Callable[[bool], None]] = []
 _spent = 0.0
 _began = 0.0
 ENTRY = "kernel"
+_NOTHING: tuple[Any, list[Any], list[Any]] = (None, [], [])
 
 
 # Arguments
@@ -43,11 +44,16 @@ ENTRY = "kernel"
 
 def _array(x: np.ndarray[Any, Any], key: list[Any], numbers: list[Any]) -> None:
     shape = x.shape
-    numbers.append(x.__array_interface__["data"][0])
-    numbers += shape
     if x.flags.c_contiguous:
+        try:  # takes a tenth of the time of the array interface, but must be able to write to an element
+            numbers.append(ctypes.addressof(ctypes.c_char.from_buffer(x.data)))
+        except (TypeError, ValueError):
+            numbers.append(x.__array_interface__["data"][0])
+        numbers += shape
         key.append((x.dtype, len(shape)))
     else:
+        numbers.append(x.__array_interface__["data"][0])
+        numbers += shape
         size = x.dtype.itemsize
         key.append((x.dtype, len(shape), True))
         for stride in x.strides:
@@ -226,6 +232,7 @@ class Kernel:
         self.python = function
         self._made: dict[Any, Compiled] = {}
         self._count = function.__code__.co_argcount
+        self._taken: dict[int, tuple[Any, list[Any], list[Any]] | None] = {}
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Run compiled; arrays are changed in place. Raises CompileError, and TypeError for what kernels do not take."""
@@ -239,14 +246,31 @@ class Kernel:
             return self._in_python(arguments)
         key: list[Any] = []
         numbers: list[Any] = []
-        for each in arguments:
-            _take(each, key, numbers)
+        for k, each in enumerate(arguments):
+            if isinstance(each, tuple):
+                self._take(k, each, key, numbers)
+            else:
+                _take(each, key, numbers)
         made = self._made.get(found := tuple(key))
         if made is None:
             made = self._compile(found, arguments)
             if made is None:
                 return self._in_python(arguments)
         return made(numbers)
+
+    def _take(self, k: int, x: tuple[Any, ...], key: list[Any], numbers: list[Any]) -> None:
+        """Take argument k. A tuple of numbers alone never changes: the last one is known when it comes again."""
+        taken = self._taken.get(k, _NOTHING)
+        if taken is None or taken[0] is not x:
+            key_before, before = len(key), len(numbers)
+            _take(x, key, numbers)
+            if taken is not None:
+                part = key[key_before:]
+                varies = any(type(each) is tuple and isinstance(each[0], np.dtype) for each in part)
+                self._taken[k] = None if varies else (x, part, numbers[before:])
+        else:
+            key += taken[1]
+            numbers += taken[2]
 
     def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
         with _LOCK, _timed():
@@ -273,6 +297,8 @@ def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]
     entry = None if CHECKED else store.entry(function, key, machine.identity())
     kept = store.read(entry)
     if kept is None and not _compiling.get():
+        if _much.get():
+            raise NotKept(function.__name__)
         return None
     if kept is None:
         text, form, unit = write(function, arguments)
@@ -321,12 +347,17 @@ CHECKED = _MODE == "checked"
 """Whether kernels look at every index (`bounds`)."""
 
 _compiling = ContextVar("compiling", default=True)
+_much = ContextVar("much", default=False)
+
+
+class NotKept(Exception):
+    """Much work for a kernel that is not on disk, where nothing is to be compiled."""
 
 
 @contextmanager
 def uncompiled() -> Iterator[None]:
-    """In this thread, kernels that are not kept on disk run as plain Python: for little work, where nobody waits for a
-    compiler."""
+    """In this thread, kernels that are not kept on disk run as plain Python, as nobody waits for a compiler. Where there is
+    `much` to do they raise NotKept."""
     before = _compiling.set(False)
     try:
         yield
@@ -335,13 +366,13 @@ def uncompiled() -> Iterator[None]:
 
 
 @contextmanager
-def compiled(worth: bool) -> Iterator[None]:
-    """In this thread, kernels are compiled in spite of `uncompiled`, if it is worth it: for much work."""
-    before = _compiling.set(worth or _compiling.get())
+def much(really: bool) -> Iterator[None]:
+    """In this thread, there is too much to do for plain Python, if it is so."""
+    before = _much.set(really or _much.get())
     try:
         yield
     finally:
-        _compiling.reset(before)
+        _much.reset(before)
 
 
 # How long it takes

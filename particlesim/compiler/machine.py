@@ -11,6 +11,10 @@ import llvmlite.binding as llvm
 
 _LOCK = threading.Lock()
 
+_OPTIONS = ("-vectorize-memory-check-threshold=1000",)
+"""What LLVM is told once. A loop over the columns of particles compares the places of all arrays before it goes on in
+vectors; with more than 128 comparisons LLVM would rather not, and the loop takes five times as long."""
+
 
 @functools.cache
 def processor() -> tuple[str, str]:
@@ -31,6 +35,7 @@ def identity() -> str:
             ".".join(map(str, llvm.llvm_version_info)),
             llvm.get_process_triple(),
             *processor(),
+            *_OPTIONS,
         ]
     )
 
@@ -39,13 +44,16 @@ def identity() -> str:
 def _initialised() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    for option in _OPTIONS:
+        llvm.set_option("psim", option)
 
 
-def _target(optimise: int = 3) -> Any:
+def target(optimise: int = 3) -> Any:
+    """The processor at hand, for which LLVM optimises at a level."""
     _initialised()
     name, features = processor()
-    target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(
+    kind = llvm.Target.from_triple(llvm.get_process_triple())
+    return kind.create_target_machine(
         cpu=name, features=features, opt=optimise, reloc="default", codemodel="jitdefault"
     )
 
@@ -53,16 +61,21 @@ def _target(optimise: int = 3) -> Any:
 def object_code(text: str) -> bytes:
     """Optimise a module and translate it. Raises RuntimeError when LLVM refuses it."""
     with _LOCK:
-        machine = _target()
-        module = llvm.parse_assembly(text)
-        module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
-        module.verify()
-        options = llvm.create_pipeline_tuning_options(speed_level=3)
-        options.loop_vectorization = options.loop_interleaving = options.loop_unrolling = True
-        options.slp_vectorization = False
-        builder = llvm.create_pass_builder(machine, options)
-        builder.getModulePassManager().run(module, builder)
-        return bytes(machine.emit_object(module))
+        machine = target()
+        return bytes(machine.emit_object(optimised(text, machine)))
+
+
+def optimised(text: str, machine: Any) -> Any:
+    """The module of a text as LLVM optimises it for a machine."""
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
+    module.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.loop_interleaving = options.loop_unrolling = True
+    options.slp_vectorization = False
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return module
 
 
 class Code:
@@ -70,7 +83,7 @@ class Code:
 
     def __init__(self, codes: list[bytes], name: str) -> None:
         with _LOCK:
-            self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target(0))
+            self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target(0))
             for code in codes:
                 self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
             self.engine.finalize_object()

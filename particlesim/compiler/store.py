@@ -14,6 +14,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib
+import importlib.util
 import json
 import os
 import stat
@@ -129,6 +130,16 @@ def _text(part: Any) -> str:
     raise _Nameless
 
 
+def _file(name: str | None) -> str | None:
+    if name is None or name in sys.modules:
+        return getattr(sys.modules.get(name or ""), "__file__", None)
+    try:
+        found = importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None
+    return found.origin if found else None
+
+
 def _module(name: str | None) -> Any:
     """A module that has gone into a kernel; None where there is no such module any more.
 
@@ -143,9 +154,9 @@ def _module(name: str | None) -> Any:
 
 
 @functools.cache
-def _module_digest(name: str) -> str | None:
-    """SHA-256 of a module's source; None for one that has no file."""
-    file = getattr(_module(name), "__file__", None)
+def _module_digest(name: str | None) -> str | None:
+    """SHA-256 of a module's source; None for one that has no file. A module that is not there yet is not imported for it."""
+    file = _file(name)
     if name == "__main__" or file is None:
         return None
     try:

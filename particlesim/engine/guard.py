@@ -13,13 +13,11 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
-from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces import Force
-from particlesim.forces.field import Field
 from particlesim.graph.graph import Island
 from particlesim.laws.registry import has_law, potential
 from particlesim.scenario.reach import meetings_of
@@ -53,16 +51,23 @@ class Guard:
             judged and all(group.dynamics.type == "second_order" for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
         ]
-        # Particles and bodies that touch give energy to each other.
+        # Particles and bodies that touch, or that springs join, give energy to each other.
         meetings = meetings_of(world.scenario)
         meeting = {name for each in meetings for name in (each.particles, each.bodies)}
+        meeting |= {name for each in world.scenario.ties for name in each.groups()}
         self._judged = [
             judged and not any(group.name in meeting for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)
         ]
+        # Motors of joints give energy; without books nobody knows how much.
+        driven = any(joint.driven for joint in world.scenario.joints)
+        self._judged = [
+            judged and not (driven and structure.rigid and island.books is None)
+            for judged, (island, structure) in zip(self._judged, pairs, strict=True)
+        ]
         # What starts inside is pushed apart step by step, which gives energy.
         self._judged = [
-            judged and not (isinstance(island, RigidIsland) and island.intrusions())
+            judged and not island.intrusions()
             for judged, (island, _) in zip(self._judged, pairs, strict=True)
         ]
         # The first step at which the energies of an island can be a beginning.
@@ -205,7 +210,7 @@ def _closed(structure: Island) -> bool:
 def _conserves(law: Force) -> bool:
     """Whether a force derives from a potential that stands still, or only takes energy."""
     if has_law(potential, law.record()):
-        return not (isinstance(law, Field) and law.changes())
+        return not law.changes()
     return hasattr(law, "flow") and not law.flow
 
 

@@ -16,16 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
-from particlesim.engine.gain import Account
-from particlesim.engine.guard import Guard
-from particlesim.engine.interactions.bonds import Roster
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.births import Births
-from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.independent import IndependentIsland
-from particlesim.engine.islands.layout import Layout
-from particlesim.engine.islands.rigid import RigidIsland
-from particlesim.engine.ledger.work import Books
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.state.table import TABLE
@@ -50,18 +42,18 @@ FIXED = (
 )
 """Kinds of values that never change in the course of a run."""
 
-FOLLOWS: dict[type, frozenset[str]] = {
-    Simulation: frozenset(
+FOLLOWS: dict[str, frozenset[str]] = {
+    "Simulation": frozenset(
         {
             *("scenario", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
             *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
-    Guard: frozenset(("_judged", "_from", "_drift")),
-    Account: frozenset(("_names", "_absolute")),
-    Books: frozenset(("names", "_spent", "_stored")),
-    RigidIsland: frozenset(
+    "Guard": frozenset(("_judged", "_from", "_drift")),
+    "Account": frozenset(("_names", "_absolute")),
+    "Books": frozenset(("names", "_spent", "_stored")),
+    "RigidIsland": frozenset(
         (
             "_joined",
             "_structure",
@@ -75,29 +67,30 @@ FOLLOWS: dict[type, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
-            *("_made", "_springs", "_order"),
+            *("_made", "_springs", "_order", "_scenario", "_particles"),
             "kept_from",
             "impacts",
         )
     ),
-    IndependentIsland: frozenset(("program", "_booking", "impacts")),
-    CoupledIsland: frozenset(
+    "Ties": frozenset(("_sets", "_states", "rows")),
+    "IndependentIsland": frozenset(("program", "_booking", "impacts")),
+    "CoupledIsland": frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
             *("_books", "_kept", "_method", "impacts"),
         }
     ),
-    Layout: frozenset(
+    "Layout": frozenset(
         {
             *("bounds", "parts", "driven", "constraint", "work", "count", "dtype", "effort"),
             *("_cooling", "_method", "_shares"),
         }
     ),
-    Roster: frozenset(("number", "pairs", "rest")),
-    GroupState: frozenset({"axes", *(column.name for column in TABLE)}),
+    "Roster": frozenset(("number", "pairs", "rest")),
+    "GroupState": frozenset({"axes", *(column.name for column in TABLE)}),
 }
-"""Attributes that follow from the scenario or from other attributes, and scratch arrays that every step fills anew. The
-columns of groups are stored by their table."""
+"""By the classes of the engine: attributes that follow from the scenario or from other attributes, and scratch arrays that
+every step fills anew. The columns of groups are stored by their table."""
 
 
 @dataclass
@@ -175,7 +168,9 @@ def _joined(parts: list[Array], dtype: Any) -> Array:
 
 def _children(value: Any) -> list[tuple[str, Any]] | None:
     """The named parts of a container or of an object of the engine; None for anything else."""
-    left_out = value.follows if isinstance(value, Interaction) else FOLLOWS.get(type(value), frozenset())
+    left_out = (
+        value.follows if isinstance(value, Interaction) else FOLLOWS.get(type(value).__name__, frozenset())
+    )
     parts: Iterable[tuple[str, Any]]
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         parts = zip(value._fields, value, strict=True)

@@ -37,9 +37,15 @@ def topology(scenario: Scenario, islands: Sequence[Any], states: Sequence[GroupS
 
 
 def _is_edge(each: Topology, surfaces: set[str]) -> bool:
-    """Whether a set is shown as lines: not the springs of a body that is shown as a surface, nor those inside one."""
+    """Whether a set is shown as lines: not the springs of a body that is shown as a surface, nor those inside one,
+    nor what ends at points of rigid bodies, which are no particles."""
     body = each.name.rpartition(".")[0]
-    return len(each.pairs) > 0 and body not in surfaces and not each.name.endswith(HIDDEN)
+    return (
+        len(each.pairs) > 0
+        and each.points is None
+        and body not in surfaces
+        and not each.name.endswith(HIDDEN)
+    )
 
 
 def _rows_are_ids(scenario: Scenario) -> bool:

@@ -8,23 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.islands.independent import IndependentIsland
 from particlesim.engine.islands.initial import populate
-from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.engine.topology import topology
 from particlesim.graph.graph import Graph, build_graph
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
+
+if TYPE_CHECKING:
+    from particlesim.engine.islands.separation import Separation
+
+# What steps particles that act on each other, and rigid bodies, is imported where there are some.
 
 
 class World:
@@ -40,6 +43,7 @@ class World:
         self.scenario = scenario
         self.graph: Graph = build_graph(scenario)
         self.step = 0
+        self.separations: list[Separation] = []
         self.islands = self._populate(block)
         by_name = {state.name: state for island in self.islands for state in island.states}
         self.states: list[GroupState] = [by_name[group.name] for group in scenario.groups]
@@ -60,14 +64,24 @@ class World:
         # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
         ids = {group.name: (first_id + k, len(emitters)) for k, group in enumerate(emitters)}
         islands: list[BaseIsland] = []
+        laid_out = {group.name for group in self.scenario.particles}
+        others = {name: state for name, state in states.items() if name in laid_out}
         extra = {} if block is None else {"block": block}
         for island in self.graph.islands:
             mine = [
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
+            if island.coupled:
+                from particlesim.engine.islands.separation import separate
+
+                self.separations += separate(island, mine, self.scenario.simulation.box)
             if island.rigid:
-                islands.append(RigidIsland(self.scenario, island, mine, ids))
+                from particlesim.engine.islands.rigid import RigidIsland
+
+                islands.append(RigidIsland(self.scenario, island, mine, ids, others))
             elif island.coupled:
+                from particlesim.engine.islands.coupled import CoupledIsland
+
                 islands.append(CoupledIsland(self.scenario, island, mine, ids))
             else:
                 islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))
@@ -106,12 +120,7 @@ class World:
 
     def broke(self) -> dict[str, NDArray[np.float64]]:
         """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
-        return {
-            name: each.broke
-            for island in self.islands
-            for name, each in zip(island.names, island.interactions, strict=True)
-            if each.broke is not None
-        }
+        return {name: when for island in self.islands for name, when in island.broke().items()}
 
     def turning(self, state: GroupState) -> NDArray[np.float64]:
         """Angular velocities of the bodies or grains of a group [rad/s], shape [n, 3]; 0 of particles that do not turn."""
@@ -128,8 +137,17 @@ class World:
         for island in self.islands:
             if any(member is state for member in island.states):
                 names = [member.name for member in island.states]
-                return island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
+                found = island.forces(self.time)[:, rows(island.states)[names.index(state.name)]].T
+                return self._with_ties(state.name, found)
         raise ValueError(f"{state.name} is no group of this simulation")
+
+    def _with_ties(self, name: str, forces: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+        """The forces on a group with those of springs that tie some of its particles to bodies."""
+        for island in self.islands:
+            if (tied := island.forces_on_tied(self.time).get(name)) is not None:
+                forces = forces.copy()
+                forces[tied[0]] += tied[1]
+        return forces
 
 
 def rows(states: Sequence[GroupState]) -> list[slice]:

@@ -1,6 +1,6 @@
 """A union of tables told apart by their `type`, to which installed packages add further types.
 
-    AnyFlow = Annotated[Uniform | Vortex, Tagged("type"), OpenUnion("particlesim.flows", Flow, FLOWS, ...)]
+    AnyFlow = Annotated[Flow, Tagged("type", FLOWS), OpenUnion("particlesim.flows", Flow, FLOWS, ...)]
 
 The types of psim are validated as in any union. Only a `type` that is not among them makes psim look at the
 installed packages, and only the one that adds it is imported: a scenario names a type, never a module.
@@ -18,6 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 from particlesim.extensions.packages import Extension, ExtensionError, installed
 from particlesim.extensions.requirements import SAMPLE, type_name, undocumented, unlawful
 from particlesim.model.mistakes import invalid
+from particlesim.model.variants import Family
 
 
 class OpenUnion:
@@ -32,7 +33,7 @@ class OpenUnion:
         self,
         group: str,
         base: type[BaseModel],
-        own: tuple[type[BaseModel], ...],
+        own: Family[Any],
         *,
         texts: Sequence[str] = (),
         laws: Sequence[Callable[..., Any]],
@@ -40,7 +41,6 @@ class OpenUnion:
     ) -> None:
         self.group, self.base, self.own, self.texts, self.laws = group, base, own, texts, laws
         self._sample = sample
-        self._own_names = {type_name(model) for model in own}
         self._added: dict[str, tuple[Extension, type[BaseModel]]] = {}
 
     def __copy__(self) -> OpenUnion:  # pydantic copies the marks of fields; there is one union of each kind
@@ -59,13 +59,13 @@ class OpenUnion:
     def names(self) -> tuple[str, ...]:
         """The types that installed packages offer, whether they work or not; nothing is imported."""
         offered = (found.type for found in installed(self.group))
-        return tuple(dict.fromkeys(name for name in offered if name not in self._own_names))
+        return tuple(dict.fromkeys(name for name in offered if name not in self.own.tags))
 
     def find(self, name: str) -> type[BaseModel] | None:
         """The class of a type that a package adds; None if none does. Raises ExtensionError for one that cannot be used."""
         if name in self._added:
             return self._added[name][1]
-        if name in self._own_names:
+        if name in self.own.tags:
             return None
         offered = [found for found in installed(self.group) if found.type == name]
         if not offered:
@@ -82,7 +82,7 @@ class OpenUnion:
         problems = [
             f"{found.type!r} of the package {found.origin} is not used: psim has a type of this name"
             for found in installed(self.group)
-            if found.type in self._own_names
+            if found.type in self.own.tags
         ]
         for name in self.names():
             try:
@@ -136,7 +136,7 @@ class OpenUnion:
     def _validate(self, raw: Any, handler: Callable[[Any], Any], info: ValidationInfo) -> Any:
         """A table or an instance, of one of psim's types or of one that a package adds."""
         name = raw.get("type") if isinstance(raw, dict) else getattr(raw, "type", None)
-        if not isinstance(name, str) or isinstance(raw, self.own):
+        if not isinstance(name, str) or name in self.own.tags:
             return handler(raw)
         try:
             if self.find(name) is None:

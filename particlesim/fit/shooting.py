@@ -18,6 +18,7 @@ import numpy as np
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.predict import hermite
+from particlesim.forces.gravity import Gravity
 from particlesim.groups.group import Particles
 from particlesim.layouts.points import Points
 from particlesim.model.arrays import Floats
@@ -240,6 +241,6 @@ def _turned(direction: Floats, way: Floats) -> Floats:
 def _up(scenario: Scenario) -> Floats:
     """Against uniform gravity, or along y."""
     for law in scenario.forces:
-        if law.type == "gravity" and any(law.acceleration):
+        if isinstance(law, Gravity) and any(law.acceleration):
             return -np.array(unit(law.acceleration))
     return np.array([0.0, 1.0, 0.0])

@@ -40,6 +40,10 @@ class Force(Model):
         """The parameters as kernels take them."""
         raise NotImplementedError
 
+    def over(self, label: str, group: str) -> Any:
+        """What it is to the triangles of a group, under its name in the ledger; of forces on surfaces."""
+        raise NotImplementedError
+
     def needs_velocity(self) -> bool:
         """Whether the law reads the velocity, which a particle without inertia does not have."""
         return False
@@ -47,6 +51,14 @@ class Force(Model):
     def needs(self) -> frozenset[str]:
         """Attributes of particles that the law reads beside the mass, by name."""
         return frozenset()
+
+    def changes(self) -> bool:
+        """Whether it changes while a particle stands still: with time, or with the temperature."""
+        return False
+
+    def jump(self) -> tuple[tuple[str | int, ...], str] | None:
+        """The key of an expression by which the force jumps somewhere, and what in it does; None if none is seen to."""
+        return None
 
     def kink(self) -> str | None:
         """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""

@@ -71,6 +71,9 @@ class SheetDrag(Force):
     def record(self) -> SheetDragRecord:
         return self.surface_record(False)
 
+    def over(self, label: str, group: str) -> SurfaceSet:
+        return SurfaceSet(label, group, self)
+
     def surface_record(self, closed: bool) -> SheetDragRecord:
         """The record for an open or a closed surface."""
         k = 0.5 * self.rho

@@ -7,14 +7,14 @@ groups are islands of their own whose particles are independent of each other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 
 from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, HingeSet, RodSet
 from particlesim.bonds.pairs import SINGLE
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
-from particlesim.forces import Force, SheetDrag
-from particlesim.forces.sheet_drag import SurfaceSet
+from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
@@ -25,6 +25,9 @@ from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
 from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from particlesim.forces.sheet_drag import SurfaceSet
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Edge:
     verb: str
 
 
-Interaction = BondSet | HingeSet | SurfaceSet | PairSet
+Interaction: TypeAlias = "BondSet | HingeSet | SurfaceSet | PairSet"
 """A set of interactions between particles, as a scenario calls for it."""
 
 
@@ -214,10 +217,10 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
     what acts between any two particles."""
     labels = scenario.labels.forces
     surfaces = (
-        SurfaceSet(label, group.name, force)
+        force.over(label, group.name)
         for group in scenario.groups
         for label, force in zip(labels, scenario.forces, strict=True)
-        if isinstance(force, SheetDrag) and isinstance(group, Particles) and acts_on(force, group)
+        if force.on_surfaces and acts_on(force, group)
     )
     return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))
 

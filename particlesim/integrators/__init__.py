@@ -3,55 +3,59 @@
 To add a method, write its file, add one line to `METHODS` and its name to the options of its family.
 """
 
+import importlib
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 from particlesim.integrators.adaptive import Adaptive, AdaptiveName, EmbeddedRungeKutta
-from particlesim.integrators.adaptive_euler import ADAPTIVE_EULER
-from particlesim.integrators.backward_euler import BACKWARD_EULER
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
-from particlesim.integrators.bdf2 import BDF2
-from particlesim.integrators.dop853 import DOP853
-from particlesim.integrators.explicit_euler import EXPLICIT_EULER
-from particlesim.integrators.heun import HEUN
-from particlesim.integrators.ias15 import IAS15, GaussRadau, GaussRadauMethod
+from particlesim.integrators.ias15 import GaussRadau, GaussRadauMethod
 from particlesim.integrators.implicit import BackwardEuler, Implicit, ImplicitMethod, ImplicitName
-from particlesim.integrators.implicit_midpoint import IMPLICIT_MIDPOINT
-from particlesim.integrators.midpoint import MIDPOINT
 from particlesim.integrators.options import FixedStep, FixedStepName, Options
-from particlesim.integrators.rk3 import RK3
-from particlesim.integrators.rk4 import RK4
-from particlesim.integrators.rk45 import RK45
-from particlesim.integrators.stormer_verlet import STORMER_VERLET
-from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
-from particlesim.integrators.trapezoidal import TRAPEZOIDAL
-from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
-from particlesim.integrators.whfast import WHFAST, WisdomHolman, WisdomHolmanMethod
-from particlesim.integrators.yoshida4 import YOSHIDA4
+from particlesim.integrators.whfast import WisdomHolman, WisdomHolmanMethod
 from particlesim.model.variants import Tagged
 
-METHODS: dict[str, Method] = {
-    method.name: method
-    for method in (
-        SYMPLECTIC_EULER,
-        EXPLICIT_EULER,
-        MIDPOINT,
-        HEUN,
-        RK3,
-        RK4,
-        STORMER_VERLET,
-        VELOCITY_VERLET,
-        YOSHIDA4,
-        ADAPTIVE_EULER,
-        RK45,
-        DOP853,
-        IAS15,
-        WHFAST,
-        BACKWARD_EULER,
-        TRAPEZOIDAL,
-        IMPLICIT_MIDPOINT,
-        BDF2,
-    )
-}
+
+class Methods(Mapping[str, Method]):
+    """Methods by their names: "heun" is `HEUN` in `heun.py`. A file is imported when its method is first asked for."""
+
+    def __init__(self, *names: str) -> None:
+        self._names = names
+
+    def __getitem__(self, name: str) -> Method:
+        if name not in self._names:
+            raise KeyError(name)
+        module = importlib.import_module(f"particlesim.integrators.{name}")
+        method: Method = getattr(module, name.upper())
+        return method
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+METHODS = Methods(
+    "symplectic_euler",
+    "explicit_euler",
+    "midpoint",
+    "heun",
+    "rk3",
+    "rk4",
+    "stormer_verlet",
+    "velocity_verlet",
+    "yoshida4",
+    "adaptive_euler",
+    "rk45",
+    "dop853",
+    "ias15",
+    "whfast",
+    "backward_euler",
+    "trapezoidal",
+    "implicit_midpoint",
+    "bdf2",
+)
 
 MethodName = Literal[FixedStepName, AdaptiveName, "ias15", "whfast", "backward_euler", ImplicitName]
 """The names of all methods."""

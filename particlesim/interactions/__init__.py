@@ -1,36 +1,25 @@
-"""Interactions between any two particles. To add one, write its file and add its class to `INTERACTIONS` and
-`AnyInteraction`."""
+"""Interactions between any two particles. To add one, write its file and add a line to `INTERACTIONS`."""
 
 from typing import Annotated
 
 from particlesim.extensions.open_union import OpenUnion
 from particlesim.interactions.base import PairInteraction, PairSet
-from particlesim.interactions.contact import Contact
-from particlesim.interactions.coulomb import Coulomb
-from particlesim.interactions.flocking import Flocking
-from particlesim.interactions.formula import PairFormula
-from particlesim.interactions.friction import PairFriction
-from particlesim.interactions.gravity import MutualGravity
-from particlesim.interactions.lennard_jones import LennardJones
-from particlesim.interactions.morse import Morse
-from particlesim.interactions.power_law import PairPowerLaw
-from particlesim.interactions.soft_sphere import SoftSphere
-from particlesim.interactions.yukawa import Yukawa
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Family, Tagged
 
-INTERACTIONS: tuple[type[PairInteraction], ...] = (
-    MutualGravity,
-    Coulomb,
-    PairPowerLaw,
-    LennardJones,
-    Morse,
-    Yukawa,
-    SoftSphere,
-    PairFormula,
-    PairFriction,
-    Flocking,
-    Contact,
+INTERACTIONS = Family[PairInteraction](
+    "particlesim.interactions",
+    gravity="gravity.MutualGravity",
+    coulomb="coulomb.Coulomb",
+    power_law="power_law.PairPowerLaw",
+    lennard_jones="lennard_jones.LennardJones",
+    morse="morse.Morse",
+    yukawa="yukawa.Yukawa",
+    soft_sphere="soft_sphere.SoftSphere",
+    formula="formula.PairFormula",
+    friction="friction.PairFriction",
+    flocking="flocking.Flocking",
+    contact="contact.Contact",
 )
 
 OPEN_INTERACTIONS = OpenUnion(
@@ -43,20 +32,8 @@ OPEN_INTERACTIONS = OpenUnion(
 )
 """What installed packages add to `AnyInteraction`."""
 
-AnyInteraction = Annotated[
-    MutualGravity
-    | Coulomb
-    | PairPowerLaw
-    | LennardJones
-    | Morse
-    | Yukawa
-    | SoftSphere
-    | PairFormula
-    | PairFriction
-    | Flocking
-    | Contact,
-    Tagged("type"),
-    OPEN_INTERACTIONS,
-]
+AnyInteraction = Annotated[PairInteraction, Tagged("type", INTERACTIONS), OPEN_INTERACTIONS]
+
+__getattr__ = INTERACTIONS.by_name
 
 __all__ = ["INTERACTIONS", "OPEN_INTERACTIONS", "AnyInteraction", "PairInteraction", "PairSet"]

@@ -8,7 +8,7 @@ potential. `tests/contract` holds every registered interaction to this.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from annotated_types import Gt
 from pydantic import Field, model_validator
@@ -23,6 +23,14 @@ from particlesim.model.vectors import square
 PairMethod = Literal["auto", "direct", "neighbours", "tree", "mesh"]
 """How forces of pairs may be summed."""
 Shift = Literal["none", "energy", "force"]
+
+
+class Jump(NamedTuple):
+    """A jump of the energy [J] or of the force [N] of a pair: of what, at which distance [m], and by how much."""
+
+    of: str
+    at: float
+    size: float  # "energy" comes before "force", and near before far, in the order of tuples
 
 
 class PairInteraction(Model):
@@ -136,6 +144,10 @@ class PairInteraction(Model):
     def random(self) -> bool:
         """Whether its forces are random, and read the ids of particles."""
         return False
+
+    def jump(self) -> Jump | None:
+        """The first place that is seen at which the energy, or else the force, jumps; None if there is none."""
+        return None
 
     def changes(self) -> bool:
         """Whether forces between particles at rest change with time."""

@@ -46,8 +46,8 @@ KEYS = {
     "hertz": ("young_modulus", "poisson_ratio"),
 }
 """Keys that belong to one model."""
-SOFT = ("rolling_friction", "cohesion")
-"""Keys of all models but hard impulses."""
+SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
+"""Keys of all models but hard impulses, and what they are unless given."""
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
 
@@ -71,6 +71,10 @@ class Contact(PairInteraction):
     reduced radius r₁ r₂/(r₁ + r₂), or r at a collider. Grains that are not round have some 0.1 to 0.5."""
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
     """Work of adhesion w of soft contacts, per area [J/m²]: while two touch they attract each other by 2 π w R."""
+    overlap: Literal["auto", "relax", "keep"] = "auto"
+    """What becomes of soft particles that overlap at the start: `relax` moves them apart before the first step until
+    overlaps are a hundredth of the smaller radius, `auto` does so if one is deeper than a twentieth, `keep` lets them
+    push."""
     stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
     """Stiffness k of the spring of `linear`."""
     tangential_stiffness: Annotated[NewtonsPerMetre, Gt(0)] | None = None
@@ -109,8 +113,8 @@ class Contact(PairInteraction):
 
     @model_validator(mode="after")
     def _is_soft(self) -> Contact:
-        for key in SOFT:
-            if self.model == "impulse" and getattr(self, key) != 0:
+        for key, default in SOFT.items():
+            if self.model == "impulse" and getattr(self, key) != default:
                 raise invalid(
                     f"{key} needs contacts that last",
                     at=(key,),
@@ -172,6 +176,11 @@ class Contact(PairInteraction):
     def soft(self) -> bool:
         """Whether contacts last, so that colliders act by the same law."""
         return self.model != "impulse"
+
+    @property
+    def parts(self) -> bool:
+        """Whether particles that overlap at the start are put apart."""
+        return self.soft and self.overlap != "keep"
 
     @property
     def moduli(self) -> tuple[float, float]:

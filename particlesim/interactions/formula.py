@@ -17,7 +17,7 @@ from particlesim.expressions.constants import check_constant
 from particlesim.expressions.discontinuities import CALLED, edges
 from particlesim.expressions.operations import Node, Ray, slope, value
 from particlesim.expressions.parser import ExpressionError, on_arrays, parse, reads
-from particlesim.interactions.base import PairInteraction
+from particlesim.interactions.base import Jump, PairInteraction
 from particlesim.laws.pair import Pair, Terms, by_distance, central_law
 from particlesim.laws.registry import law
 from particlesim.model.base import Name
@@ -194,14 +194,6 @@ class PairFormula(PairInteraction):
         with np.errstate(all="ignore"):
             at = value(self.node(), Known(*map(np.float64, (0.0, *_PROBES[0][1:]))))  # type: ignore[arg-type]
         return not bool(np.isfinite(at))
-
-
-class Jump(NamedTuple):
-    """A jump of the energy [J] or of the force [N] of a pair: of what, at which distance [m], and by how much."""
-
-    of: str
-    at: float
-    size: float  # "energy" comes before "force", and near before far, in the order of tuples
 
 
 ALONG = Known(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -269,6 +269,7 @@ _HEAT_CAPACITY = Unit("J/K", "a heat capacity", "1.38e-23 J/K")
 _TEMPERATURE = Unit("K", "a temperature", "20 degC")
 _CHARGE = Unit("C", "an electric charge", "2 uC")
 _ENERGY = Unit("J", "an energy", "3 kJ")
+_TORQUE = Unit("N m", "a torque", "30 N cm")
 _ANGULAR_MOMENTUM = Unit("J s", "an angular momentum", "3 kg m^2/s")
 
 _UNITS = tuple(value for value in list(globals().values()) if isinstance(value, Unit))
@@ -304,6 +305,7 @@ Kelvin = Annotated[float, _TEMPERATURE]
 KelvinDifference = Annotated[float, _TEMPERATURE.difference()]
 Coulombs = Annotated[float, _CHARGE]
 Joules = Annotated[float, _ENERGY]
+NewtonMetres = Annotated[float, _TORQUE]
 JouleSeconds = Annotated[float, _ANGULAR_MOMENTUM]
 
 T = TypeVar("T")

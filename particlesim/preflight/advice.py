@@ -9,7 +9,6 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions.contact import Contact
-from particlesim.interactions.formula import PairFormula
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.layouts.disc import Disc
 from particlesim.layouts.plummer import Plummer
@@ -177,7 +176,7 @@ def _jumping(scenario: Scenario) -> list[str]:
     """Formulas of pairs whose energy or force jumps at a distance."""
     found = []
     for each in pair_sets(scenario):
-        jump = each.law.jump() if isinstance(each.law, PairFormula) else None
+        jump = each.law.jump()
         if jump is not None and jump.of == "energy":
             found.append(
                 f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "

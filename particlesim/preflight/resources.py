@@ -17,6 +17,7 @@ from particlesim.integrators import RungeKutta
 from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
+from particlesim.preflight.pair_memory import pair_bytes
 from particlesim.sampling.distributions import largest
 from particlesim.scenario.reach import may_break, mortal, pair_sets
 from particlesim.scenario.scenario import Scenario
@@ -91,6 +92,7 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
     births = deaths = 0
     memory = float(BASE_MEMORY)
     checkpoint = 0.0
+    numbers: dict[str, float] = {}
     for group in scenario.groups:
         if isinstance(group, Particles):
             here = held = np.full(len(times), float(scenario.opened(group).number() or 0))
@@ -104,11 +106,12 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
             total = schedule.total(grid.duration)
             births, deaths = births + total, deaths + max(total - int(here[-1]), 0)
         memory += held.max() * _particle_bytes(scenario, group)
+        numbers[group.name] = float(held.max())
         checkpoint += here.max() * _saved_bytes(scenario, group)
         alive += here
         stepped += held
     most = int(alive.max())
-    memory += _spring_bytes(scenario)
+    memory += _spring_bytes(scenario) + pair_bytes(scenario, numbers, _width(scenario))
     if recorded:
         # At the end a column at a time is made for the digest, while the last checkpoint may still be on its way.
         memory += 2 * POOL * most * sum(_stored(scenario).values()) + checkpoint + 3 * _width(scenario) * most

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
-from particlesim.colliders import Collider, Plane, SphereCollider
+from particlesim.colliders import Collider, Plane
 from particlesim.colliders.moving import frame_at
 from particlesim.colliders.solid import Solid
+from particlesim.colliders.sphere import SphereCollider
 from particlesim.errors import UsageError
 from particlesim.model.vectors import unit
 from particlesim.render.scene.source import BallShape, FrameSource, MeshShape, PlaneShape, Pose

@@ -106,6 +106,8 @@ class Renderer:
         self.scene = self._extents(source)
         if self.box is not None:
             self.scene = self.scene.with_points(self.box.corners)
+        if len(self.bodies.links.world):
+            self.scene = self.scene.with_points(self.bodies.links.world)
         self.center, self.scale = self.scene.center, self.scene.half_extent
         low, high = self.scene.values if settings.color_range == "auto" else settings.color_range
         self.range = (float(low), float(high))
@@ -159,7 +161,8 @@ class Renderer:
     @property
     def _multisampled(self) -> bool:
         """Whether there is more than particles, whose outlines meet."""
-        return bool(self.bodies) or len(self.balls.radius) > 0 or self.props.number > 0
+        drawn = (self.balls.radius, self.bodies.links.owner)
+        return bool(self.bodies) or any(map(len, drawn)) or self.props.number > 0
 
     def _cloth(self) -> dict[str, tuple[float, float, float]]:
         """Plain colours of surfaces, where nothing else is asked for."""
@@ -195,7 +198,9 @@ class Renderer:
         least = float(np.interp(crowd, [3.0, 5.0], [0.0028, 0.001]))
         radii = np.empty(len(bodies.owners))
         for k, name in enumerate(bodies.owners):
-            rest = bodies.lines.rest[bodies.owner == k]
+            rest = np.concatenate(
+                [bodies.lines.rest[bodies.owner == k], bodies.links.rest[bodies.links.owner == k]]
+            )
             typical = float(np.median(rest)) if len(rest) else 0.0
             own = np.clip(0.1 * typical, least * self.scale, 0.007 * self.scale)
             radii[k] = (wanted or {}).get(name, own)
@@ -340,13 +345,16 @@ class Renderer:
         n = len(position)
         balls = self.balls
         last = n + len(balls.radius)
-        every = last + self.props.number
+        linked, strain, owner = self.bodies.links.at(frame, self.bodies.rows)
+        first = last + self.props.number
+        every = first + 2 * len(owner)
         radius, sized = self._radii(frame, n)
-        radius = np.concatenate([radius, balls.radius, np.zeros(self.props.number, np.float32)])
+        radius = np.concatenate([radius, balls.radius, np.zeros(every - last, np.float32)])
         world, sphere = np.empty((every, 3), np.float32), np.empty((every, 4), np.float32)
         box = np.empty((every, 4), np.int32)
         world[n:last] = balls.center
-        world[last:], normal = self.props.at(frame)
+        world[last:first], normal = self.props.at(frame)
+        world[first:] = (linked.reshape(-1, 3) - self.center) / self.scale
         chunks = -(-n // CHUNK)
         bad = [0] * chunks
 
@@ -364,10 +372,11 @@ class Renderer:
         box[hidden] = NO_BOX
         color = self._colors(frame)
         solids, whole = self._solids(frame, world, color)
-        solids, whole = self._with_props(solids, whole, world, last, normal, view)
+        solids, whole = self._with_props(solids, whole, world[:first], last, normal, view)
         painted, stone = self._painted(frame, color), len(self.palette) - 1
-        balls_color = np.full(last - n, stone, color.dtype)
-        color = np.concatenate([painted, balls_color, self.props.colors(frame, painted, stone)])
+        solids = self._with_links(solids, first, strain, owner, stone)
+        others = (np.full(k, stone, color.dtype) for k in (last - n, every - first))
+        color = np.concatenate([painted, next(others), self.props.colors(frame, painted, stone), *others])
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX
@@ -389,6 +398,22 @@ class Renderer:
             normal=np.concatenate([solids.normal, normal]),
         )
         return added, np.concatenate([whole, props.seen(world[first:], view.eye)])
+
+    def _with_links(self, solids: Solids, first: int, strain: Array, owner: Array, stone: int) -> Solids:
+        """The tubes with those at points of rigid bodies, whose ends begin at row `first`."""
+        tint = np.full(len(owner), stone, solids.end_color.dtype)
+        if self.coloring.kind == "strain":
+            tint = quantized(strain, *self.range, self.shades).astype(tint.dtype)
+        for k, name in enumerate(self.bodies.owners):
+            if name in self.paint:
+                tint[owner == k] = self.paint[name]
+        end = first + np.arange(2 * len(owner), dtype=np.int32).reshape(-1, 2)
+        radius = (self.line_radii / self.scale).astype(np.float32)[owner]
+        return solids._replace(
+            end=np.concatenate([solids.end, end]),
+            end_color=np.concatenate([solids.end_color, np.repeat(tint[:, None], 2, axis=1)]),
+            radius=np.concatenate([solids.radius, radius]),
+        )
 
     def _radii(self, frame: Frame, n: int) -> tuple[Array, Array]:
         """Drawn radii [scene units], shape [n], and which particles have a size of their own."""

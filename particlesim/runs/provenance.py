@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import os
 import platform
 import shlex
 import shutil
@@ -33,7 +34,7 @@ def provenance(scenario: Scenario, particles: int) -> dict[str, str | int | floa
         "run": uuid.uuid4().hex,
         "psim": __version__,
         "python": platform.python_version(),
-        "platform": platform.platform(),
+        "platform": f"{platform.system()}-{platform.release()}-{platform.machine()}",
         "host": platform.node(),
         "particles": particles,
         "seed": scenario.simulation.seed,
@@ -51,8 +52,10 @@ def provenance(scenario: Scenario, particles: int) -> dict[str, str | int | floa
 
 def git_revision(folder: Path | None) -> str:
     """Revision of the repository that the scenario lies in, '+' if it has changes; empty if there is none."""
+    if folder is None or not (_in_repository(folder) or "GIT_DIR" in os.environ):
+        return ""
     git = shutil.which("git")
-    if git is None or folder is None:
+    if git is None:
         return ""
     try:
         done = subprocess.run(
@@ -66,3 +69,8 @@ def git_revision(folder: Path | None) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _in_repository(folder: Path) -> bool:
+    """Whether git may find a repository: it looks for `.git` here and above. To ask git itself takes longer."""
+    return any((each / ".git").exists() for each in (folder, *folder.parents))

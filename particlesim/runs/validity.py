@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from particlesim.colliders.content import files_in
-from particlesim.colliders.mesh import Mesh
 from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import overlaps
-from particlesim.engine.diagnosis.tangles import tangled
-from particlesim.engine.islands.rigid import Intrusion, RigidIsland
+from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import remedy
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.forces.stokes_drag import StokesDrag
 from particlesim.groups.group import Particles
 from particlesim.laws.registry import velocity
 from particlesim.layouts.mesh import STRUCTURAL
@@ -84,7 +81,7 @@ def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start."""
     found = []
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
-        if isinstance(island, RigidIsland) and (intrusions := island.intrusions()):
+        if intrusions := island.intrusions():
             found.append(_intruding(world, intrusions))
         for overlap in overlaps(island, structure):
             state = overlap.state
@@ -118,7 +115,7 @@ def _intruding(world: World, intrusions: list[Intrusion]) -> str:
 def stiff(world: World) -> tuple[str, ...]:
     """A sentence where steps are too long for springs at rigid bodies."""
     dt = world.scenario.grid.dt
-    limits = (island.longest_step() for island in world.islands if isinstance(island, RigidIsland))
+    limits = (island.longest_step() for island in world.islands)
     return tuple(
         f"dt = {dt:.6g} s is beyond the largest stable step under springs at rigid bodies, {limit:.3g} s: "
         f"{remedy(limit, limited=True)}"
@@ -128,16 +125,34 @@ def stiff(world: World) -> tuple[str, ...]:
 
 
 def squeezed(world: World) -> tuple[str, ...]:
-    """A sentence for every interaction by contact with particles that overlap each other at the start."""
-    return tuple(
-        f"{each.label}: {each.number:,} pair{'s' if each.number > 1 else ''} of particles overlap at the start, the deepest "
-        f"(ids {each.ids[0]} and {each.ids[1]}) by {each.depth:.3g} m; they move apart"
+    """A sentence for every interaction by contact with particles that overlap each other at the start, or did."""
+    apart = [
+        f"{each.label}: {_pairs(each.number)} overlapped at the start, the deepest by {each.depth:.3g} m: they have been "
+        f"put apart, particles moved by up to {each.way:.3g} m"
+        + (f", and overlap by up to {each.left:.3g} m still, as there is no room" if each.cramped else "")
+        + '; overlap = "keep" leaves them where they are'
+        for each in world.separations
+    ]
+    known = {each.label for each in world.separations}
+    found = [
+        f"{each.label}: {_pairs(each.number)} overlap at the start, the deepest (ids {each.ids[0]} and {each.ids[1]}) by "
+        f"{each.depth:.3g} m; they move apart"
         for each in crowded(world)
-    )
+        if each.label not in known
+    ]
+    return (*apart, *found)
+
+
+def _pairs(number: int) -> str:
+    return f"{number:,} pair{'s' if number > 1 else ''} of particles"
 
 
 def knotted(world: World) -> tuple[str, ...]:
     """A sentence for every contact of surfaces and strands that cross, or are too close, at the start."""
+    if not any(island.interactions for island in world.islands):
+        return ()
+    from particlesim.engine.diagnosis.tangles import tangled
+
     found = []
     for each in tangled(world):
         what, alone = " and ".join(dict.fromkeys(map(repr, each.groups))), each.groups[0] == each.groups[1]
@@ -199,7 +214,7 @@ def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
         f"{solid.path}: {solid.dropped:,} of its triangles have no area and are left out"
         for collider in scenario.colliders
         for _, solid in files_in(collider)
-        if isinstance(solid, Mesh) and solid.dropped
+        if solid.dropped
     )
 
 
@@ -226,10 +241,9 @@ class Watch:
     def __init__(self, scenario: Scenario) -> None:
         self._largest: dict[str, tuple[float, float]] = {}
         self._overflowed: dict[str, float] = {}
+        laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
         self._laws = [
-            (label, force)
-            for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
-            if isinstance(force, StokesDrag) and force.rho is not None
+            (label, force) for label, force in laws if force.type == "stokes_drag" and force.rho is not None
         ]
 
     def look(self, world: World) -> None:

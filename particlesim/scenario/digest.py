@@ -18,6 +18,15 @@ from particlesim.trajectory.frame import Frame
 NOT_PHYSICS = ("format", "title", "description", "output", "render", "checks")
 """Sections of a scenario that do not change how particles move. (`output` may shorten the step; the step counts.)"""
 
+MOVES = {
+    "id": None,
+    "position": None,
+    "velocity": None,
+    "orientation": (1.0, 0.0, 0.0, 0.0),
+    "angular_velocity": (0.0, 0.0, 0.0),
+}
+"""Fields of a state, and the value of those that say nothing where everything has it."""
+
 
 def physics_of(table: Mapping[str, Any]) -> dict[str, Any]:
     """The part of a scenario's table that decides how particles move."""
@@ -45,13 +54,16 @@ def physics_digest(scenario: Scenario) -> str:
 
 
 def state_digest(final: Frame) -> str:
-    """SHA-256 of ids, positions and velocities: equal for equal bits."""
+    """SHA-256 of ids, positions and velocities, and of orientations and angular velocities where something is turned or
+    turns: equal for equal bits."""
     return columns_digest(final.__getitem__)
 
 
 def columns_digest(column: Callable[[str], NDArray[Any]]) -> str:
     """The same of `column(field)`, of which one is in memory at a time."""
     digest = hashlib.sha256()
-    for field in ("id", "position", "velocity"):
-        digest.update(np.ascontiguousarray(column(field)).reshape(-1).view(np.uint8).data)
+    for field, idle in MOVES.items():
+        values = np.ascontiguousarray(column(field))
+        if idle is None or not (values == idle).all():
+            digest.update(values.reshape(-1).view(np.uint8).data)
     return digest.hexdigest()

@@ -23,6 +23,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     stored += labels.joints
     stored += [pairs.name for pairs in pair_sets(scenario) if pairs.law.stores()]
     broken = [bonds.name for bonds in scenario.bonds if may_break(scenario, bonds)]
+    broken += [label for label, springs in scenario.body_springs if springs.spring_law().breaks]
     return (
         *TOTALS,
         *(["missed_crossings"] if scenario.all_colliders else []),
@@ -77,12 +78,15 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     ]
     found = [label for label, force in reaching if not (force.on_surfaces or has_potential(force))]
     found += [each.name for each in bonds if each.law.damped]
-    found += [
-        label
+    bodies = [group.name for group in groups if isinstance(group, Bodies)]
+    joined = [
+        (label, springs.spring_law())
         for label, springs in scenario.body_springs
-        if springs.groups()[0] in names and springs.spring_law().damped
+        if any(name in bodies for name in springs.groups())
     ]
-    found += [f"{each.name}.breaking" for each in bonds if each.law.breaks]
+    found += [label for label, law in joined if law.damped]
+    laws = [*((each.name, each.law) for each in bonds), *joined]
+    found += [f"{name}.breaking" for name, law in laws if law.breaks]
     found += [
         each.name for each in pair_sets(scenario) if each.groups[0] in names and not each.law.conserves()
     ]
@@ -91,6 +95,7 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
     others = {
         "surfaces": any(force.on_surfaces for _, force in reaching),
         "contact": bool(colliders) or any(isinstance(group, Bodies) for group in groups),
+        "motors": any(joint.driven and set(joint.groups()) & set(bodies) for joint in scenario.joints),
         "motion": any(motion.on in names for motion in scenario.motions),
         "births": emitted,
         "deaths": emitted or any(each.contact == "kill" for each in colliders),

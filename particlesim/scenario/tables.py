@@ -23,6 +23,7 @@ from particlesim.interactions import AnyInteraction
 from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
+from particlesim.model.variants import Late
 from particlesim.sampling.random_streams import Streams
 from particlesim.scenario.rendering import RenderSettings
 from particlesim.scenario.time_and_output import Output, SimulationSettings
@@ -65,33 +66,33 @@ class Tables(Model):
     """Which moments and which quantities go to the trajectory."""
     particles: tuple[Particles, ...] = ()
     """Particles that are there from the start."""
-    bodies: tuple[Bodies, ...] = ()
+    bodies: tuple[Late[Bodies], ...] = ()
     """Rigid bodies."""
-    emitters: tuple[Emitter, ...] = ()
+    emitters: tuple[Late[Emitter], ...] = ()
     """Sources of particles."""
     forces: tuple[AnyForce, ...] = ()
     """What acts on particles."""
     interactions: tuple[AnyInteraction, ...] = ()
     """What particles do to each other, near or far."""
-    springs: tuple[Springs, ...] = ()
+    springs: tuple[Late[Springs], ...] = ()
     """Springs between listed particles, or points of rigid bodies."""
-    rods: tuple[Rods, ...] = ()
+    rods: tuple[Late[Rods], ...] = ()
     """Pairs of particles, or points of rigid bodies, whose distance does not change."""
-    angles: tuple[Angles, ...] = ()
+    angles: tuple[Late[Angles], ...] = ()
     """Springs that keep the angle at the middle one of three particles."""
-    dihedrals: tuple[Dihedrals, ...] = ()
+    dihedrals: tuple[Late[Dihedrals], ...] = ()
     """Springs that keep the fold between two triangles."""
     joints: tuple[AnyJoint, ...] = ()
     """Ball joints and hinges of rigid bodies."""
-    motions: tuple[Motion, ...] = ()
+    motions: tuple[Late[Motion], ...] = ()
     """Paths of pinned particles."""
-    planes: tuple[Plane, ...] = ()
+    planes: tuple[Late[Plane], ...] = ()
     """Half-spaces that hold particles back: colliders of type "plane"."""
     colliders: tuple[AnyCollider, ...] = ()
     """Shapes that hold particles back."""
-    impulses: tuple[Impulse, ...] = ()
+    impulses: tuple[Late[Impulse], ...] = ()
     """Kicks at given times."""
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Late[Check], ...] = ()
     """What must hold; a run that breaks one has failed."""
     render: RenderSettings = RenderSettings()
     """How videos look."""
@@ -148,6 +149,25 @@ class Tables(Model):
         """Springs at rigid bodies, each with its name in the ledger."""
         return tuple((label, springs) for springs, label in self._labelled_springs if self.at_bodies(springs))
 
+    @property
+    def ties(self) -> tuple[Springs, ...]:
+        """Springs from rigid bodies to particles."""
+        others = {WORLD, *(body.name for body in self.bodies)}
+        return tuple(springs for _, springs in self.body_springs if not others.issuperset(springs.groups()))
+
+    @property
+    def body_rods(self) -> tuple[tuple[str, Rods], ...]:
+        """Rods at rigid bodies, each with a name of its own."""
+        return tuple(
+            (label, rods)
+            for rods, label in zip(self.rods, self._rod_labels, strict=True)
+            if self.at_bodies(rods)
+        )
+
+    @property
+    def _rod_labels(self) -> tuple[str, ...]:
+        return distinct([rods.name for rods in self.rods], self.labels.all)
+
     def at_bodies(self, joint: Springs | Rods) -> bool:
         """Whether springs or rods join rigid bodies."""
         names = joint.groups()
@@ -156,10 +176,9 @@ class Tables(Model):
     @property
     def rod_sets(self) -> tuple[RodSet, ...]:
         """All sets of rods, each with a name of its own."""
-        labels = distinct([rods.name for rods in self.rods], self.labels.all)
         listed = (
             rods.rods(label, ("rods", k))
-            for k, (rods, label) in enumerate(zip(self.rods, labels, strict=True))
+            for k, (rods, label) in enumerate(zip(self.rods, self._rod_labels, strict=True))
             if not self.at_bodies(rods)
         )
         bodies = (

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from particlesim.errors import UsageError
+from particlesim.errors import ScenarioError, UsageError
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.text.overrides import Override, toml_value
 
@@ -97,7 +97,11 @@ def _values(key: str, piece: str) -> list[object]:
         return [piece]
     text = f"--vary {key}={piece}"
     start = text.index("=") + 1
-    return [toml_value(Override(key, None, text, len("--vary "), start), piece)]
+    try:
+        return [toml_value(Override(key, None, text, len("--vary "), start), piece)]
+    except ScenarioError as error:
+        forms = "values are listed as 1,2,5 or 'linspace(0, 1, 11)'"
+        raise ScenarioError([replace(each, hint=each.hint or forms) for each in error.diagnostics]) from None
 
 
 def _called(key: str, name: str, arguments: str) -> list[object]:

@@ -101,6 +101,15 @@ def component(short: str) -> tuple[str, int | None] | None:
     return None
 
 
+def short_name(quantity: str) -> str:
+    """The short name of what checks call "velocity.y"; other names as they are."""
+    name, _, axis = quantity.partition(".")
+    if name not in FIELDS or FIELDS[name].components == 1:
+        return quantity
+    axes = _AXES if FIELDS[name].components == 3 else ("w", *_AXES)
+    return component_names(name)[axes.index(axis)] if axis in axes else quantity
+
+
 def select_fields(names: Iterable[str]) -> tuple[FieldSpec, ...]:
     """The specs to record, position and id first, without repeats.
 

@@ -129,6 +129,7 @@ def _expected(file: h5py.File) -> Iterator[_Expected]:
     for name in list(topology) if isinstance(topology, h5py.Group) else ():
         for part, row in (("pairs", (2,)), ("triangles", (3,))):
             yield f"psim/topology/{name}/{part}", row, _is_integer
+        yield f"psim/topology/{name}/points", (2, 3), np.dtype("<f8").__eq__
         for part in ("rest", "broke"):
             yield f"psim/topology/{name}/{part}", (), np.dtype("<f8").__eq__
 

@@ -35,7 +35,9 @@ class Topology:
     pairs: ids of both ends of every spring, shape [springs, 2]. rest: rest lengths [m], shape [springs]. broke: when each
     spring broke [s], infinity while it holds, shape [springs]. triangles: ids of the corners, counter-clockwise seen from
     the side to which the surface's normal points, shape [triangles, 3]. breakable: whether springs can break at all.
-    drawn: whether it is among the cells that other programs see.
+    drawn: whether it is among the cells that other programs see. points: of springs and rods at rigid bodies, from the
+    place of a body to each end [m], along the axes of its orientation; for the world, whose id is −1, the place itself;
+    shape [springs, 2, 3], None for those between particles.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Topology:
     triangles: Ints = field(default_factory=_no_triangles)
     breakable: bool = False
     drawn: bool = False
+    points: Floats | None = None
 
     def holds(self, time: float) -> npt.NDArray[np.bool_]:
         """Which springs are whole at a time [s], shape [springs]."""
@@ -61,6 +64,9 @@ def write_topology(psim: h5py.Group, sets: Sequence[Topology]) -> None:
             entry.create_dataset("pairs", data=_narrow(each.pairs), chunks=True, **_FILTERS)
             rest = entry.create_dataset("rest", data=np.asarray(each.rest, "<f8"), chunks=True, **_FILTERS)
             rest.attrs["unit"] = "m"
+        if each.points is not None:
+            points = entry.create_dataset("points", data=np.asarray(each.points, "<f8"))
+            points.attrs["unit"] = "m"
         if each.breakable:  # neither chunked nor compressed: it is changed in place
             broke = entry.create_dataset("broke", data=np.asarray(each.broke, "<f8"))
             broke.attrs["unit"] = "s"
@@ -87,6 +93,9 @@ def read_topology(file: h5py.File) -> Mapping[str, Topology]:
         if "broke" in entry:
             broke = entry["broke"][:]
         rest = entry["rest"][:] if "rest" in entry else np.empty(0)
+        points = entry["points"][:] if "points" in entry else None
+        if points is not None and points.shape != (len(pairs), 2, 3):
+            raise ValueError(f"{len(pairs)} springs, points of shape {points.shape}")
         if not len(pairs) == len(rest) == len(broke):
             raise ValueError(f"{len(pairs)} springs, {len(rest)} rest lengths, {len(broke)} times")
         found[name] = Topology(
@@ -97,5 +106,6 @@ def read_topology(file: h5py.File) -> Mapping[str, Topology]:
             entry["triangles"][:].astype(np.int64) if "triangles" in entry else _no_triangles(),
             "broke" in entry,
             bool(entry.attrs["drawn"]),
+            points,
         )
     return found

@@ -100,7 +100,7 @@ def main() -> None:
     clouds = mesh._replace(spline=(None,) * 3, bricks=new_bricks(mesh.made.shape, room, threads))
     x = np.stack([c.x, c.y, c.z])
     mass = np.full(options.bodies, 1 / options.bodies)
-    order = tree_calibration.order_for(options.accuracy, options.bodies)
+    order = tree_calibration.order_for(options.accuracy)
     form = Form((None,) * order, OneSign(), Plummer(0.0), Gradient())
     tree = tree_calibration.for_threads(new_tree(form, options.bodies, 1), threads)
     limits = np.array([*tree_calibration.first_limits(options.accuracy), options.accuracy, 0.0])

@@ -19,7 +19,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from particlesim.engine.interactions.tree import calibration
 from particlesim.engine.interactions.tree.field import new_tree
 from particlesim.engine.interactions.tree.form import Form, Gradient, OneSign, Plummer
 from particlesim.layouts import Plummer as Sphere
+from particlesim.preflight.pair_memory import held
 from particlesim.process.threads import Team
 from particlesim.sampling.random_streams import Streams
 
@@ -41,7 +41,7 @@ class Bodies:
         self.x = np.ascontiguousarray(sphere.place(Streams(1, "bench"), 0, count).position)
         self.mass = np.full(count, 1 / count)
         self.team, self.softening = team, softening
-        order = calibration.order_for(accuracy, count)
+        order = calibration.order_for(accuracy)
         form = Form((None,) * order, OneSign(), Plummer(softening**2), Gradient())
         self.tree = calibration.for_threads(new_tree(form, count, 1), team.threads)
         self.limits = np.array([*calibration.first_limits(accuracy), accuracy, 0.0])
@@ -67,11 +67,6 @@ class Bodies:
 
     def bytes_each(self) -> float:
         """Memory of the tree, all of it, per body."""
-
-        def held(part: Any) -> int:
-            if isinstance(part, np.ndarray):
-                return part.nbytes
-            return sum(map(held, part)) if isinstance(part, tuple) else 0
 
         return (held(self.tree) + self.size.nbytes + self.mass.nbytes) / len(self.mass)
 

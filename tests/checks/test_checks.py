@@ -138,6 +138,7 @@ def test_drift_from_no_energy() -> None:
 WRONG = [
     ({"quantity": "energy.drfit", "max": 1}, "unknown quantity", 'did you mean "energy.drift"?'),
     ({"quantity": "position", "max": 1}, "unknown quantity", "position.x"),
+    ({"quantity": "balls.vx", "max": 1}, "unknown quantity", 'quantity = "velocity.x", group = "balls"'),
     ({"quantity": "potential.wind", "max": 1}, "unknown quantity", "potential.gravity"),
     ({"quantity": "balance", "max": 1}, "no work is booked", "work = true under [output]"),
     ({"quantity": "work.contact", "max": 1}, "unknown quantity", "work is done by: nothing"),

@@ -79,6 +79,20 @@ def test_check_compiles_nothing(scene: str, tmp_path: Path) -> None:
     assert "stable dt" in told
 
 
+def test_a_check_of_many_that_interact_needs_kernels_that_are_kept(tmp_path: Path) -> None:
+    places = [[float(k), 0.0, 0.0] for k in range(400)]
+    scene = (
+        FREE.replace("[[0, 0, 0]] }", f"{places} }}\ncharge = 1e-9") + '[[interactions]]\ntype = "coulomb"\n'
+    )
+    (tmp_path / "scene.toml").write_text(scene)
+    code = "import sys; sys.argv = ['psim', 'check', 'scene.toml']\n"
+    code += "try:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
+    code += "print('walker:', 'particlesim.compiler.walker' in sys.modules)"
+    told = run(code, tmp_path)
+    assert "walker: False" in told
+    assert "not looked for" in told
+
+
 def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:
     (tmp_path / "free.toml").write_text(FREE)
     code = """

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, store
 from particlesim.compiler.kernel import write
+from particlesim.compiler.machine import optimised, target
 from particlesim.compiler.unit import CompileError, Unit
 
 _NUMBERS = itertools.count()
@@ -389,6 +390,16 @@ def test_lanes_are_not_written_out_before_they_are_vectorised() -> None:
     assert len(set(marks)) == 3
     assert all(f"{mark} = distinct !{{{mark}, !0}}" in text for mark in marks)
     assert '!0 = !{!"llvm.loop.unroll.disable"}' in text
+
+
+def test_loops_over_many_arrays_are_vectorised() -> None:
+    def step(rows: Any, h: Any) -> None:
+        for i in range(rows[0].size):
+            for row in rows:
+                row[i] += h * row[i]
+
+    text, _, _ = write(step, (tuple(np.ones(4) for _ in range(20)), 0.5))
+    assert "x double>" in str(optimised(text, target()))
 
 
 # Errors

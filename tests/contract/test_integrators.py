@@ -16,14 +16,7 @@ from support import columns, position, program, run, state, velocity
 
 from particlesim.forces import Attractor, Field, Gravity
 from particlesim.integrators import (
-    HEUN,
     METHODS,
-    RK3,
-    RK4,
-    STORMER_VERLET,
-    SYMPLECTIC_EULER,
-    VELOCITY_VERLET,
-    YOSHIDA4,
     Composition,
     EmbeddedRungeKutta,
     ImplicitMethod,
@@ -31,7 +24,14 @@ from particlesim.integrators import (
     RungeKutta,
     Verlet,
 )
+from particlesim.integrators.heun import HEUN
+from particlesim.integrators.rk3 import RK3
+from particlesim.integrators.rk4 import RK4
+from particlesim.integrators.stormer_verlet import STORMER_VERLET
+from particlesim.integrators.symplectic_euler import SYMPLECTIC_EULER
 from particlesim.integrators.trees import rooted_trees
+from particlesim.integrators.velocity_verlet import VELOCITY_VERLET
+from particlesim.integrators.yoshida4 import YOSHIDA4
 
 FIXED_STEP = {name: method for name, method in METHODS.items() if method.by_modes}
 methods = pytest.mark.parametrize("name", FIXED_STEP)

@@ -47,7 +47,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("tumbling_box", "dominoes", "wall_hit_by_a_ball", "balls_and_boxes"),
         *("spinning_top", "wrecking_ball"),
         *("argon_melt", "flock"),
-        *("chain_of_rings", "dice", "sand_and_boxes", "afloat"),
+        *("chain_of_rings", "dice", "sand_and_boxes", "afloat", "crate_on_a_rope"),
     }
 
 

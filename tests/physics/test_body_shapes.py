@@ -88,7 +88,7 @@ def test_a_mesh_has_the_mass_of_what_its_triangles_enclose() -> None:
     # An icosphere of 5120 triangles is inside of its ball: by its volume, 0.2 %.
     assert ball.volume() == pytest.approx(4 / 3 * math.pi * 0.3**3, rel=3e-3)
     assert ball.spread() == pytest.approx([4 / 15 * math.pi * 0.3**5] * 3, rel=5e-3)
-    assert hull_volume(ball.hull()) == pytest.approx(ball.volume(), rel=1e-9)
+    assert hull_volume(*ball.hulls()) == pytest.approx(ball.volume(), rel=1e-9)
 
 
 def test_axes_that_are_principal_stay() -> None:
@@ -130,8 +130,39 @@ def test_hulls_have_faces_not_triangles() -> None:
 
 def test_a_hollow_mesh_is_told() -> None:
     ring = mesh_of(trimesh.creation.torus(0.3, 0.1))
+    # The hole of a ring of tube r in a ring of radius a: its innermost place is r below the flat sides of the hull.
     assert "convex hull" in ring.remarks()[0]
+    assert "dents 0.1 m deep" in ring.remarks()[0]
     assert mesh_of(trimesh.creation.icosphere(2)).remarks() == ()
+
+
+def test_a_file_of_closed_parts_touches_with_each_of_them(tmp_path: Path) -> None:
+    # An angle of two boxes, and one with a hollow: a surface with its front inwards is no part.
+    boxes = [trimesh.creation.box([1.0, 0.2, 0.4]), trimesh.creation.box([0.2, 1.0, 0.4])]
+    boxes[1].apply_translation([0.4, 0.601, 0])
+    angle = mesh_of(trimesh.util.concatenate(boxes))
+    assert [len(piece.hull.corners) for piece in angle.pieces() if piece.hull is not None] == [8, 8]
+    assert angle.filled() == pytest.approx(1.0)
+    assert angle.remarks() == ()
+    assert angle.volume() == pytest.approx(2 * 0.08)
+    hollow = trimesh.creation.box([0.5, 0.1, 0.2])
+    hollow.invert()
+    shell = mesh_of(trimesh.util.concatenate([boxes[0], hollow]))
+    assert len(shell.pieces()) == 1
+    assert shell.volume() == pytest.approx(0.08 - 0.01)
+    # A ball lies in the angle, 0.2 m above the floor, where the convex hull of both parts would hold it up.
+    trimesh.util.concatenate(boxes).export(tmp_path / "angle.obj")
+    bodies = [
+        {
+            "name": "angle",
+            "shape": {"type": "mesh", "path": str(tmp_path / "angle.obj")},
+            "position": [0.2, 0.4005, 0],
+        },
+        {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}, "position": [0, 0.3, 0]},
+    ]
+    end = simulate(0.2, 2e-3, bodies=bodies, forces=GRAVITY, planes=[FLOOR]).final
+    assert end.position[1] == pytest.approx([0, 0.3, 0], abs=1e-4)
+    assert end.position[0] == pytest.approx([0.2, 0.4005, 0], abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -271,6 +302,23 @@ def test_bodies_stand_on_planes_and_on_each_other(
     assert np.abs(final["velocity"]).max() < 1e-6
     w, x, y, z = final["orientation"][0]
     assert [w, x, y, z] == pytest.approx([math.sqrt(0.5), -math.sqrt(0.5), 0, 0], abs=1e-4)
+
+
+def test_a_ring_rolls_as_on_a_circle_and_rests_on_its_side() -> None:
+    # a = g sin θ/(1 + I/(m R²)) with I = m (a² + ¾ r²) and R = a + r: it rolls on a torus, not on a polygon.
+    a, r, tilt = 0.5, 0.1, math.radians(10)
+    gravity = {"type": "gravity", "acceleration": [G * math.sin(tilt), -G * math.cos(tilt), 0]}
+    ring = {"name": "ring", "shape": {"type": "torus", "radius": a, "tube": r}, "position": [0, a + r, 0]}
+    floor = {"restitution": 0.0, "friction": 0.6}
+    end = simulate(0.5, 2e-3, bodies=[ring], planes=[floor], forces=[gravity]).final
+    speed = 0.5 * G * math.sin(tilt) / (1 + (a * a + 0.75 * r * r) / (a + r) ** 2)
+    assert end["velocity"][0] == pytest.approx([speed, 0, 0], abs=1e-9)
+    assert end["angular_velocity"][0] == pytest.approx([0, 0, -speed / (a + r)], abs=1e-9)
+    # On its side it touches all around, and neither sinks nor turns, also where it leans by a hair at first.
+    lying = ring | {"position": [0, r, 0], "orientation": {"axis": [1, 0, 0], "angle": 90}}
+    end = simulate(0.2, 2e-3, bodies=[lying], planes=[floor], forces=[{"type": "gravity"}]).final
+    assert end["position"][0] == pytest.approx([0, r, 0], abs=1e-12)
+    assert np.abs(end["angular_velocity"]).max() < 1e-9
 
 
 def test_a_cylinder_rolls_down_a_slope() -> None:

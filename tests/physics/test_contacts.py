@@ -10,8 +10,10 @@ import pytest
 from simulate import EPS, points, simulate, table
 
 import particlesim as ps
+from particlesim.engine.islands.separation import overlapping
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
+from particlesim.engine.world import World
 
 R, M = 0.05, 0.1
 LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e4}
@@ -141,8 +143,8 @@ def heap(model: str = "linear", n: int = 60, **more: Any) -> dict[str, Any]:
     """Grains of sizes 1 to 3 that fall into a box."""
     rng = np.random.default_rng(4)
     laws = {
-        "linear": {"stiffness": 2000.0},
-        "hertz": {"young_modulus": 1e5},
+        "linear": {"stiffness": 2000.0, "overlap": "keep"},
+        "hertz": {"young_modulus": 1e5, "overlap": "keep"},
         "impulse": {},
     }
     place = rng.uniform(-0.15, 0.15, (n, 3)) + np.array([0, 0.4, 0])
@@ -266,8 +268,46 @@ def test_what_is_doubtful_is_told_before_the_run() -> None:
     assert warned() == ""
     assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
     assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
-    assert "1 pair of particles overlap at the start" in warned(at=0.19)
-    assert "by 0.01 m" in warned(at=0.19)
+    assert "1 pair of particles overlap at the start" in warned(at=0.196)
+    assert "by 0.004 m" in warned(at=0.196)
+    assert "1 pair of particles overlapped at the start" in warned(at=0.19)
+    assert "1 pair of particles overlap at the start" in warned(at=0.19, overlap="keep")
+
+
+def test_a_start_that_overlaps_is_put_apart_before_the_first_step() -> None:
+    """At random, a third of the room is full: deep overlaps, which would fly apart, become shallow ones inside of the walls;
+    what is held stays."""
+    start = heap("hertz", n=500)
+    (group,) = start["particles"]
+    group["layout"]["position"] = (
+        np.array(group["layout"]["position"]) * (1, 0.8, 1) - (0, 0.16, 0)
+    ).tolist()
+    group["pinned"] = [0, 1, 2]
+    for box in (
+        None,
+        {"size": [0.34, 1.0, 0.34], "origin": [-0.17, 0, -0.17], "periodic": [True, False, True]},
+    ):
+        if box is not None:
+            start["simulation"]["box"], start["planes"] = box, start["planes"][:1]
+        world, kept = (
+            World(ps.from_table({**start, "interactions": [{**start["interactions"][0], "overlap": each}]}))
+            for each in ("auto", "keep")
+        )
+        (found,) = world.separations
+        (state,), (before,) = world.states, kept.states
+        assert found.number > 200
+        assert found.depth > 0.5 * state.radius.min()
+        assert not found.cramped
+        assert not kept.separations
+        r, x = state.radius[: state.count], state.position
+        i, j, depth = overlapping(x, r, world.scenario.simulation.box)
+        free = (i > 2) | (j > 2)
+        assert (depth <= 0.02 * np.minimum(r[i], r[j]))[free].all()
+        assert np.array_equal(x[:3], before.position[:3])
+        assert found.way == pytest.approx(np.linalg.norm(x - before.position, axis=1).max())
+        if box is None:
+            assert (np.abs(x[3:, 0]) + r[3:]).max() < 0.17 * (1 + EPS)
+        assert (x[3:, 1] - r[3:]).min() > -EPS
 
 
 def test_a_memory_without_room_grows_at_the_next_interval(monkeypatch: Any) -> None:

@@ -12,6 +12,9 @@ from simulate import EPS, points, table
 import particlesim as ps
 from particlesim.compiler import kernel
 from particlesim.engine.interactions.interaction import lone
+from particlesim.engine.interactions.surfaces.candidates import find
+from particlesim.engine.interactions.surfaces.record import BUILDS, CONTACTS, STALE
+from particlesim.engine.interactions.surfaces.response import list_contacts, weigh
 from particlesim.engine.interactions.surfaces.surface_contacts import SurfaceContacts
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -147,6 +150,41 @@ def test_a_meeting_without_contacts_changes_nothing() -> None:
     assert (x == start + velocity).all()
 
 
+@kernel
+def look(each: Any, c: Any, before: Any, share: Any, h: Any) -> None:
+    find(each, c, before, share, 0.0, h)
+    weigh(each.simplices, c.m, c.clock, each.desk)
+    x = (c.x, c.y, c.z)
+    list_contacts(each.simplices, each.found, each.touches, each.desk, each.report, each.tune, c.r, x, before)
+
+
+def test_whoever_is_not_looked_at_does_not_touch() -> None:
+    # particles on smooth ways of their own through each other: what lists of earlier steps find, and what new ones do
+    simulation, h, rng = all_kinds(0), 1e-3, np.random.default_rng(5)
+    c = simulation.islands[0].island_columns()
+    start, kept, new = np.stack([c.x, c.y, c.z]), contacts_of(simulation).renewed(), contacts_of(all_kinds(0))
+    speed, bend, phase = (rng.normal(0, size, start.shape) for size in (1.0, 0.2, 3.0))
+    speed[1] -= np.sign(start[1])
+    speed[:, -3:] *= 6.0  # the balls are much faster than most
+    there, met = start, set()
+    for step in range(1, 40):
+        t = step * h
+        way = start + t * speed + bend * (np.sin(30 * t + phase) - np.sin(phase))
+        before = np.concatenate([there, (way - there) / h])
+        c.x[:], c.y[:], c.z[:] = there = way
+        new.report[STALE] = 1
+        for each in (kept, new):
+            look(each, c, before, lone(c.x.size), h)
+        found = [
+            set(map(tuple, each.touches.rows[:, : each.report[CONTACTS]].T.tolist())) for each in (kept, new)
+        ]
+        assert found[0] == found[1]
+        met |= found[0]
+    assert len(met) > 200
+    assert kept.report[BUILDS] < 20
+    simulation.close()
+
+
 def falling(dt: float = 1e-3, speed: float = 0.0, n: int = 7, **law: Any) -> dict[str, Any]:
     """A sheet that falls on one held at two sides."""
     low = sheet("low", 0.0, n, pinned=["left", "right"])
@@ -192,7 +230,7 @@ def test_implicit_steps_let_nothing_through_and_gain_nothing() -> None:
         now = energy(simulation)
         assert now < highest
         highest = now
-    assert contacts_of(simulation).report[3] > 0  # they lie on each other
+    assert contacts_of(simulation).report[CONTACTS] > 0  # they lie on each other
     simulation.close()
 
 
@@ -203,13 +241,28 @@ def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> 
     one, two, other = (Simulation(scenario, threads=k) for k in (1, 2, 2))
     one.advance_to(100)
     two.advance_to(100)
-    assert contacts_of(one).report[3] > 0  # contacts
+    assert contacts_of(one).report[CONTACTS] > 0  # contacts
     assert bits(one) == bits(two)
     restore(other, snapshot(one))
     for each in (one, two, other):
         each.advance_to(200)
         each.close()
     assert bits(one) == bits(two) == bits(other)
+
+
+def test_an_interval_without_room_is_done_again(monkeypatch: Any) -> None:
+    scenario, found = ps.from_table(falling(speed=3.0)), []
+    for least in (4096, 8):
+        monkeypatch.setattr("particlesim.engine.interactions.surfaces.record.AT_LEAST", least)
+        monkeypatch.setattr("particlesim.engine.interactions.surfaces.record.PER_SIMPLEX", least // 1000)
+        found.append(Simulation(scenario, threads=1))
+        room = contacts_of(found[-1]).touches.rows.shape[1]
+        found[-1].advance_to(100)
+    assert room < contacts_of(found[1]).touches.rows.shape[1]
+    assert contacts_of(found[1]).report[CONTACTS] > 0
+    assert bits(found[0]) == bits(found[1])
+    for each in found:
+        each.close()
 
 
 def test_what_rests_on_a_sheet_neither_sinks_nor_moves() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from simulate import points, table
 
 import particlesim as ps
-from particlesim.engine.interactions.tree.calibration import LEAST_NEED
+from particlesim.engine.interactions.tree.calibration import LEAST_NEED, TOLERANCE
 from particlesim.engine.interactions.tree.tree_pairs import TreePairs
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -112,6 +112,17 @@ def test_the_error_that_is_told_is_the_one_that_there_is() -> None:
     tree.close()
 
 
+def test_leaves_at_the_rim_do_not_decide_how_exact_all_others_are() -> None:
+    """A leaf is far from thousands of small cells in the middle, whose errors have one sign in it. Where such leaves are not
+    cut further, they alone need a tolerance of 0.3 times the accuracy, and the others twice the work."""
+    simulation, _ = forces(
+        scenario(plummer(10_000, np.random.default_rng(5)), {"method": "tree", "accuracy": 1e-3})
+    )
+    limits = simulation.islands[0].interactions[0].limits
+    assert np.sqrt(limits[TOLERANCE]) > 3e-3
+    simulation.close()
+
+
 @pytest.mark.parametrize("softening", [0.0, 0.02, 3.0])
 def test_errors_hold_for_any_softening(softening: float) -> None:
     # 3 is more than the whole: far cells within one another's softening act by multipoles, too
@@ -142,7 +153,7 @@ def test_few_particles_are_near_each_other(n: int) -> None:
         assert np.abs(found).max() == 0
     else:
         error, simulation = compare(x, {"accuracy": 1e-4})
-        assert error < 1e-9  # pairs alone, within the error of 1/√
+        assert error < (1e-9 if n <= 10 else 1.3e-4)  # of few, pairs alone, within the error of 1/√
     simulation.close()
 
 
@@ -213,11 +224,11 @@ def test_momentum_drifts_by_the_error_and_no_more() -> None:
 def test_auto_takes_a_tree_for_many() -> None:
     rng = np.random.default_rng(9)
     kinds = []
-    for n in (100, 5000):
-        simulation, _ = forces(scenario(uniform(n, rng), {}), begun=False)
+    for n, accuracy in ((100, 1e-3), (5000, 1e-3), (5000, 5e-5)):
+        simulation, _ = forces(scenario(uniform(n, rng), {"accuracy": accuracy}), begun=False)
         kinds.append(isinstance(simulation.islands[0].interactions[0], TreePairs))
         simulation.close()
-    assert kinds == [False, True]
+    assert kinds == [False, True, False]
 
 
 @pytest.mark.parametrize(
@@ -264,6 +275,7 @@ def test_cells_without_room_are_told_and_change_no_force(monkeypatch: pytest.Mon
     from particlesim.engine.interactions.tree import field
 
     monkeypatch.setattr(field, "PARTICLES_PER_CELL", 10**6)
+    monkeypatch.setattr(field, "room_for_wide", lambda count: 0)
     error, tree = compare(clusters(3000, np.random.default_rng(1)), {"accuracy": 1e-3, "softening": 0.01})
     assert error < 1.3e-3
     assert "no room" in tree.islands[0].interactions[0].summary()

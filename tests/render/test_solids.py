@@ -71,6 +71,25 @@ def test_a_line_is_as_thick_as_it_says_and_never_thinner_than_a_sample(plain):
     assert thin[:, 62:98].any(axis=0).all(), "without gaps"
 
 
+def test_links_go_between_points_of_bodies_and_the_world(plain):
+    # From a point 0.5 m to the right of a body that is turned by 90°, which is then above it, to a place of the world.
+    s = np.sqrt(0.5)
+    turned = {"orientation": np.array([[s, 0, 0, s], [1, 0, 0, 0]])}
+    frame = ArrayFrame(1.0, np.array([[-1.0, -0.5, 0], [1, -1, 0]]), turned)
+    points = np.array([[[0.5, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 0]]])
+    link = Topology(
+        "link", np.array([[0, -1], [0, 1]]), np.array([1.0, 1]), np.array([np.inf, 0.5]), points=points
+    )
+    source = ArraySource([frame], topology={"link": link})
+    links = Bodies(source, plain()).links
+    ends, strain, owner = links.at(frame, Bodies(source, plain()).rows)
+    assert ends == pytest.approx(np.array([[[-1, 0, 0], [1, 0, 0]]]), abs=1e-6)  # the other one is broken
+    assert (strain.tolist(), owner.tolist()) == ([pytest.approx(1.0)], [0])
+    seen = cover(source, plain(line_radius=0.1, light=(0, 0, 1)))
+    assert (seen[58:62, 70:90] > 0.2).all()  # across the middle, where no particle is
+    assert (seen[:50, 70:90] < 0.1).all()
+
+
 def test_lines_have_the_radius_and_the_colour_of_their_name(plain):
     # Two lines of length 2 (20 samples a metre): at the top a red one with a radius of 3 samples, below a thin green one.
     position = [[-1, 0.5, 0], [1, 0.5, 0], [-1, -0.5, 0], [1, -0.5, 0]]

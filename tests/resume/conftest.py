@@ -160,7 +160,24 @@ PAIRS: Table = {
 
 BODIES: Table = {
     "simulation": {"duration": 0.8, "dt": 0.002, "seed": 4},
-    "output": {"every": 20},
+    "output": {"every": 20, "work": True},
+    "particles": [  # on a spring that breaks on its way up
+        {
+            "name": "bead",
+            "mass": 2.0,
+            "layout": {"type": "points", "position": [[0.2, 2.2, 0.2]], "velocity": [[0, 5, 1]]},
+        },
+    ],
+    "springs": [
+        {
+            "between": ["bead", "ball"],
+            "pairs": [[0, 0]],
+            "points": [[0, 0, 0], [0, 0.1, 0.1]],
+            "stiffness": 400.0,
+            "damping": 2.0,
+            "break_force": 100.0,
+        },
+    ],
     "bodies": [
         {
             "name": "bricks",

@@ -10,7 +10,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.errors import UsageError
-from particlesim.scenario.digest import physics_digest, state_digest
+from particlesim.scenario.digest import MOVES, physics_digest, state_digest
 from particlesim.verification.rerun import rerun
 
 SCENARIO = """
@@ -228,10 +228,10 @@ def test_provenance(tmp_path) -> None:
     assert state_digest(result.final) == state_digest(ps.run(run).final)
 
 
-@pytest.mark.parametrize("field", ["id", "position", "velocity"])
+@pytest.mark.parametrize("field", ["id", "position", "velocity", "orientation", "angular_velocity"])
 def test_the_digest_of_a_state_hears_of_its_last_bit(field) -> None:
     final = ps.run(scenario()).final
-    columns = {name: final[name].copy() for name in ("id", "position", "velocity", "mass")}
+    columns = {name: final[name].copy() for name in (*MOVES, "mass")}
     first = state_digest(columns)
     assert first == state_digest(final)
     columns["mass"] *= 2  # follows from the scenario

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from particlesim.errors import PsimError, UsageError
+from particlesim.errors import PsimError, ScenarioError, UsageError
 from particlesim.sweep import Design, Listed, Sampled, parse_axis
 
 
@@ -60,6 +60,12 @@ def test_ranges() -> None:
 def test_nonsense(text: str, message: str) -> None:
     with pytest.raises(PsimError, match=message):
         parse_axis(text)
+
+
+def test_values_that_are_no_list_are_told_how_lists_are_written() -> None:
+    with pytest.raises(ScenarioError) as error:
+        parse_axis("a=0:1:5")
+    assert "linspace(0, 1, 11)" in str(error.value.diagnostics[0].hint)
 
 
 A, B = Listed("a", (1, 2)), Listed("b", ("x", "y", "z"))

@@ -7,6 +7,8 @@ import sys
 import pytest
 
 import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.preflight.pair_memory import held, pair_bytes
 from particlesim.preflight.resources import needs
 
 FALL = {
@@ -63,6 +65,34 @@ ps.run(scenario, output, checkpoint_wall=1e-3)
 peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
 print(needs(scenario, recorded=output is not None).memory, int(peak.split()[1]) * 1024)
 """
+
+
+@pytest.mark.parametrize(
+    ("law", "box", "most"),
+    [
+        ({"type": "gravity", "method": "tree"}, None, 1.1),
+        ({"type": "soft_sphere", "epsilon": 1, "sigma": 0.05, "cutoff": 0.12}, [1, 1, 1], 1.6),
+        # while a plan is looked for, there are two
+        ({"type": "gravity", "softening": 1e-3}, [1, 1, 1], 2.5),
+    ],
+)
+def test_memory_of_pairs(law, box, most):
+    """What is said of interactions holds the arrays that they have, and is not much more."""
+    shape = {"type": "box", "min": [0, 0, 0], "max": [1, 1, 1]}
+    table = {
+        "simulation": {"duration": 1, "dt": 1, **({"box": {"size": box}} if box else {})},
+        "particles": [
+            {"name": "a", "mass": 1, "layout": {"type": "random", "count": 20_000, "shape": shape}}
+        ],
+        "interactions": [law],
+    }
+    scenario = ps.from_table(table)
+    simulation = Simulation(scenario)
+    (each,) = simulation.islands[0].interactions
+    said, there = pair_bytes(scenario, {"a": 20_000}, 8), held(tuple(each))
+    assert 0.9 * there < said < most * there
+    assert needs(scenario).memory > said
+    simulation.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the peak of memory")

@@ -139,7 +139,7 @@ def test_few_particles_are_lines_and_many_are_bands(tmp_path, synthetic):
         ("momentum", {}),
         ("count", {}),
         ("displacement", {"group": "sparks"}),
-        ("vx", {"group": "sparks"}),
+        ("velocity.x", {"group": "sparks"}),
         ("speed", {}),
         ("y", {"ids": [3]}),
     ],

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.diagnosis.crowding import TOUCHING, overlapping
+from particlesim.engine.diagnosis.crowding import TOUCHING
 from particlesim.engine.interactions.surfaces.surface_contacts import SurfaceContacts
 from particlesim.engine.islands.coupled import CoupledIsland
+from particlesim.engine.islands.separation import overlapping
 from particlesim.engine.world import World
 from particlesim.model.arrays import Floats
 

@@ -21,6 +21,7 @@ from particlesim.engine.state.columns import (
     fetch_known,
     held,
     keep,
+    lifetimes,
     note,
     put_back,
     recall,
@@ -33,19 +34,11 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.clearance import clearance, distance_of, ends_inside, keeps_clear
-from particlesim.engine.step.impacts import (
-    Simple,
-    crossings,
-    may_pass,
-    meet,
-    overlapped,
-    passable,
-    pushed,
-    rest,
-    tell,
-    trace,
-)
+from particlesim.engine.step.clearance import clearance, distance_of, keeps_clear
+from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
+from particlesim.engine.step.crossing import crossings, may_pass, passable
+from particlesim.engine.step.hits import tell
+from particlesim.engine.step.impacts import overlapped, rest, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
 
@@ -259,8 +252,11 @@ def step_range(
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
             room.clear[i] = type_of(c.m[i], 0)
+        born, gone = lifetimes(c.clock)
         for s in range(steps):
-            step_block(program, c, (first_step + s) * dt, (first_step + s + 1) * dt, h, inverse, room)
+            begin, end = (first_step + s) * dt, (first_step + s + 1) * dt
+            if end > born and begin < gone:
+                step_block(program, c, begin, end, h, inverse, room)
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):

@@ -36,21 +36,30 @@ CHUNK = GROUP * CHUNK_GROUPS
 ROOM = 8
 """Pairs for each particle to have room for at first: those of a dense heap, of which some are in two chunks."""
 APART, HOLDS, SLIDES = range(3)
-"""In `state`: whether a pair touches, and how."""
+"""Whether a pair touches, and how."""
+KNOWN = 3
+"""In `anchor`: where that stands."""
 BUILT, WANTED, FRESH, ROUND = range(4)
 """In `report`: the number of the neighbour lists that these are made from, the pairs that there would be, whether forces are
 those of the present state since it was concluded, and how often memories have been brought up to date, from 1 on."""
+
+LINE = 64
+"""Bytes of a cache line."""
 
 Array = NDArray[Any]
 
 
 class Memory(NamedTuple):
-    """What contacts remember: `state` [room]; `anchor` [3, room], the stretch of the spring along the surfaces less the
-    distance of the centres [m]; `rolled` [3, room], the way rolled [m], None without rolling friction."""
+    """What contacts remember: `anchor` [room, 4], the stretch of the spring along the surfaces less the distance of the
+    centres [m], and whether and how they touch; `rolled` [room, 4], the way rolled [m], None without rolling friction."""
 
-    state: Any
     anchor: Any
     rolled: Any
+
+    @property
+    def state(self) -> Array:
+        """Whether pairs touch, and how."""
+        return np.asarray(self.anchor[:, KNOWN])
 
 
 class Lists(NamedTuple):
@@ -85,11 +94,15 @@ class Draft(NamedTuple):
 
 def new_memory(room: int, dtype: Any, *, rolls: bool) -> Memory:
     """A memory of nothing."""
-    return Memory(
-        np.zeros(room, np.int8),
-        np.zeros((3, room), dtype),
-        np.zeros((3, room), dtype) if rolls else None,
-    )
+    return Memory(aligned((room, 4), dtype), aligned((room, 4), dtype) if rolls else None)
+
+
+def aligned(shape: tuple[int, ...], dtype: Any) -> Array:
+    """Zeros that begin at a cache line, so that rows of a line's length are in one."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    room = np.zeros(size + LINE, np.uint8)
+    first = -room.ctypes.data % LINE
+    return room[first : first + size].view(dtype).reshape(shape)
 
 
 def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> Lists:
@@ -145,10 +158,10 @@ def lists_of(
     lists.count[:] = count
     lists.begin[:] = np.cumsum(count) - count
     lists.first[: len(i)], lists.second[: len(i)] = i, j
-    remembered.state[: len(i)] = memory.state[at]
-    remembered.anchor[:, : len(i)] = sign * memory.anchor[:, at]
-    if memory.rolled is not None:
-        remembered.rolled[:, : len(i)] = sign * memory.rolled[:, at]
+    for mine, theirs in zip(remembered, memory, strict=True):
+        if mine is not None:
+            mine[: len(i)] = theirs[at]
+            mine[: len(i), :KNOWN] *= sign[:, None]
     return lists
 
 
@@ -263,7 +276,7 @@ def _recall(lists: Any, draft: Any, near: Any, g: Any) -> None:
     """Look up what the pairs of a group remember."""
     for k in range(draft.begin[g], draft.begin[g] + draft.count[g]):
         row, other = near.order[draft.first[k]], near.order[draft.second[k] & (MOST - 1)]
-        draft.memory.state[k] = APART
+        draft.memory.anchor[k, KNOWN] = APART
         p, q, sign = lists.place[row], lists.place[other], 1
         if (p >= 0) & (q >= 0):
             if (p // CHUNK == q // CHUNK) & (q < p):
@@ -273,15 +286,15 @@ def _recall(lists: Any, draft: Any, near: Any, g: Any) -> None:
                 if (
                     (lists.first[j] == p)
                     & ((lists.second[j] & (MOST - 1)) == q)
-                    & (lists.memory.state[j] != APART)
+                    & (lists.memory.anchor[j, KNOWN] != APART)
                 ):
                     _copy(draft.memory, k, lists.memory, j, sign)
 
 
 def _copy(memory: Any, k: Any, other: Any, j: Any, sign: Any) -> None:
     """Memory k as another one has it, of a pair that may be the other way around."""
-    memory.state[k] = other.state[j]
-    for axis in range(3):
-        memory.anchor[axis, k] = sign * other.anchor[axis, j]
-        if memory.rolled is not None:
-            memory.rolled[axis, k] = sign * other.rolled[axis, j]
+    for mine, theirs in zip(memory, other, strict=True):
+        if mine is not None:
+            for axis in range(KNOWN):
+                mine[k, axis] = sign * theirs[j, axis]
+            mine[k, KNOWN] = theirs[j, KNOWN]

@@ -142,19 +142,18 @@ def is_held_back(wall: Any, c: Any, row: Any) -> Any:
 def surrounding(each: Any, first: Any, last: Any) -> Any:
     """A ball around all members in some places, as a particle [m]: its centre and radius; the radius is negative where there
     is none."""
-    near, r = each.near, each.seen.r
-    low = tuple(type_of(r[first], np.inf) for _ in range(3))
-    x0, y0, z0 = low
-    x1, y1, z1, largest = -x0, -y0, -z0, r[first] - r[first]
+    near, rows = each.near, each.rows
+    x0 = y0 = z0 = type_of(rows[first, 0], np.inf)
+    x1, y1, z1, largest = -x0, -y0, -z0, type_of(x0, 0)
     for k in range(first, last):
-        x, y, z = near.x[0, k], near.x[1, k], near.x[2, k]
+        x, y, z, r = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3]
+        there = x < FAR
         if near.wrap is not None:
             x, y, z = x - near.wrap[0, k], y - near.wrap[1, k], z - near.wrap[2, k]
-        there = near.x[0, k] < FAR
         x0, x1 = x if there & (x < x0) else x0, x if there & (x > x1) else x1
         y0, y1 = y if there & (y < y0) else y0, y if there & (y > y1) else y1
         z0, z1 = z if there & (z < z0) else z0, z if there & (z > z1) else z1
-        largest = r[k] if there & (r[k] > largest) else largest
+        largest = r if there & (r > largest) else largest
     half, one = type_of(largest, 0.5), type_of(largest, 1)
     dx, dy, dz = half * (x1 - x0), half * (y1 - y0), half * (z1 - z0)
     wide = np.sqrt(dx * dx + dy * dy + dz * dz)

@@ -142,6 +142,11 @@ class Interaction:
         that a run which is resumed there goes on with the same bits; with more room where it had too little."""
         return self
 
+    @property
+    def cramped(self) -> bool:
+        """Whether something found no room in this interval, which is then done again with more (`renewed`)."""
+        return False
+
     def new_form(self, dtype: Any) -> NDArray[Any]:
         """Room for what it keeps of its linearisation, [numbers, n] unless it says otherwise: for every thread its own, or
         for all what they find out `together`."""

@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+from typing import TYPE_CHECKING, Any
 
-from particlesim.engine.interactions.contacts import contacts_of
-from particlesim.engine.interactions.impulses import impulses_of
-from particlesim.engine.interactions.interaction import Interaction, Site
-from particlesim.engine.interactions.mesh.mesh_pairs import mesh_of
-from particlesim.engine.interactions.near_pairs import near_pairs_of
-from particlesim.engine.interactions.pairs import pairs_of
-from particlesim.engine.interactions.surfaces.surface_contacts import surfaces_of
-from particlesim.engine.interactions.tree.tree_pairs import tree_of
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
+from particlesim.interactions.far import FarInteraction
 from particlesim.scenario.reach import touches_by_surfaces
 
-METHODS: dict[str, Callable[[Site, PairSet], Interaction]] = {
-    "direct": pairs_of,
-    "neighbours": near_pairs_of,
-    "tree": tree_of,
-    "mesh": mesh_of,
+if TYPE_CHECKING:
+    from particlesim.engine.interactions.interaction import Interaction, Site
+
+METHODS = {
+    "direct": "pairs.pairs_of",
+    "neighbours": "near_pairs.near_pairs_of",
+    "tree": "tree.tree_pairs.tree_of",
+    "mesh": "mesh.mesh_pairs.mesh_of",
+    "contacts": "contacts.contacts_of",
+    "impulses": "impulses.impulses_of",
+    "surfaces": "surfaces.surface_contacts.surfaces_of",
 }
+"""What lays out an interaction, by its method: imported where a scenario needs it."""
 
 IN_MATRICES = ("direct", "neighbours")
 """Methods whose pairs are in the matrix of implicit integrators; far ones are too many, and soft."""
 WORTH_LISTS = 300
 """Particles above which neighbour lists are faster than all pairs: those of a liquid have some two hundred candidates."""
-WORTH_A_TREE = 4_000
-"""Particles from which a tree is faster than all pairs, at an accuracy of 1e-3."""
+WORTH_A_TREE, WORTH_AN_EXACT_TREE = 4_000, 10_000
+"""Particles from which a tree is faster than all pairs: at an accuracy of 1e-3, and at one below EXACT."""
+EXACT = 1e-4
 
 
 def chosen(law: PairInteraction, count: int, *, boxed: bool = False) -> str:
@@ -39,7 +41,9 @@ def chosen(law: PairInteraction, count: int, *, boxed: bool = False) -> str:
         return "neighbours" if count > WORTH_LISTS else "direct"
     if boxed:
         return "mesh"
-    return "tree" if count >= WORTH_A_TREE and law.lacks_multipoles() is None else "direct"
+    rough = isinstance(law, FarInteraction) and law.accuracy >= EXACT
+    enough = WORTH_A_TREE if rough else WORTH_AN_EXACT_TREE
+    return "tree" if count >= enough and law.lacks_multipoles() is None else "direct"
 
 
 def summed(site: Site, pairs: PairSet) -> Interaction:
@@ -47,12 +51,17 @@ def summed(site: Site, pairs: PairSet) -> Interaction:
 
     Raises UsageError for two at one place, if they have no force there.
     """
+    module, function = METHODS[_method(site, pairs)].rsplit(".", 1)
+    lay_out: Any = getattr(importlib.import_module(f"{__package__}.{module}"), function)
+    made: Interaction = lay_out(site, pairs)
+    return made
+
+
+def _method(site: Site, pairs: PairSet) -> str:
     if isinstance(pairs.law, Contact):
-        if touches_by_surfaces(
-            pairs.law, [group for group in site.scenario.groups if group.name in pairs.groups]
-        ):
-            return surfaces_of(site, pairs)
-        return (impulses_of if pairs.law.model == "impulse" else contacts_of)(site, pairs)
+        groups = [group for group in site.scenario.groups if group.name in pairs.groups]
+        if touches_by_surfaces(pairs.law, groups):
+            return "surfaces"
+        return "impulses" if pairs.law.model == "impulse" else "contacts"
     count = sum(site.state[name].count for name in pairs.groups)
-    boxed = site.scenario.simulation.box is not None
-    return METHODS[chosen(pairs.law, count, boxed=boxed)](site, pairs)
+    return chosen(pairs.law, count, boxed=site.scenario.simulation.box is not None)

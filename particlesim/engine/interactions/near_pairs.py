@@ -16,25 +16,29 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import atomic_add, kernel, lanes, on_stack, outlined
+from particlesim.compiler import kernel, lanes, on_stack
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
+from particlesim.engine.interactions.near_sums import (
+    energy_terms,
+    groups_of,
+    pull_all,
+    push_on,
+    sum_group,
+    virial_terms,
+)
 from particlesim.engine.interactions.neighbours.record import (
     DUE,
-    FAR,
     GROUP,
-    IMAGE_SHIFT,
     MOST,
-    NO_ROOM,
-    TURN,
     Neighbours,
     enlarged,
     forget,
     new_neighbours,
 )
 from particlesim.engine.interactions.neighbours.refresh import refresh
-from particlesim.engine.interactions.neighbours.search import AT_ONCE, BATCH, search, sieve
-from particlesim.engine.interactions.pair_blocks import CHARGE, Block, energy_in, force_in, pair_of
+from particlesim.engine.interactions.neighbours.search import BATCH, search, sieve
+from particlesim.engine.interactions.pair_blocks import CHARGE, Block
 from particlesim.engine.interactions.pair_matrix import Push, add_terms, block_terms, product_terms
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.interactions.pairs import periods_of, refuse_coincident, spans_of, what_acts
@@ -164,15 +168,9 @@ class NearPairs(NearLists, NearColumns):
         return np.zeros((self.near.order.size + 1, self.numbers), dtype)
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        near, groups = self.near, self.near.begin.size
-        changed = bring_up(self, c, share, t)
+        near, changed = self.near, bring_up(self, c, share, t)
         if self.ids is not None or changed or near.report[DUE] != 0:
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    pull_on(self, g, t)
+            pull_all(self, t)
             meet(share.gate, share.threads)
             if share.number == 0:
                 near.report[DUE] = 0
@@ -202,7 +200,7 @@ class NearPairs(NearLists, NearColumns):
         return out.reshape(3, 3)
 
 
-# What laws see of particles in the lists
+# Lists that hold, and what laws read of their members
 
 
 def bring_up(each: Any, c: Any, share: Any, t: Any, further: Any = (), quiet: Any = ()) -> Any:
@@ -228,177 +226,6 @@ def columns_read(each: Any, c: Any) -> Any:
     """The columns of the rows of a `Block`, None where there is none."""
     charge = c.further[CHARGE] if len(c.further) > 0 else None
     return Block(c.x, c.y, c.z, c.vx, c.vy, c.vz, c.m, c.r, charge, each.a, each.b, each.ids)
-
-
-def members_of(each: Any, g: Any) -> Any:
-    """The members of a group as a `Block`, None for what is not read."""
-    first, x = GROUP * g, each.near.x
-    rows = (x[0], x[1], x[2], *each.seen[3:])
-    return Block(*[None if row is None else row[first : first + GROUP] for row in rows])
-
-
-def lane(block: Any, i: Any) -> Any:
-    """One member of a group as a `Block` of numbers."""
-    x = block.x[i]
-    numbers = [type_of(x, 0) if row is None else row[i] for row in block[:-1]]
-    return Block(*(*numbers, None if block.id is None else block.id[i]))
-
-
-def candidate(each: Any, entry: Any, shifted: Any) -> Any:
-    """The place of a candidate, and what it is as a `Block` of numbers, at its image."""
-    near = each.near
-    q = entry & (MOST - 1) if shifted else entry
-    x, y, z = near.x[0, q], near.x[1, q], near.x[2, q]
-    if shifted:
-        image = entry >> IMAGE_SHIFT
-        x += type_of(x, near.images[0, image])
-        y += type_of(x, near.images[1, image])
-        z += type_of(x, near.images[2, image])
-    seen = each.seen
-    rest = [type_of(x, 0) if row is None else row[q] for row in seen[3:-1]]
-    return q, Block(*(x, y, z, *rest, None if seen.id is None else seen.id[q]))
-
-
-def groups_of(each: Any, share: Any) -> Any:
-    """The groups that a thread takes where their work is known."""
-    groups = each.near.begin.size
-    return groups * share.number // share.threads, groups * (share.number + 1) // share.threads
-
-
-# Sums over candidates
-
-
-class IntoSums(NamedTuple):
-    """Candidates that are in no list are added at once to the sums [terms, GROUP] of their group; `entries`: their room."""
-
-    each: Any
-    entries: Any
-    terms: Any
-    sums: Any
-    t: Any
-    push: Any
-
-    def take(self, near: Any, g: Any, found: Any, number: Any, image: Any) -> None:
-        """Add the terms of the candidates in some groups."""
-        count = sieve(near, g, found, number, image, self.entries, 0)
-        add_candidates(self.each, g, self.entries, 0, count, self.terms, self.sums, self.t, self.push)
-
-
-def force_terms(each: Any, p: Any, counts: Any) -> Any:
-    """Force on the first of a pair."""
-    return force_in(each, p)
-
-
-def energy_terms(each: Any, p: Any, counts: Any) -> Any:
-    """Potential energy of a pair, if it counts."""
-    return (energy_in(each, p, counts),)
-
-
-def virial_terms(each: Any, p: Any, counts: Any) -> Any:
-    """l ⊗ f of a pair, row by row."""
-    f = force_in(each, p)
-    return tuple(p.x * y for y in f) + tuple(p.y * y for y in f) + tuple(p.z * y for y in f)
-
-
-def sum_group(each: Any, g: Any, terms: Any, sums: Any, t: Any, push: Any = None) -> None:
-    """Sum up terms of the members of a group with all their candidates, into sums [terms, GROUP]; with a `Push` those of
-    the matrix."""
-    near = each.near
-    for k in range(sums.shape[0]):
-        for i in lanes(GROUP):
-            sums[k, i] = 0
-    if near.count[g] == NO_ROOM:
-        entries = on_stack(1, GROUP * BATCH, np.uint32)[0]
-        search(near, g, IntoSums(each, entries, terms, sums, t, push))
-    else:
-        first = near.begin[g]
-        add_candidates(each, g, near.candidates, first, first + near.count[g], terms, sums, t, push)
-
-
-@outlined
-def add_candidates(
-    each: Any,
-    g: Any,
-    entries: Any,
-    first: Any,
-    last: Any,
-    terms: Any,
-    sums: Any,
-    t: Any,
-    push: Any,
-) -> None:
-    """Add the terms of candidates [first, last) of some entries with the members of a group to its sums."""
-    if each.near.box is None or first == last or entries[last - 1] >> IMAGE_SHIFT == 0:  # images come last
-        _add(each, g, entries, first, last, terms, sums, t, push, False)
-    else:
-        _add(each, g, entries, first, last, terms, sums, t, push, True)
-
-
-def _add(
-    each: Any,
-    g: Any,
-    entries: Any,
-    first: Any,
-    last: Any,
-    terms: Any,
-    sums: Any,
-    t: Any,
-    push: Any,
-    shifted: Any,
-) -> None:
-    near, block, own = each.near, members_of(each, g), on_stack(sums.shape[0], GROUP, sums.dtype)
-    rows, x = near.order[GROUP * g : GROUP * g + GROUP], block.x
-    mine: Any = None if push is None else on_stack(3, GROUP, sums.dtype)
-    if push is not None:
-        for i in range(GROUP):
-            for axis in range(3):
-                mine[axis, i] = push.x[axis, max(rows[i], 0)]
-    for k in range(own.shape[0]):
-        for i in lanes(GROUP):
-            own[k, i] = sums[k, i]
-    for j in range(first, last):
-        place, other = candidate(each, entries[j], shifted)
-        part = None if near.part is None else near.part[place]
-        row, there = near.order[place], other.x < FAR
-        for i in lanes(GROUP):
-            counts = (rows[i] != row) & (x[i] < FAR) & there
-            p = pair_of(lane(block, i), other, t)
-            if push is None:
-                for k, term in enumerate(terms(each, p, counts)):
-                    own[k, i] += term if part is None else part * term
-            else:  # a matrix is symmetric: who is there for a part of the step counts fully
-                u = tuple([mine[axis, i] - push.x[axis, max(row, 0)] for axis in range(3)])
-                for k, term in enumerate(terms(each, p, counts, u, push.reach)):
-                    own[k, i] += term
-    for k in range(own.shape[0]):
-        for i in lanes(GROUP):
-            sums[k, i] = own[k, i]
-
-
-@outlined
-def pull_on(each: Any, g: Any, t: Any) -> None:
-    """Sum up the forces on the members of a group."""
-    sums = on_stack(3, GROUP, each.near.x.dtype)
-    sum_group(each, g, force_terms, sums, t)
-    for i in lanes(GROUP):
-        for k in range(3):
-            each.pull[GROUP * g + i, k] = sums[k, i]
-
-
-@outlined
-def push_on(each: Any, form: Any, g: Any, terms: Any, push: Any, t: Any) -> None:
-    """Sum up terms of the matrix for the members of a group."""
-    if terms is block_terms:
-        _push_on(each, form, g, terms, push, t, on_stack(9, GROUP, each.near.x.dtype))
-    else:
-        _push_on(each, form, g, terms, push, t, on_stack(3, GROUP, each.near.x.dtype))
-
-
-def _push_on(each: Any, form: Any, g: Any, terms: Any, push: Any, t: Any, sums: Any) -> None:
-    sum_group(each, g, terms, sums, t, push)
-    for i in lanes(GROUP):
-        for k in range(sums.shape[0]):
-            form[GROUP * g + i, k] = sums[k, i]
 
 
 # For Python, on one thread

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import compiled, kernel, lanes, on_stack, outlined
+from particlesim.compiler import kernel, lanes, much, on_stack, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
@@ -169,7 +169,7 @@ class DirectPairs(Interaction, PairColumns):
         stride = max(1, -(-2 * self.number // MOST_LOOKED_AT))
         rows = np.arange(0, n, stride)
         out = np.zeros((14, len(rows)))
-        with compiled(worth=n * len(rows) > WORTH_COMPILING):
+        with much(n * len(rows) > WORTH_COMPILING):
             pair_bounds(self, c, w, rows, out, t)
         return rows, *tensor_bounds(out)
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.compiler.roots import inverse_sqrt
 from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.contact import reduced_radius, touch
@@ -127,12 +128,17 @@ def flattened(v: Any, n: Any, known: Any) -> Any:
 def limited(at: Any, pull: Any, stretch: Any, pressed: Any, first: Any, then: Any) -> Any:
     """A slider on a spring and a damper that pull with a force: the part of the stretch that is kept, and of the force, and
     whether it slides. It begins to at `first` times what presses, and feels `then` times that."""
-    one, size2 = type_of(pressed, 1), dot(pull, pull)
-    size, length2 = np.sqrt(size2), dot(stretch, stretch)
-    slides, most = size > first * pressed, then * pressed
+    one, size2, length2 = type_of(pressed, 1), dot(pull, pull), dot(stretch, stretch)
+    bar, most = first * pressed, then * pressed
+    slides = size2 > bar * bar
     # a static coefficient below the kinetic one must not speed up what slides
-    part = min(most / (size if slides else one), one) if slides else one
+    part = min(most * inverse_length(size2 if slides else one), one) if slides else one
     load2 = at.stiffness * at.stiffness * length2
     gives = slides & (load2 > most * most)
-    kept = most / np.sqrt(load2 if gives else one) if gives else one
+    kept = most * inverse_length(load2 if gives else one) if gives else one
     return kept, part, slides
+
+
+def inverse_length(square: Any) -> Any:
+    """1/√ of the square of a length, by products, as divisions and roots would take most of the time of a contact."""
+    return type_of(square, 1) / np.sqrt(square) if isinstance(square, np.float32) else inverse_sqrt(square)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import lanes, on_stack, outlined
-from particlesim.engine.interactions.near_pairs import candidate, lane, members_of
+from particlesim.engine.interactions.near_sums import candidate, lane, members_of
 from particlesim.engine.interactions.neighbours.record import FAR, GROUP, IMAGE_SHIFT, NO_ROOM
 from particlesim.engine.interactions.neighbours.search import BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import pair_of

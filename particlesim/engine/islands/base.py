@@ -7,8 +7,9 @@ it, with clocks that start later; at its end the dead are taken out. In between,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import EmbeddedRungeKutta, GaussRadauMethod, Method
 from particlesim.interactions import PairSet
-from particlesim.model.arrays import Ints
+from particlesim.model.arrays import Floats, Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
@@ -39,6 +40,14 @@ WORTH_THREADS = 500_000
 
 OWN_STEPS = 20
 """Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+
+class Intrusion(NamedTuple):
+    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
+
+    body: tuple[str, int]
+    other: Collider | tuple[str, int]
+    depth: float
 
 
 class BaseIsland:
@@ -143,9 +152,25 @@ class BaseIsland:
         """Columns of the whole island."""
         raise NotImplementedError
 
+    def intrusions(self) -> list[Intrusion]:
+        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
+        return []
+
+    def longest_step(self) -> float:
+        """The longest stable step under springs at bodies [s]."""
+        return math.inf
+
+    def longest_step_on_orbits(self) -> float:
+        """The longest step of a method that follows orbits [s]."""
+        return math.inf
+
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
         """Total force on every particle at a time [N], shape [3, n]."""
         raise NotImplementedError
+
+    def forces_on_tied(self, time: float) -> dict[str, tuple[Ints, Floats]]:
+        """Forces of its springs on particles of other islands: of every group the rows, and the forces [N], shape [n, 3]."""
+        return {}
 
     def turning(self) -> NDArray[np.float64]:
         """Angular velocities [rad/s], shape [3, n]; particles do not turn."""
@@ -159,6 +184,14 @@ class BaseIsland:
     def stored(self) -> dict[str, float]:
         """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
         return {}
+
+    def broke(self) -> dict[str, NDArray[np.float64]]:
+        """For every set of springs that can break: when each broke [s], infinity while it holds; in topology's order."""
+        return {
+            name: each.broke
+            for name, each in zip(self.names, self.interactions, strict=True)
+            if each.broke is not None
+        }
 
     def topology(self) -> list[Topology]:
         """What a trajectory keeps of what joins its particles."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -13,7 +14,7 @@ from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.constraints.registry import held
 from particlesim.engine.coupled.adaptive import Pace
 from particlesim.engine.coupled.forces import island_forces
-from particlesim.engine.coupled.wisdom_holman import gravity_among
+from particlesim.engine.coupled.wisdom_holman import gravity_among, longest_step
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
 from particlesim.engine.interactions.beginnings import refuse_wild
@@ -102,6 +103,10 @@ class CoupledIsland(BaseIsland):
 
     def island_columns(self) -> Columns:
         return self.layout.cooled(self._joined.whole.columns(self._read))
+
+    def longest_step_on_orbits(self) -> float:
+        orbits = self.layout.work.orbits
+        return math.inf if orbits is None else longest_step(orbits, self.island_columns())
 
     def columns(self) -> list[Columns]:
         return self._joined.cut(self.island_columns())
@@ -200,6 +205,10 @@ class CoupledIsland(BaseIsland):
             team.each(work, len(done))
             if not pace.stuck:
                 books.close_leg(leg, self._now(), arrived=done[0] == steps)
+        if any(each.cramped for each in self.interactions):
+            self.go_back()
+            layout.renew()
+            return self._move(first, last, team)
         if pace is None and done[0] < steps and stepper.solves_more(layout):
             work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
             team.each(work, len(done))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
-from particlesim.colliders import Collider
+from particlesim.bonds.pairs import SINGLE
 from particlesim.engine.faults import Fault, Unclosed
-from particlesim.engine.islands.base import BaseIsland
+from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.ledger.sums import measure
@@ -23,6 +23,7 @@ from particlesim.engine.rigid.bodies import (
     WORLD,
     Bodies,
     Memory,
+    Motion,
     Surfaces,
     new_contacts,
     new_memory,
@@ -31,12 +32,13 @@ from particlesim.engine.rigid.bodies import (
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.joint_system import (
     Made,
-    body_springs,
     made_joints,
     new_joints,
+    new_stops,
     partners_of,
     require_speeds,
 )
+from particlesim.engine.rigid.joints import ROD
 from particlesim.engine.rigid.kernel import (
     FULL,
     UNHELD,
@@ -51,14 +53,17 @@ from particlesim.engine.rigid.kernel import (
 )
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.solver import address
-from particlesim.engine.rigid.springs import BodySprings, stored
+from particlesim.engine.rigid.spring_layout import Laid, body_springs, lines
+from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
+from particlesim.engine.rigid.ties import Ties
 from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.attributes import FURTHER
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -72,16 +77,9 @@ ROOM = 16
 """Contacts for each body that there is room for at first."""
 
 
-class Intrusion(NamedTuple):
-    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
-
-    body: tuple[str, int]
-    other: Collider | tuple[str, int]
-    depth: float
-
-
 class RigidIsland(BaseIsland):
-    """All rigid bodies; their states are stretches of the island's arrays."""
+    """All rigid bodies; their states are stretches of the island's arrays. `particles` are those of other islands, which
+    springs may tie to bodies."""
 
     def __init__(
         self,
@@ -89,8 +87,10 @@ class RigidIsland(BaseIsland):
         structure: Island,
         states: Sequence[GroupState],
         ids: Mapping[str, tuple[int, int]],
+        particles: Mapping[str, GroupState],
     ) -> None:
         super().__init__(scenario, structure, states, ids)
+        self._scenario, self._particles = scenario, particles
         self._joined, self._structure = Joined(self.states), structure
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
@@ -100,12 +100,15 @@ class RigidIsland(BaseIsland):
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
         self._made = made_joints(scenario, offset, self.bodies())
-        self._springs = body_springs(scenario, offset, self.bodies())
+        laid = body_springs(scenario, offset, self.bodies(), particles)
+        # Those to particles come last, as they do in steps with guests.
+        self._springs = tuple(sorted(laid, key=lambda each: each.tied is not None))
+        self.ties = Ties(laid, particles)
+        """The springs to particles."""
+        self.broken = {each.name: each.springs.broke for each in laid if each.breaks}
+        """When each of the springs that may break did [s], infinity while it holds, by the names of their sets."""
         given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
-        springs, names = (
-            (tuple(part) for part in zip(*self._springs, strict=True)) if self._springs else ((), ())
-        )
-        self._scene, self._order = _scene(*given, scenario, self._made, names, self.books, springs)
+        self._scene, self._order = _scene(*given, scenario, self._made, self._springs, self.books)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -162,6 +165,7 @@ class RigidIsland(BaseIsland):
         n, report = b.w.size, np.zeros(2)
         whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
         scene, motion = self._booking()._replace(guests=guests), new_motion(whole.w.size)
+        scene = scene._replace(springs=(*scene.springs, *self.ties.springs(visitors, n)))
         if scene.joints is not None:
             scene = scene._replace(
                 joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
@@ -200,7 +204,6 @@ class RigidIsland(BaseIsland):
         return Fault(member, row, step)
 
     def intrusions(self) -> list[Intrusion]:
-        """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
         k, bounds = self._contacts, self._joined.bounds
         time = 0.0 if self.kept_from is None else self.kept_from * self.dt
         look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
@@ -238,7 +241,7 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        return [b.x, b.v, b.turn, b.spin]
+        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.left.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
@@ -263,18 +266,42 @@ class RigidIsland(BaseIsland):
         return self._joined.whole.columns(self._read)
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
-        sum_forces_on(self._scene, self.bodies(), self._motion, time)
-        return np.ascontiguousarray(self._motion.pull[:, :3].T)
+        return np.ascontiguousarray(self._pulls(time)[: self._joined.whole.count, :3].T)
+
+    def forces_on_tied(self, time: float) -> dict[str, tuple[Ints, Floats]]:
+        return self.ties.forces(self._pulls(time)[self._joined.whole.count :]) if self.ties else {}
+
+    def _pulls(self, time: float) -> Floats:
+        """Forces and torques on all bodies, and on the particles that are tied to them, shape [n, 6]."""
+        b, scene, motion = self._with_tied()
+        sum_forces_on(scene, b, motion, time)
+        return np.asarray(motion.pull)
+
+    def _with_tied(self) -> tuple[Bodies, Scene, Motion]:
+        """The bodies and the particles that are tied to them, what acts on them, and room for what they do."""
+        if not self.ties:
+            return self.bodies(), self._scene, self._motion
+        visitors, n = self.ties.visitors(), self._joined.whole.count
+        b = joined(self.bodies(), visitors)
+        springs = (*self._scene.springs, *self.ties.springs(visitors, n))
+        return b, self._scene._replace(springs=springs), new_motion(b.w.size)
 
     def longest_step(self) -> float:
-        """The longest stable step under springs at bodies [s]."""
-        return longest_step([springs for _, springs in self._springs], self.bodies())
+        b, scene, _ = self._with_tied()
+        return longest_step(scene.springs, b)
 
     def stored(self) -> dict[str, float]:
         if not self._springs:
             return {}
-        velocities_of(self.bodies(), self._motion)
-        return {name: stored(springs, self.bodies(), self._motion.now) for name, springs in self._springs}
+        b, scene, motion = self._with_tied()
+        velocities_of(b, motion)
+        names = (each.name for each in self._springs)
+        return {
+            name: stored(springs, b, motion.now) for name, springs in zip(names, scene.springs, strict=True)
+        }
+
+    def broke(self) -> dict[str, Floats]:
+        return self.broken
 
     def turning(self) -> NDArray[np.float64]:
         velocities_of(self.bodies(), self._motion)
@@ -292,7 +319,14 @@ class RigidIsland(BaseIsland):
         return np.concatenate([motion, out[4:]])
 
     def topology(self) -> list[Topology]:
-        return []
+        ids = {state.name: state.id[: state.count] for state in (*self.states, *self._particles.values())}
+        rest = {each.name: each.springs.rest for each in self._springs}
+        rods = (each for each in self._made if each.kind == ROD)
+        lengths = np.array([each.length for each in rods])
+        for name, each in self._scenario.body_rods:
+            number = len(each.pairs or SINGLE)
+            rest[name], lengths = lengths[:number], lengths[number:]
+        return lines(self._scenario, ids, rest, self.broken)
 
 
 def copy_of(memory: Memory) -> Memory:
@@ -328,9 +362,8 @@ def _scene(
     whole: GroupState,
     scenario: Scenario,
     made: Sequence[Made],
-    springs: tuple[BodySprings, ...],
+    springs: Sequence[Laid],
     books: Books | None,
-    names: Sequence[str],
 ) -> tuple[Scene, NDArray[np.int64]]:
     """What acts on the bodies, and which of the joints that were made each one of it is."""
     stretches = tuple(
@@ -350,7 +383,7 @@ def _scene(
     feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
     scene = Scene(
         stretches,
-        springs,
+        tuple(each.springs for each in springs if each.tied is None),
         tuple(walls),
         surfaces_of(groups),
         np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
@@ -358,18 +391,19 @@ def _scene(
         whole.radius[:n].astype(float),
         tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
         SLOP * min(group.shape.fineness() for group in groups),
-        2 if feel or any(np.any(each.c > 0) for each in springs) else 1,
+        2 if feel or any(np.any(each.springs.c > 0) for each in springs) else 1,
         joints,
+        new_stops(made, order),
         joined,
         partners,
         partner_from,
-        None if books is None else _work(books, names, groups),
+        None if books is None else _work(books, springs, groups),
     )
     return scene, order
 
 
-def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Work:
-    """How the work on bodies is booked; `names` are those of their springs."""
+def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:
+    """How the work on bodies is booked."""
 
     def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
         return tuple(through_surface(record, group.shape) or record for record in records)
@@ -377,8 +411,10 @@ def _work(books: Books, names: Sequence[str], groups: Sequence[BodyGroup]) -> Wo
     spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
     cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
     stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
-    damper = np.array([books.names.index(n) if n in books.names else -1 for n in names], np.int64)
-    return Work(spent, cause, stored, damper, books.names.index("contact"), books.totals)
+    at = {name: k for k, name in enumerate(books.names)}
+    damper = np.array([at.get(each.name, -1) for each in springs], np.int64)
+    breaking = np.array([at.get(f"{each.name}.breaking", -1) for each in springs], np.int64)
+    return Work(spent, cause, stored, damper, breaking, at["contact"], at.get("motors", -1), books.totals)
 
 
 def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:

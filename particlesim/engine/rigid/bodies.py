@@ -45,8 +45,9 @@ class Contacts(NamedTuple):
     from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
     collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
     one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
-    impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]. `number`: how
-    many there are, and how many found no room."""
+    impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]; of those that
+    turn bodies only, limits and motors of joints (`stops`), what they are [k], 0 for others, and of motors the speed and the
+    greatest impulse [2, k]. `number`: how many there are, and how many found no room."""
 
     first: Any
     second: Any
@@ -62,6 +63,8 @@ class Contacts(NamedTuple):
     before: Any
     onward: Any
     order: Any
+    turns: Any
+    aim: Any
     number: Any
 
 
@@ -121,7 +124,7 @@ def new_contacts(room: int) -> Contacts:
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
         *(first, second, feature, point, normal, gap, surface, belt, target),
-        *(impulse, rows, before, onward, order, number),
+        *(impulse, rows, before, onward, order, np.zeros(room, np.int64), np.zeros((2, room)), number),
     )
 
 
@@ -168,6 +171,7 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
         k.number[1] += 1
         return -1
     k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
+    k.turns[number] = 0
     for axis in range(3):
         k.belt[axis, number] = 0.0
     k.point[0, number], k.point[1, number], k.point[2, number] = point

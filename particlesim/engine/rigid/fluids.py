@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.bodies.shape import BallBody, BodyShape
+from particlesim.bodies.base import BodyShape
+from particlesim.bodies.shape import BallBody
 from particlesim.colliders.triangulation import Triangles
 from particlesim.compiler import on_stack, outlined
 from particlesim.engine.rigid.narrow import minus, plus

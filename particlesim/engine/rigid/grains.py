@@ -38,7 +38,8 @@ class Guests(NamedTuple):
     whether they touch, restitution, static and kinetic friction [kinds, groups].
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
-    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n].
+    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; by how much what acts on
+    particles alone changes its velocity until the middle of the step [3, n] (`lean`).
     """
 
     first: int
@@ -52,6 +53,7 @@ class Guests(NamedTuple):
     when: Any
     at: Any
     shift: Any
+    lean: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:

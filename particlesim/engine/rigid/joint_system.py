@@ -8,15 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.bodies import HingeJoint
-from particlesim.bonds import record_of
+from particlesim.bodies import BallJoint, HingeJoint, Joint
 from particlesim.bonds.pairs import SINGLE
 from particlesim.bonds.pairs import WORLD as WORLD_NAME
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.rigid.bodies import WORLD, Bodies
 from particlesim.engine.rigid.joints import BALL, HINGE, ROD, ROWS, Joints
 from particlesim.engine.rigid.rotation import angular_velocity, matrix
-from particlesim.engine.rigid.springs import BodySprings
+from particlesim.engine.rigid.stops import Stops
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.scenario import Scenario
@@ -39,6 +38,19 @@ class Made(NamedTuple):
     size: float
     name: str
     touch: bool
+    stop: Stop | None = None
+
+
+class Stop(NamedTuple):
+    """What bounds or drives a joint, as `Stops` have it."""
+
+    mark: Floats
+    other: Floats
+    low: float
+    high: float
+    speed: float
+    torque: float
+    cone: bool
 
 
 def frame(b: Bodies, i: int) -> Floats:
@@ -64,7 +76,7 @@ def own_points(scenario: Scenario, groups: tuple[str, str], points: Any) -> Floa
     found = np.array(points or np.zeros((2, 3)), float)
     axes = {group.name: group.shape.frame().axes for group in scenario.bodies}
     for k, name in enumerate(groups):
-        if name != WORLD_NAME:
+        if name in axes:
             found[k] = axes[name].T @ found[k]
     return found
 
@@ -87,9 +99,11 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
             if isinstance(joint, HingeJoint):
                 axis, p, q = _across(np.array(joint.axis))
                 turned = (frame(b, i).T @ axis, frame(b, j).T @ p, frame(b, j).T @ q)
-                found.append(Made(HINGE, i, j, one, two, *turned, 0.0, size, name, joint.touch))
+                hinge = Made(HINGE, i, j, one, two, *turned, 0.0, size, name, joint.touch)
+                found.append(hinge._replace(stop=_stop(joint, frame(b, i).T @ p, turned[1])))
             else:
-                found.append(Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch))
+                ball = Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch)
+                found.append(ball._replace(stop=_cone(joint, frame(b, i), frame(b, j))))
     for rods in scenario.rods:
         if not scenario.at_bodies(rods):
             continue
@@ -108,6 +122,39 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
                 )
             found.append(Made(ROD, i, j, points[0], points[1], none, none, none, length, length, name, True))
     return found
+
+
+def _stop(hinge: HingeJoint, mark: Floats, other: Floats) -> Stop | None:
+    """Limits and motor of a hinge, whose bodies have these marks."""
+    if hinge.limits is None and hinge.motor is None:
+        return None
+    low, high = (-np.inf, np.inf) if hinge.limits is None else np.radians(hinge.limits).tolist()
+    speed, torque = (0.0, 0.0) if hinge.motor is None else (hinge.motor.speed, hinge.motor.torque)
+    return Stop(mark, other, low, high, speed, torque, cone=False)
+
+
+def _cone(ball: Joint, one: Floats, two: Floats) -> Stop | None:
+    """The cone of a ball joint between bodies with these frames."""
+    if not isinstance(ball, BallJoint) or ball.cone is None or ball.axis is None:
+        return None
+    axis = _across(np.array(ball.axis))[0]
+    return Stop(one.T @ axis, two.T @ axis, 0.0, float(np.radians(ball.cone)), 0.0, 0.0, cone=True)
+
+
+def new_stops(made: Sequence[Made], order: Ints) -> Stops:
+    """Limits and motors of joints that have been put in an order."""
+    found = [(k, stop) for k, number in enumerate(order.tolist()) if (stop := made[number].stop) is not None]
+    marks, others = (
+        np.array([getattr(each, name) for _, each in found], float).reshape(-1, 3).T.copy()
+        for name in ("mark", "other")
+    )
+    numbers = (
+        np.array([getattr(each, name) for _, each in found], float)
+        for name in ("low", "high", "speed", "torque")
+    )
+    cone = np.array([each.cone for _, each in found], np.int64)
+    low, high, speed, torque = numbers
+    return Stops(np.array([k for k, _ in found], np.int64), marks, others, low, high, speed, torque, cone)
 
 
 def _size(b: Bodies, i: int, j: int) -> float:
@@ -275,35 +322,3 @@ def partners_of(scenario: Scenario, made: Sequence[Made], bodies: int) -> tuple[
                     found[i].add(j)
     partners = np.array([j for mine in found for j in sorted(mine)] or [WORLD], np.int64)
     return joined, partners, np.concatenate([[0], np.cumsum([len(mine) for mine in found])]).astype(np.int64)
-
-
-def body_springs(
-    scenario: Scenario, offset: Mapping[str, int], b: Bodies
-) -> tuple[tuple[str, BodySprings], ...]:
-    """All springs of bodies with their names in the ledger.
-
-    A frequency and a damping ratio are meant for the mass μ that swings along the spring at the start,
-    1/μ = Σ 1/m + (r × e)·I⁻¹(r × e).
-    """
-    found = []
-    for label, springs in scenario.body_springs:
-        pairs, points = springs.pairs or SINGLE, own_points(scenario, springs.groups(), springs.points)
-        rows = np.array(list(rows_of(offset, springs.groups(), pairs)), np.int64)
-        apart, inverse = np.zeros((len(rows), 3)), np.zeros(len(rows))
-        for k, (i, j) in enumerate(rows.tolist()):
-            apart[k] = (frame(b, i) @ points[0] + centre(b, i)) - (frame(b, j) @ points[1] + centre(b, j))
-        length = np.linalg.norm(apart, axis=1)
-        along = np.divide(apart, length[:, None], out=np.zeros_like(apart), where=length[:, None] > 0)
-        for k, (i, j) in enumerate(rows.tolist()):
-            for body, point in ((i, points[0]), (j, points[1])):
-                if body != WORLD:
-                    moment = np.cross(point, frame(b, body).T @ along[k])
-                    inverse[k] += b.w[body] + float((moment**2 / b.inertia[:, body]).sum())
-        law = springs.spring_law()
-        stiffness, damping = law.constants(1 / inverse)
-        rest = length if law.rest_length is None else np.full(len(rows), law.rest_length)
-        one, two = (np.ascontiguousarray(np.repeat(point[:, None], len(rows), axis=1)) for point in points)
-        first, second = rows[:, 0].copy(), rows[:, 1].copy()
-        made = BodySprings(record_of(law), first, second, one, two, stiffness, damping, rest)
-        found.append((label, made))
-    return tuple(found)

@@ -31,7 +31,8 @@ from particlesim.engine.rigid.rotation import (
     turned_freely,
 )
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
-from particlesim.engine.rigid.springs import pull
+from particlesim.engine.rigid.springs import pull, snap
+from particlesim.engine.rigid.stops import find_stops, motor_work
 from particlesim.engine.rigid.walls import touch_wall
 from particlesim.engine.rigid.work import (
     copy_velocities,
@@ -61,9 +62,9 @@ class Stretch(NamedTuple):
 class Scene(NamedTuple):
     """What acts on bodies: forces, springs, colliders, contact between groups; `arms` of the six points [3, n], mass, radius
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
-    depend on velocities, else 1. Joints, None without; which bodies have one [n], and the bodies that each is joined to and
-    does not touch (`partners`, from `partner_from` on). What is booked, None where nothing is. Particles that may touch
-    bodies (`guests`), which are the last bodies then, None where there are none."""
+    depend on velocities, else 1. Joints, None without, and their limits and motors (`stops`); which bodies have one [n], and
+    the bodies that each is joined to and does not touch (`partners`, from `partner_from` on). What is booked, None where
+    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -76,6 +77,7 @@ class Scene(NamedTuple):
     slop: float
     stages: int
     joints: Any
+    stops: Any
     joined: Any
     partners: Any
     partner_from: Any
@@ -164,8 +166,12 @@ def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
 
 @outlined
 def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
-    """Forces and torques of a step on all bodies. Where they depend on velocities, those are taken that bodies have after
-    half of the kick (the midpoint rule)."""
+    """Forces and torques of a step on all bodies, once springs that cannot hold are broken. Where forces depend on
+    velocities, those are taken that bodies have after half of the kick (the midpoint rule)."""
+    for number, springs in enumerate(scene.springs):
+        lost = snap(springs, b, motion.now, t, h)
+        if scene.work is not None and lost > 0:
+            scene.work.totals[scene.work.breaking[number]] -= lost
     sum_all_forces(scene, b, motion, t)
     if scene.work is not None:
         copy_velocities(motion.now, motion.came)
@@ -179,6 +185,7 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
             for axis in range(3):
                 now[axis] += 0.5 * h * b.w[i] * f[axis]
                 now[3 + axis] += 0.5 * h * entry(turned, axis)
+        lean_guests(scene, motion.now)
         if scene.joints is not None:
             for component in range(scene.joints.next.size):
                 level(scene.joints, b, motion.now, motion.other, component)
@@ -193,17 +200,26 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
+def lean_guests(scene: Any, velocities: Any) -> None:
+    """Let guests have the velocities that they get from what acts on particles alone."""
+    if scene.guests is not None:
+        for m in range(scene.guests.radius.size):
+            for axis in range(3):
+                velocities[scene.guests.first + m, axis] += scene.guests.lean[axis, m]
+
+
 def own(scene: Any, b: Any) -> int:
     """How many bodies there are without guests."""
     return int(b.w.size if scene.guests is None else scene.guests.first)
 
 
 @outlined
-def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> None:
-    """Book the work of forces without a potential, of dampers and of contact, before bodies go on from the middle of a step;
-    `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
+def book_step(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
+    """Book the work of forces without a potential, of dampers, motors and contact, before bodies go on from the middle of
+    a step; `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
     given = take_means(b, motion, own(scene, b), h)
+    lean_guests(scene, motion.other)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -211,8 +227,10 @@ def book_step(scene: Any, b: Any, motion: Any, touched: Any, t: Any, h: Any) -> 
     for number, springs in enumerate(scene.springs):
         if work.damper[number] >= 0:
             totals[work.damper[number]] += h * damped_work(springs, b, motion.stage, motion.other)
-    if touched:
-        totals[work.contact] += given
+    if k.number[0] > 0:
+        driven = motor_work(k, motion.other) if work.motors >= 0 else 0.0
+        totals[work.contact] += given - driven
+        totals[max(work.motors, 0)] += driven
 
 
 @outlined
@@ -327,6 +345,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
             at -= 1
         order[at] = i
     find_pairs(scene, b, k, motion, order, n)
+    if scene.joints is not None:
+        find_stops(scene.stops, scene.joints, b, k, motion, h)
     if scene.guests is not None:
         find_guests(scene.guests, b, k, motion, scene.slop, h)
 
@@ -474,7 +494,7 @@ def step_bodies(
         if k.number[0] > 0 or scene.joints is not None:
             solve(b, k, motion, memory, scene.joints, dt)
         if scene.work is not None:
-            book_step(scene, b, motion, k.number[0] > 0, middle, dt)
+            book_step(scene, b, k, motion, middle, dt)
         if k.number[0] > 0:
             before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)

@@ -27,6 +27,7 @@ from particlesim.engine.rigid.clusters import gather, root, unite
 from particlesim.engine.rigid.joints import level
 from particlesim.engine.rigid.narrow import clamped, minus
 from particlesim.engine.rigid.rotation import cross, dot, turned_by, world_inverse
+from particlesim.engine.rigid.stops import MOTOR, lay_turn
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -89,6 +90,12 @@ def strike(b: Any, k: Any, motion: Any, c: Any, d: Any, size: Any) -> None:
 def lay_out(b: Any, k: Any, motion: Any) -> None:
     """What impulses do at every contact along its normal and two tangents; the speed of approach, into `target`."""
     for c in range(k.number[0]):
+        for d in range(4):
+            k.impulse[c, d] = 0.0
+        if k.turns[c] > 0:
+            lay_turn(k, motion, c)
+            k.target[c] = speed_along(k, motion, c, 0)
+            continue
         i, j = k.first[c], k.second[c]
         n, at = row(k.normal, c), row(k.point, c)
         # The tangents are made with that axis of the world which is farthest from the normal.
@@ -101,8 +108,6 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
         direct(b, k, motion, c, 1, i, j, at, one)
         direct(b, k, motion, c, 2, i, j, at, cross(n, one))
         k.target[c] = speed_along(k, motion, c, 0)
-        for d in range(4):
-            k.impulse[c, d] = 0.0
 
 
 def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any, n: Any) -> None:
@@ -129,6 +134,10 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
         before, now = k.target[c], speed_along(k, motion, c, 0)
+        if k.turns[c] == MOTOR:
+            k.target[c] = k.aim[0, c]
+            largest = max(largest, max(abs(now), abs(now - k.target[c])))
+            continue
         gap = max(k.gap[c], 0.0)
         meets = now * h < -gap
         quick = before < -RESTING * abs(now - before)
@@ -148,7 +157,7 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
         e = k.rows[c]
         had = k.impulse[c, 0]
         wish = had - e[0, 15] * (speed_along(k, motion, c, 0) - k.target[c])
-        press = max(wish, 0.0)
+        press = bounded(k, c, wish)
         if press != had:
             strike(b, k, motion, c, 0, press - had)
             k.impulse[c, 0] = press
@@ -168,6 +177,11 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
     return float(worst)
 
 
+def bounded(k: Any, c: Any, impulse: Any) -> Any:
+    """The nearest impulse along its first direction that a contact can give."""
+    return clamped(impulse, -k.aim[1, c], k.aim[1, c]) if k.turns[c] == MOTOR else max(impulse, 0.0)
+
+
 @shared
 def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None:
     """Find and give the impulses of a step, of contacts and of joints, whose rows are ready (None without); bodies have
@@ -181,7 +195,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     relax_all(b, k, motion, joints)
     rebounds = False
     for c in range(k.number[0]):
-        rebounds = rebounds or k.target[c] > 0
+        rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
     if rebounds and gains(b, k, motion, joints):
         yield_energy(b, k, motion, joints)
     remember(k, memory)
@@ -294,7 +308,7 @@ def keep(now: Any, gained: Any, copy: Any) -> None:
 @outlined
 def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
     """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that
-    stands for it. Surfaces that run may give energy: what touches them counts as not gaining."""
+    stands for it. Surfaces that run and motors may give energy: what they touch or turn counts as not gaining."""
     parent, gain = motion.parent, motion.gain
     for i in range(b.w.size):
         parent[i] = i
@@ -314,7 +328,8 @@ def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
             work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
         gain[root(parent, i)] += work
     for c in range(k.number[0]):
-        if k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0:
+        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+        if runs or k.turns[c] == MOTOR:
             gain[root(parent, k.first[c])] = -np.inf
     gained = False
     for i in range(b.w.size):
@@ -336,7 +351,7 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any) -> None:
         # What was found is kept where the solution without rebounds leaves room: nobody reads these places any more.
         k.normal[0, c], k.normal[1, c], k.normal[2, c] = k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]
         k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
-        k.target[c] = min(k.target[c], 0.0)
+        k.target[c] = min(k.target[c], 0.0) if k.turns[c] != MOTOR else k.target[c]
     relax_all(b, k, motion, joints)
     low, bend = motion.low, motion.bend
     for i in range(b.w.size):
@@ -391,6 +406,10 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
         if memory.keys[0, at] != NOBODY:
             p = row(memory.impulse, at)
             e = k.rows[c]
+            if k.turns[c] > 0:
+                k.impulse[c, 0] = bounded(k, c, p[0])
+                strike(b, k, motion, c, 0, k.impulse[c, 0])
+                continue
             press = max(p[0] * e[0, 0] + p[1] * e[0, 1] + p[2] * e[0, 2], 0.0)
             one = p[0] * e[1, 0] + p[1] * e[1, 1] + p[2] * e[1, 2]
             two = p[0] * e[2, 0] + p[1] * e[2, 1] + p[2] * e[2, 2]
@@ -407,14 +426,14 @@ def remember(k: Any, memory: Any) -> None:
     for at in range(memory.keys.shape[1]):
         memory.keys[0, at] = NOBODY
     for c in range(k.number[0]):
-        if k.impulse[c, 0] > 0:
+        if k.impulse[c, 0] > 0 or k.turns[c] > 0:
             at = address(memory, k.first[c], k.second[c], k.feature[c])
             memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = k.first[c], k.second[c], k.feature[c]
             for axis in range(3):
                 total = 0.0
                 for d in range(3):
                     total += k.rows[c, d, axis] * k.impulse[c, d]
-                memory.impulse[axis, at] = total
+                memory.impulse[axis, at] = total if k.turns[c] == 0 else k.impulse[c, 0]
 
 
 # ---- pushing apart

@@ -1,4 +1,4 @@
-"""Springs between points of bodies, or between a point of a body and one of the world.
+"""Springs between points of bodies, or from a point of a body to one of the world or to a particle.
 
 The law is that of springs between particles (`bonds.spring`, `bonds.strut`), for l the way from the second point to the
 first; its force acts where the points are, and turns bodies by r × f.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.bonds.spring import Pair
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.bodies import WORLD, orientation, place, row
@@ -16,8 +18,9 @@ from particlesim.laws.registry import bond_force, bond_potential
 
 
 class BodySprings(NamedTuple):
-    """Springs of one law: its record; both bodies (the second may be WORLD) [m], their points in the frames of these (in
-    the world for WORLD) [3, m]; stiffness, damping, rest length [m]."""
+    """Springs of one law: its record; both bodies (the second may be WORLD, or a guest) [m], their points in the frames of
+    these (in the world for WORLD) [3, m]; stiffness, damping, rest length [m]; the strain and the pull [N] beyond which they
+    break (infinite: never), and when each broke [s], infinity while it holds [m]."""
 
     law: Any
     first: Any
@@ -27,6 +30,9 @@ class BodySprings(NamedTuple):
     k: Any
     c: Any
     rest: Any
+    strain: Any
+    limit: Any
+    broke: Any
 
 
 def end(b: Any, now: Any, i: Any, point: Any) -> Any:
@@ -45,7 +51,8 @@ def stretched(springs: Any, b: Any, now: Any, s: Any) -> Any:
         y, w, two = end(b, now, springs.second[s], row(springs.other, s))
     l = (x[0] - y[0], x[1] - y[1], x[2] - y[2])  # noqa: E741
     u = (v[0] - w[0], v[1] - w[1], v[2] - w[2])
-    return Pair(*l, *u, springs.k[s], springs.c[s], springs.rest[s]), one, two
+    whole = 1.0 if springs.broke[s] == np.inf else 0.0
+    return Pair(*l, *u, whole * springs.k[s], whole * springs.c[s], springs.rest[s]), one, two
 
 
 @outlined
@@ -64,6 +71,24 @@ def pull(springs: Any, b: Any, now: Any, out: Any) -> None:
             for axis in range(3):
                 out[j, axis] -= f[0] if axis == 0 else (f[1] if axis == 1 else f[2])
                 out[j, 3 + axis] -= twist[0] if axis == 0 else (twist[1] if axis == 1 else twist[2])
+
+
+@outlined
+def snap(springs: Any, b: Any, now: Any, t: Any, h: Any) -> float:
+    """Break springs that are stretched or pulled too far in the middle of a step of length h; returns what they had stored
+    at its beginning [J]: they give nothing in this step."""
+    lost = 0.0
+    for s in range(springs.first.size):
+        if springs.broke[s] == np.inf:
+            p, _, _ = stretched(springs, b, now, s)
+            f = bond_force(springs.law, p)
+            length = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z)
+            pulled = -(f[0] * p.x + f[1] * p.y + f[2] * p.z)
+            if length - p.rest > springs.strain * p.rest or pulled > springs.limit * length:
+                x, y, z = p.x - 0.5 * h * p.vx, p.y - 0.5 * h * p.vy, p.z - 0.5 * h * p.vz
+                lost += bond_potential(springs.law, Pair(x, y, z, p.vx, p.vy, p.vz, p.k, p.c, p.rest))
+                springs.broke[s] = t
+    return lost
 
 
 @kernel

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from particlesim.engine.rigid.bodies import Bodies
 from particlesim.engine.rigid.grains import Guests
+from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
 
 
 class Visitors(NamedTuple):
     """Particles that may touch bodies: places, velocities and angular momenta [3, n]; 1/m, 0 for those that are held,
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
-    [kinds, groups]."""
+    [kinds, groups]; `lean` as guests have it."""
 
     x: Floats
     v: Floats
@@ -28,6 +31,7 @@ class Visitors(NamedTuple):
     restitution: Floats
     static: Floats
     kinetic: Floats
+    lean: Floats
 
 
 class Left(NamedTuple):
@@ -40,12 +44,33 @@ class Left(NamedTuple):
     moved: Ints
 
 
+def among(
+    chosen: Sequence[tuple[GroupState, Ints]], surfaces: Floats, lean: Floats | None = None
+) -> Visitors:
+    """Some rows of groups as visitors, with what contact of each group does [4, kinds, groups of bodies]."""
+    parts = []
+    for kind, (state, rows) in enumerate(chosen):
+        radius, weight = state.radius[rows].astype(float), 1 / state.mass[rows].astype(float)
+        inertia, spin = np.full(len(rows), np.inf), np.zeros((3, len(rows)))
+        if SPIN in state.parts:
+            inertia = 0.4 / weight * radius**2
+            spin = state.angular_velocity[:, rows].astype(float) * inertia
+        if state.clocked:  # what is held, or is at its end, does not move
+            held = ~np.isfinite(state.start[rows])
+            weight[held], inertia[held] = 0.0, np.inf
+        x, v = state.x[:, rows].astype(float), state.v[:, rows].astype(float)
+        parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
+    columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
+    lean = np.zeros(columns[0].shape) if lean is None else lean
+    return Visitors._make([*columns, *surfaces, lean])
+
+
 def guests_of(visitors: Visitors, bodies: int) -> Guests:
     """The visitors as kernels take them, after so many bodies."""
     n = len(visitors.w)
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
-    return Guests(bodies, visitors.kind, visitors.radius, visitors.id, *tables, *scratch)
+    return Guests(bodies, visitors.kind, visitors.radius, visitors.id, *tables, *scratch, visitors.lean)
 
 
 def joined(b: Bodies, visitors: Visitors) -> Bodies:

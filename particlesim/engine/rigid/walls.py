@@ -163,11 +163,31 @@ def core_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: A
     if s.kind == SPHERE:
         point_on_wall(wall, k, i, x, radius, margin, t, code)
         return
+    if isinstance(wall.shape, FLAT) and s.size[2] > 0:
+        arc_on_wall(wall, k, i, s, margin, t, code)
+        return
     u = half_axis(s)
     point_on_wall(wall, k, i, plus(x, 1.0, u), radius, margin, t, code + 1)
     point_on_wall(wall, k, i, plus(x, -1.0, u), radius, margin, t, code + 2)
     if not isinstance(wall.shape, FLAT):
         line_on_wall(wall, k, i, plus(x, -1.0, u), plus(x, 1.0, u), radius, margin, t, code + 3)
+
+
+def arc_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """The contact of the part of a ring that a capsule stands for: of the places around it, as many as there are parts,
+    that go out from its lowest one, the one in this part. So a ring rolls on a circle."""
+    axis = to_world(s.r, (1.0, 0.0, 0.0))
+    half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
+    inner = 2 * s.size[2] * np.cos(half) / (1 + np.cos(half))  # from the centre to the middle of the capsule
+    center = plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+    n = away(wall.shape, probe(center, 0.0, t))
+    d = plus((-n[0], -n[1], -n[2]), dot(n, axis), axis)
+    own, turn = to_body(s.r, d), 0.0
+    if dot(d, d) >= LEANING * LEANING:
+        turn = np.arctan2(own[2], own[1])
+        turn -= 2 * half * np.floor(turn / (2 * half) + 0.5)
+    at = to_world(s.r, (0.0, s.size[2] * np.cos(turn), s.size[2] * np.sin(turn)))
+    point_on_wall(wall, k, i, plus(center, 1.0, at), s.size[0], margin, t, code)
 
 
 def box_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:

@@ -18,14 +18,17 @@ from particlesim.laws.registry import bond_force, bond_potential
 
 
 class Work(NamedTuple):
-    """For every stretch the laws without a potential, which of the totals each goes to, and the laws with one; which total
-    the dampers of every set of springs go to (−1: none), and which contact; the totals [J]."""
+    """For every stretch the laws without a potential, which of the totals each goes to, and the laws with one; which totals
+    the dampers of every set of springs and those that break go to (−1: none), which contact, and which motors (−1: none);
+    the totals [J]."""
 
     spent: tuple[tuple[Any, ...], ...]
     cause: tuple[Any, ...]
     stored: tuple[tuple[Any, ...], ...]
     damper: Any
+    breaking: Any
     contact: int
+    motors: int
     totals: Any
 
 
@@ -38,14 +41,14 @@ def copy_velocities(now: Any, copy: Any) -> None:
 
 @outlined
 def take_means(b: Any, motion: Any, bodies: Any, h: Any) -> float:
-    """The means of velocities before and after a kick with its impulses, into `other`, and what impulses have given [J], of
+    """The means of velocities before and after a kick with its impulses, into `other`, and what impulses have given [J] to
     the first of `b`, the `bodies`; guests have books of their own."""
     total = 0.0
-    for i in range(bodies):
+    for i in range(b.w.size):
         was, now, f, mean = motion.came[i], motion.now[i], motion.pull[i], motion.other[i]
         for axis in range(6):
             mean[axis] = 0.5 * (was[axis] + now[axis])
-        for axis in range(3):
+        for axis in range(3 if i < bodies else 0):
             if b.w[i] > 0:  # a guest that is held does not move
                 total += ((now[axis] - was[axis]) / b.w[i] - h * f[axis]) * mean[axis]
             total += motion.gained[i, axis] * mean[3 + axis]

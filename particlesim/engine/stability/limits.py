@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.coupled.wisdom_holman import longest_step
-from particlesim.engine.islands.coupled import CoupledIsland
 from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
@@ -218,7 +216,7 @@ def _judged(world: World, number: int) -> IslandStability:
     spectra = {label: eigenvalues(system).ravel() for label, system in found.forces.items()}
     if not method.by_modes:
         free = dict.fromkeys(found.forces, math.inf)
-        step = _by_orbits(world, number)
+        step = world.islands[number].longest_step_on_orbits()
         grown, how = (math.inf, ORBITS) if grid.dt > step else (-math.inf, found.how)
         return IslandStability(names, method, free, step, grown, how, values, spectra)
     factor = growth(method, found.together, grid.dt)
@@ -276,7 +274,7 @@ def _surely_stable(world: World, number: int) -> bool:
     model = _model(world, number)
     method, grid = model.structure.method, world.scenario.grid
     if not method.by_modes:
-        return grid.dt <= _by_orbits(world, number)
+        return grid.dt <= world.islands[number].longest_step_on_orbits()
     if isinstance(method, ImplicitMethod) and explicit_sets(world, number):
         return False
     limits = model.box()
@@ -290,14 +288,6 @@ def _surely_stable(world: World, number: int) -> bool:
     factor = growth(method, system, grid.dt)
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
-
-
-def _by_orbits(world: World, number: int) -> float:
-    """The largest step of a method that modes do not limit [s]."""
-    island = world.islands[number]
-    if not isinstance(island, CoupledIsland) or island.layout.work.orbits is None:
-        return math.inf
-    return longest_step(island.layout.work.orbits, island.island_columns())
 
 
 def _names(structure: Island) -> tuple[str, ...]:

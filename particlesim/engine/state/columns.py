@@ -249,6 +249,18 @@ def span(clock: Any, i: Any, t: Any, end: Any, h: Any) -> Any:
     return begin, h if whole else type_of(h, length)
 
 
+def lifetimes(clock: Any) -> Any:
+    """When the first of some particles begins to move, and when the last one ends. Those of an emitter stand in the order of
+    their births, so that most of them can be left alone until then."""
+    if clock is None:
+        return -np.inf, np.inf
+    born, gone = np.inf, -np.inf
+    for i in range(clock.start.size):
+        born = min(born, clock.start[i])
+        gone = max(gone, clock.stop[i])
+    return born, gone
+
+
 def in_step(c: Any, begin: Any, end: Any) -> Any:
     """Columns in the step from `begin` to `end`, or at one moment if these are the same."""
     if c.clock is None:

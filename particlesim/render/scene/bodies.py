@@ -15,6 +15,7 @@ import numpy as np
 from particlesim.process.threads import Team
 from particlesim.render.kernels.records import Array, Float32s
 from particlesim.render.kernels.solids import face_normals, smooth_normals
+from particlesim.render.scene.links import Links
 from particlesim.render.scene.smooth_normals import Fans, is_closed, smooth_fans
 from particlesim.render.scene.source import Frame, FrameSource
 from particlesim.scenario.rendering import RenderSettings
@@ -50,7 +51,7 @@ class Springs:
 
 
 class Bodies:
-    """The surfaces and lines of a trajectory.
+    """The surfaces and lines of a trajectory; `links` are the lines that end at points of rigid bodies.
 
     `triangles` [t, 3]: ids; `torn` [t]: when a triangle lost the first of its springs [s]; `skin` [t]: the number in `skins`
     of the group that it is of. `lines`: the springs that are drawn, and `owner` [l]: the number in `owners` of the body or
@@ -69,13 +70,18 @@ class Bodies:
         self.skin = np.repeat(np.arange(len(surfaces)), [len(each.triangles) for each in surfaces])
         skins = {name for name, each in found.items() if len(each.triangles)}
         drawn = {name: each for name, each in found.items() if _is_line(name, style, skins)}
-        self.lines = Springs.of(list(drawn.values()))
         self.owners = tuple(dict.fromkeys(owner_of(name) for name in drawn))
-        numbers = [
-            np.full(len(each.pairs), self.owners.index(owner_of(name))) for name, each in drawn.items()
-        ]
-        self.owner = np.concatenate([np.empty(0, np.int64), *numbers])
-        self.springs = Springs.of([each for name, each in found.items() if _shows_strain(name, style)])
+        owned = [(self.owners.index(owner_of(name)), each) for name, each in drawn.items()]
+        posed = "orientation" in source.fields
+        self.links = Links([(k, each) for k, each in owned if each.points is not None and posed])
+        owned = [(k, each) for k, each in owned if each.points is None]
+        self.lines = Springs.of([each for _, each in owned])
+        self.owner = np.concatenate(
+            [np.empty(0, np.int64), *(np.full(len(each.pairs), k) for k, each in owned)]
+        )
+        self.springs = Springs.of(
+            [each for name, each in found.items() if each.points is None and _shows_strain(name, style)]
+        )
         self._limit = 1 + max(
             (int(ids.max()) for ids in (self.triangles, self.springs.pairs) if len(ids)), default=-1
         )
@@ -171,7 +177,7 @@ class Bodies:
 
     def strains(self, frame: Frame) -> Array:
         """All values of the colour "strain" in a frame: those of the lines, and those of the surfaces' points."""
-        found = [self.line_ends(frame)[1]]
+        found = [self.line_ends(frame)[1], self.links.at(frame, self.rows)[1]]
         if len(self.triangles):
             corner, whole = self.surface(frame)
             found.append(self.strain_at(frame)[np.unique(corner[whole])])

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from particlesim.bodies import Bodies
-from particlesim.bonds import Springs
+from particlesim.bodies import Bodies, Joint
+from particlesim.bonds import Rods, Springs
 from particlesim.bonds.pairs import SINGLE, WORLD
 from particlesim.colliders.friction import FallingRestitution
+from particlesim.emitters import Emitter
+from particlesim.groups.group import Group, Particles
 from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables
+from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables, mortal
 from particlesim.scenario.rules.joints import listed as particle_joints
 from particlesim.scenario.tables import Tables
 
@@ -46,50 +48,31 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
 
 
 def jointed(scenario: Tables) -> Iterator[Invalid]:
-    """Joints, and springs and rods at bodies, join bodies that there are, with each other or with the world."""
+    """Joints, and springs and rods at bodies, join bodies that there are, with each other or with the world; springs also
+    join bodies and particles."""
     tables: dict[str, tuple[Path, Bodies]] = {
         b.name: (("bodies", k), b) for k, b in enumerate(scenario.bodies)
     }
-    particles = {group.name: path for path, group in group_tables(scenario) if group.name not in tables}
+    particles = {
+        group.name: (path, group) for path, group in group_tables(scenario) if group.name not in tables
+    }
     for here, joint in joint_tables(scenario):
         first, second = joint.groups()
         for end, name in enumerate((first, second)):
             at: Path = (*here, "on") if joint.on is not None else (*here, "between", end)
             if name in particles:
-                what = "joints join rigid bodies" if here[0] == "joints" else "one end is at a rigid body"
-                yield Invalid(
-                    f"{what}, and {name!r} are particles",
-                    at,
-                    ((particles[name], "here"),),
-                    hint="a body of the size of the particle, a small sphere, takes its place",
-                )
-            elif name not in tables and not (name == WORLD and end == 1):
+                yield from _tied(scenario, joint, (here, at, end), *particles[name])
+            if name not in (*tables, *particles) and not (name == WORLD and end == 1):
                 known = [*tables, WORLD]
                 yield Invalid(
                     f"unknown body {name!r}", at, allowed=", ".join(known), hint=did_you_mean(name, known)
                 )
-            elif name in tables:
-                path, group = tables[name]
-                number = group.layout.number() if group.layout is not None else 1
-                for j, pair in enumerate(joint.pairs or SINGLE):
-                    if number is not None and pair[end] >= number:
-                        yield Invalid(
-                            f"{name!r} has no body {pair[end]}",
-                            (*here, "pairs", j, end) if joint.pairs is not None else at,
-                            ((path, f"{number} {'body' if number == 1 else 'bodies'}"),),
-                            allowed=f"0 to {number - 1}",
-                        )
-        if isinstance(joint, Springs):
-            for key in ("within", "break_strain", "break_force"):
-                if getattr(joint, key) is not None:
-                    what = (
-                        "springs at bodies are listed"
-                        if key == "within"
-                        else "springs at bodies do not break"
-                    )
-                    yield Invalid(what, (*here, key), allowed="pairs, or points" if key == "within" else None)
+            elif name != WORLD:
+                yield from _numbered(joint, (here, at, end), *(tables.get(name) or particles[name]))
+        if isinstance(joint, Springs) and joint.within is not None:
+            yield Invalid("springs at bodies are listed", (*here, "within"), allowed="pairs, or points")
     if WORLD in (*tables, *particles) and any(WORLD in joint.groups() for _, joint in joint_tables(scenario)):
-        path = tables[WORLD][0] if WORLD in tables else particles[WORLD]
+        path = (tables.get(WORLD) or particles[WORLD])[0]
         yield Invalid(
             f"{WORLD!r} stands for what does not move", (*path, "name"), hint="call this group otherwise"
         )
@@ -99,6 +82,60 @@ def jointed(scenario: Tables) -> Iterator[Invalid]:
                 "points are those of rigid bodies, and these are particles",
                 (*here, "points"),
                 hint="pairs = [[0, 1]] lists particles",
+            )
+
+
+def _tied(
+    scenario: Tables, joint: Joint | Springs | Rods, place: tuple[Path, Path, int], path: Path, group: Group
+) -> Iterator[Invalid]:
+    """Springs may go from a body to particles that have inertia and are always there; `place`: of the table, of the name of
+    the group, and which end it is."""
+    here, at, end = place
+    if not isinstance(joint, Springs):
+        hint = "springs join bodies and particles; a stiff one is nearly a rod"
+        yield Invalid(
+            f"{here[0]} join rigid bodies, and {group.name!r} are particles", at, ((path, "here"),), hint=hint
+        )
+        return
+    if WORLD in joint.groups():
+        hint = "a pinned particle stays where it is"
+        yield Invalid(
+            f"{group.name!r} are particles: no spring joins them to the world",
+            at,
+            ((path, "here"),),
+            hint=hint,
+        )
+    if group.dynamics.type != "second_order":
+        yield Invalid(
+            f"springs at bodies pull particles with inertia, and {group.name!r} have none",
+            at,
+            (((*path, "dynamics"), "here"),),
+        )
+    elif mortal(scenario, group.name):
+        what = "are emitted" if isinstance(group, Emitter) else "may die at colliders"
+        yield Invalid(
+            f"springs tie bodies to particles that are always there, and {group.name!r} {what}",
+            at,
+            ((path, "here"),),
+        )
+    if joint.points is not None and any(joint.points[end]):
+        yield Invalid("a particle is a point", (*here, "points", end), allowed="[0, 0, 0]")
+
+
+def _numbered(
+    joint: Joint | Springs | Rods, place: tuple[Path, Path, int], path: Path, group: Group
+) -> Iterator[Invalid]:
+    """Pairs are of bodies and particles that there are; `place` as above."""
+    here, at, end = place
+    number = group.layout.number() if isinstance(group, Particles) and group.layout is not None else None
+    one, several = ("body", "bodies") if isinstance(group, Bodies) else ("particle", "particles")
+    for j, pair in enumerate(joint.pairs or SINGLE):
+        if number is not None and pair[end] >= number:
+            yield Invalid(
+                f"{group.name!r} has no {one} {pair[end]}",
+                (*here, "pairs", j, end) if joint.pairs is not None else at,
+                ((path, f"{number} {one if number == 1 else several}"),),
+                allowed=f"0 to {number - 1}",
             )
 
 

@@ -16,7 +16,7 @@ from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.ledger_columns import booked, totals
 from particlesim.scenario.tables import Tables, distinct
 from particlesim.scenario.timegrid import TOLERANCE, TimeGrid
-from particlesim.trajectory.fields import FIELDS
+from particlesim.trajectory.fields import FIELDS, short_name
 
 
 def check_labels(scenario: Tables) -> tuple[str, ...]:
@@ -115,6 +115,15 @@ def _reference(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:
         )
 
 
+def _of_particles(scenario: Tables, name: str) -> str | None:
+    """What "balls.x", "vx" and the like are called in checks."""
+    group, _, short = name.rpartition(".")
+    long = next((one for one in FIELD_QUANTITIES if short in (one, short_name(one))), None)
+    if long is None or group not in ("", *(each.name for each in scenario.groups)):
+        return None
+    return f'quantity = "{long}"' + (f', group = "{group}"' if group else "")
+
+
 def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
     place = ("checks", k, "quantity")
     known = (*totals(scenario), *FIELD_QUANTITIES)
@@ -135,6 +144,8 @@ def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
         hint = "of forces, those count that have a potential energy: " + (", ".join(components) or "none")
     elif name.startswith("work.") and hint is None:
         hint = "work is done by: " + (", ".join(components) or "nothing")
+    else:
+        hint = _of_particles(scenario, name) or hint
     return Invalid(f"unknown quantity {name!r}", place, allowed=", ".join(known), hint=hint)
 
 

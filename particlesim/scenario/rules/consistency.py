@@ -221,6 +221,7 @@ CHECKS = (
     interactions.felt,
     interactions.turned,
     interactions.against_walls,
+    interactions.put_apart,
     interactions.kicked,
     periodic.repeated,
     interactions.fixed_steps,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from particlesim.forces.field import Field
 from particlesim.integrators import ImplicitMethod, method_for
-from particlesim.interactions.formula import PairFormula
 from particlesim.laws.registry import force_dv, force_dx, has_law, triangle_force_dv
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import acts_on, group_tables, interacting
@@ -47,11 +45,11 @@ def _without_derivatives(scenario: Tables) -> Iterator[tuple[Path, str, str, lis
         needed = (triangle_force_dv,) if force.on_surfaces else (force_dx, force_dv)
         if not all(has_law(derivative, force.record()) for derivative in needed):
             yield ("forces", k), label, "has no law for them", groups
-        elif isinstance(force, Field) and force.kink() is not None and (jump := force.jump()) is not None:
+        elif force.kink() is not None and (jump := force.jump()) is not None:
             key, cause = jump
             yield ("forces", k, *key), label, f"has none where it jumps ({cause})", groups
     for k, each in enumerate(scenario.interactions):
-        if isinstance(each, PairFormula) and (found := each.jump()) is not None:
+        if (found := each.jump()) is not None:
             names = [group.name for group in interacting(each, scenario.groups)]
             why = f"has none at r = {found.at:.4g} m, where its {found.of} jumps"
             yield ("interactions", k, "potential"), each.label, why, names

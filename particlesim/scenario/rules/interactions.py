@@ -110,6 +110,20 @@ def against_walls(scenario: Tables) -> Iterator[Invalid]:
                 )
 
 
+def put_apart(scenario: Tables) -> Iterator[Invalid]:
+    """What hangs on rods stays where they hold it."""
+    for k, each in enumerate(scenario.interactions):
+        if isinstance(each, Contact) and each.overlap == "relax":
+            names = {group.name for group in interacting(each, scenario.groups)}
+            for rods in scenario.rod_sets:
+                if names & set(rods.groups):
+                    yield Invalid(
+                        f"particles on the rods {rods.name!r} cannot be put apart: rods hold their distances",
+                        ("interactions", k, "overlap"),
+                        allowed='"auto", "keep"',
+                    )
+
+
 def kicked(scenario: Tables) -> Iterator[Invalid]:
     """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not booked."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}

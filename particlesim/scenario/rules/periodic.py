@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from particlesim.colliders import Collider, Plane
-from particlesim.interactions.contact import Contact
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.vectors import unit
 from particlesim.scenario.box import PeriodicBox
-from particlesim.scenario.reach import collider_tables
+from particlesim.scenario.reach import collider_tables, interacting, touches_by_surfaces
 from particlesim.scenario.tables import Tables
 
 BOX: Path = ("simulation", "box")
@@ -79,12 +78,12 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
                 ((BOX, "here"),),
                 allowed='"auto", "mesh"' if summed else '"auto", "direct", "neighbours"',
             )
-        elif isinstance(each, Contact) and not each.soft:
+        elif touches_by_surfaces(each, interacting(each, scenario.groups)):
             yield Invalid(
-                "impulses are not given across the sides of a periodic box",
+                "triangles and edges do not touch across the sides of a periodic box",
                 here,
                 ((BOX, "a periodic box"),),
-                hint='model = "linear" or "hertz" acts across them, too',
+                hint="surfaces = false has particles alone touch, also across them",
             )
         elif each.touching():
             continue

@@ -55,10 +55,11 @@ class Node:
 def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None = None) -> Node:
     """`annotation` freed of Annotated, Optional and type aliases."""
     marks = list(metadata)
+    annotation = _meant(annotation, marks)
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *inner = get_args(annotation)
-            annotation = next((m.union_of(annotation) for m in inner if isinstance(m, Tagged)), annotation)
+            annotation = _meant(annotation, inner)
             marks = [
                 *chain.from_iterable(m.metadata if isinstance(m, FieldInfo) else [m] for m in inner),
                 *marks,
@@ -72,6 +73,11 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
             annotation = branches[0]
         else:
             return Node(annotation, tuple(marks), description)
+
+
+def _meant(annotation: Any, marks: Sequence[Any]) -> Any:
+    """The union that is meant where a mark says so."""
+    return next((mark.union_of(annotation) for mark in marks if isinstance(mark, Tagged)), annotation)
 
 
 def is_vector(kind: Node) -> bool:

@@ -182,6 +182,8 @@ def _advice(code: str, kind: Node | None, raw: Any) -> str | None:
         element = typewalk.child(kind, 0, raw)
         if element is not None and not typewalk.is_vector(kind) and typewalk.fit(element, raw) > 0:
             return f"a list of one: [{_quoted([raw])}]"
+    if code == "tuple_type" and kind is not None and typewalk.is_vector(kind) and isinstance(raw, dict):
+        return "a vector has three components: [0, 1, 0]"
     if code in ("list_type", "tuple_type") and isinstance(raw, dict):
         return "an entry of a list of tables has two brackets: [[name]]"
     if code in ("model_type", "model_attributes_type", "dict_type") and isinstance(raw, list):

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import atomic_add, kernel, shared
+from particlesim.compiler import kernel, shared
 from particlesim.compiler.barrier import meet, new_gate
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Lone, Site, lone
 from particlesim.engine.interactions.mesh import calibration
@@ -58,18 +58,16 @@ from particlesim.engine.interactions.near_pairs import (
     near_energy,
     near_forces,
     near_virial,
-    pull_on,
 )
+from particlesim.engine.interactions.near_sums import pull_all
 from particlesim.engine.interactions.neighbours.record import (
     DUE,
-    TURN,
     Neighbours,
     enlarged,
     forget,
     new_neighbours,
 )
 from particlesim.engine.interactions.neighbours.refresh import Crew
-from particlesim.engine.interactions.neighbours.search import AT_ONCE
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block
 from particlesim.engine.interactions.pairs import refuse_coincident, what_acts
 from particlesim.engine.step.records import as_precision
@@ -141,15 +139,9 @@ class MeshPairs(NearLists, MeshColumns):
     follows: ClassVar[frozenset[str]] = frozenset(MeshColumns._fields) - {"plan"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        near, groups = self.near, self.near.begin.size
-        changed = bring_up(self, c, share, t)
+        near, changed = self.near, bring_up(self, c, share, t)
         if changed or near.report[DUE] != 0:
-            while True:
-                first = atomic_add(near.report, TURN, AT_ONCE)
-                if first >= groups:
-                    break
-                for g in range(first, min(first + AT_ONCE, groups)):
-                    pull_on(self, g, t)
+            pull_all(self, t)
             meet(share.gate, share.threads)
             crew = Crew(share.number, share.threads, share.gate)
             far_forces(on_mesh(self), self.influence, self.aim.strength, self.pull, crew)

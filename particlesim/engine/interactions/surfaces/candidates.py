@@ -1,15 +1,15 @@
-"""Which vertices may meet triangles, and which edges edges, until somebody has moved too far.
+"""Which vertices may meet triangles, and which edges edges, until somebody has left the way that he was on.
 
 All threads look for simplices whose spheres overlap (`neighbours`); one then goes through them and keeps those vertices and
-triangles, edges and edges whose boxes overlap. A box holds the way of the step that has just been done and is wider by the
-radius and by half of the skin; so candidates are complete while no vertex has moved by more than that half from its place,
-apart from a motion that all have in common. Of these, only pairs are kept whose distance is small enough, and they are not
-looked at again before all relative motion since then, the *odometer*, could have brought them together.
+triangles, edges and edges whose boxes overlap. A box holds the way of the step that has just been done and its continuation
+over some steps, the *course*, and is wider by the radius and by half of the skin; so candidates are complete while no vertex
+has left its course by more than that half, apart from a motion that all have in common. Of these, only pairs are kept that
+can meet meanwhile.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,72 +17,99 @@ from particlesim.compiler import outlined, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.neighbours.record import FAR, GROUP, MOST, NO_ROOM, lives
 from particlesim.engine.interactions.neighbours.refresh import Crew, Where, build
-from particlesim.engine.interactions.surfaces.closest import Four, closest_points, relative_motion, widest
+from particlesim.engine.interactions.surfaces.closest import Four
 from particlesim.engine.interactions.surfaces.record import (
+    AGE,
     BUILDS,
+    COURSE,
     DRIFT,
     EDGES,
+    FACES,
     FASTEST,
+    HORIZON,
     LOST,
-    ODOMETER,
     REACH,
     SKIN,
     STALE,
-    VERTICES,
+    TURNED,
+    WAY,
 )
+from particlesim.engine.interactions.surfaces.sieve import AT_ONCE, choose_near
 
-STEPS = 10.0
-"""Steps, at the present speed, for which candidates should hold."""
-NARROWEST, WIDEST = 0.1, 0.5
+STEPS = 32.0
+"""Steps for which candidates should hold."""
+NARROWEST, WIDEST = 0.1, 0.25
 """Bounds of half of the skin, as parts of the length by which it is measured."""
+LONGEST = 0.5
+"""Bound on the way that particles typically go while candidates hold, likewise."""
 
 
 @shared
-def measure(s: Any, x: Any, before: Any, tune: Any) -> None:
-    """How far particles have come in the step, beside what all have in common: half the diagonal of a box around all
-    displacements, which no two differ by twice of."""
-    fastest = 0.0
+def measure(s: Any, found: Any, x: Any, before: Any, report: Any, tune: Any) -> None:
+    """How far particles have come in the step, by how much that differs from what was measured last, and how far they have
+    left their course, beside what all have in common: half the diagonal of a box around all displacements, which no two
+    differ by twice of. Candidates are stale where the last is too much."""
+    age = float(report[AGE])
+    way, turn, off = 0.0, 0.0, 0.0
+    for k in range(3):
+        low_way = low_turn = low_off = np.inf
+        high_way = high_turn = high_off = -np.inf
+        for j in range(s.rows.size):
+            i = s.rows[j]
+            d = float(x[k][i]) - float(before[k, i])
+            a = d - found.last[k, i]
+            e = float(x[k][i]) - found.base[k, i] - age * found.way[k, i]
+            found.last[k, i] = d
+            low_way, high_way = min(low_way, d), max(high_way, d)
+            low_turn, high_turn = min(low_turn, a), max(high_turn, a)
+            low_off, high_off = min(low_off, e), max(high_off, e)
+        way += (high_way - low_way) * (high_way - low_way)
+        turn += (high_turn - low_turn) * (high_turn - low_turn)
+        off += (high_off - low_off) * (high_off - low_off)
+        tune[DRIFT + k] = 0.5 * (low_way + high_way)
+    tune[FASTEST], tune[TURNED] = 0.5 * np.sqrt(way), 0.5 * np.sqrt(turn)
+    tune[COURSE] += 2.0 * tune[TURNED]
+    if (not 0.25 * off <= tune[SKIN] * tune[SKIN]) | (age > tune[HORIZON]):
+        report[STALE] = 1
+
+
+@shared
+def look_ahead(s: Any, x: Any, before: Any, h: Any, tune: Any) -> None:
+    """For how many steps candidates are to hold, and how far particles may leave their course until then: as far as they do
+    if they go on to turn as in this step."""
+    reach, typical, turn = tune[REACH], 0.0, 0.0
     for k in range(3):
         low, high = np.inf, -np.inf
         for j in range(s.rows.size):
             i = s.rows[j]
-            way = float(x[k][i]) - float(before[k, i])
-            low, high = min(low, way), max(high, way)
-        fastest += 0.25 * (high - low) * (high - low)
-        tune[DRIFT + k] = 0.5 * (low + high)
-    tune[FASTEST] = np.sqrt(fastest)
+            d = float(x[k][i]) - float(before[k, i])
+            typical += (d - tune[DRIFT + k]) * (d - tune[DRIFT + k])
+            a = d - float(h) * float(before[3 + k, i])
+            low, high = min(low, a), max(high, a)
+        turn += 0.25 * (high - low) * (high - low)
+    typical, turn, steps, most = np.sqrt(typical / s.rows.size), np.sqrt(turn), STEPS, WIDEST * reach
+    if typical * steps > LONGEST * reach:
+        steps = LONGEST * reach / typical
+    if min(turn * steps, tune[FASTEST]) * steps > most:
+        steps = max(np.sqrt(most / turn), most / tune[FASTEST])
+    tune[HORIZON] = float(int(steps))
+    tune[SKIN] = min(max(min(turn * steps, tune[FASTEST]) * steps, NARROWEST * reach), most)
 
 
 @shared
-def still_hold(s: Any, found: Any, x: Any, tune: Any) -> Any:
-    """Whether candidates are complete for a step that ends at x."""
-    half = 0.0
-    for k in range(3):
-        low, high = np.inf, -np.inf
-        for j in range(s.rows.size):
-            i = s.rows[j]
-            way = float(x[k][i]) - found.base[k, i]
-            low, high = min(low, way), max(high, way)
-        half += 0.25 * (high - low) * (high - low)
-    return half <= tune[SKIN] * tune[SKIN]
-
-
-@shared
-def surround(
-    s: Any, found: Any, x: Any, r: Any, before: Any, clock: Any, t: Any, report: Any, tune: Any, roomy: Any
-) -> None:
-    """Boxes around all particles, edges and simplices on their way, and spheres around these."""
-    reach = tune[REACH]
-    skin = min(max(STEPS * tune[FASTEST], NARROWEST * reach), WIDEST * reach) if roomy else 0.0
-    tune[SKIN] = skin
+def surround(s: Any, found: Any, x: Any, r: Any, before: Any, clock: Any, t: Any, tune: Any) -> None:
+    """Boxes around all particles, edges and simplices on their course, and spheres around these."""
+    skin, ahead = tune[SKIN], tune[HORIZON]
     for j in range(s.rows.size):
         i = s.rows[j]
         wide, there = float(r[i]) + skin, lives(clock, i, t)
         for k in range(3):
-            now, then = float(x[k][i]), float(before[k, i]) + tune[DRIFT + k]
+            now = float(x[k][i])
             found.base[k, i] = now
-            found.around[i, k] = min(now, then) - wide if there else FAR
-            found.around[i, 3 + k] = max(now, then) + wide if there else FAR
+            found.way[k, i] = now - float(before[k, i])
+            way = found.way[k, i] - tune[DRIFT + k]
+            found.around[i, k] = now + min(-way, ahead * way) - wide if there else FAR
+            found.around[i, 3 + k] = now + max(-way, ahead * way) + wide if there else FAR
     for e in range(s.edges.shape[1]):
         i, j = s.edges[0, e], s.edges[1, e]
         for k in range(3):
@@ -90,18 +117,16 @@ def surround(
             found.edge_boxes[e, 3 + k] = max(found.around[i, 3 + k], found.around[j, 3 + k])
     for q in range(s.corners.shape[1]):
         a, b, c = s.corners[0, q], s.corners[1, q], s.corners[2, q]
+        # a sphere around the corners is widened by less than one around the box
         wide, size = min(float(r[a]), float(r[b]), float(r[c])) + skin, 0.0
         for k in range(3):
             low = min(found.around[a, k], found.around[b, k], found.around[c, k])
             high = max(found.around[a, 3 + k], found.around[b, 3 + k], found.around[c, 3 + k])
             found.boxes[q, k], found.boxes[q, 3 + k] = low, high
             found.middle[k, q] = 0.5 * (low + high) if high < FAR else FAR
-            half = (
-                0.5 * (high - low) - wide
-            )  # a sphere around the corners is widened by less than around the box
+            half = 0.5 * (high - low) - wide
             size += half * half
         found.radius[q] = np.sqrt(size) + wide if found.boxes[q, 3] < FAR else 0.0
-    report[BUILDS] += 1
 
 
 def overlap(a: Any, i: Any, b: Any, j: Any) -> Any:
@@ -116,31 +141,32 @@ def overlap(a: Any, i: Any, b: Any, j: Any) -> Any:
     )
 
 
-def _vertices_on(
-    s: Any, found: Any, x: Any, r: Any, before: Any, p: Any, q: Any, report: Any, tune: Any
-) -> None:
-    """Keep the vertices of simplex p that may meet triangle q."""
+class Finder(NamedTuple):
+    """What is needed to go through pairs of simplices."""
+
+    s: Any
+    found: Any
+    x: Any
+    r: Any
+    before: Any
+    report: Any
+    tune: Any
+
+
+def _vertices_on(each: Any, p: Any, q: Any) -> None:
+    """Write down the vertices of simplex p that may meet triangle q."""
+    s, found = each.s, each.found
     a, b, c = s.corners[0, q], s.corners[1, q], s.corners[2, q]
     for corner in range(3):
         i = s.vertices[corner, p]
         if (i >= 0) & (i != a) & (i != b) & (i != c):  # noqa: SIM102
             if overlap(found.around, i, found.boxes, q):
-                far = way_to_go(True, x, r, before, i, a, b, c)
-                n = report[VERTICES]
-                if far > 2.0 * tune[SKIN]:
-                    n = -1
-                elif n < found.vertices.shape[1]:
-                    found.vertices[0, n], found.vertices[1, n] = i, q
-                    found.apart[n] = -1.0
-                    report[VERTICES] = n + 1
-                else:
-                    report[LOST] = 1
+                _write(found.faces, each.report, FACES, i, q, Four(i, a, b, c))
 
 
-def _edges_on(
-    s: Any, found: Any, x: Any, r: Any, before: Any, p: Any, q: Any, report: Any, tune: Any
-) -> None:
-    """Keep the edges of simplex p that may meet edges of simplex q."""
+def _edges_on(each: Any, p: Any, q: Any) -> None:
+    """Write down the edges of simplex p that may meet edges of simplex q."""
+    s, found = each.s, each.found
     for one in range(3):
         e = s.sides[one, p]
         if e >= 0:  # noqa: SIM102
@@ -152,31 +178,39 @@ def _edges_on(
                         k, m = s.edges[0, f], s.edges[1, f]
                         strange = (i != k) & (i != m) & (j != k) & (j != m)
                         if strange & overlap(found.edge_boxes, e, found.edge_boxes, f):
-                            far = way_to_go(False, x, r, before, i, j, k, m)
-                            n = report[EDGES]
-                            if far > 2.0 * tune[SKIN]:
-                                n = -1
-                            elif n < found.edges.shape[1]:
-                                found.edges[0, n], found.edges[1, n] = e, f
-                                found.between[n] = -1.0
-                                report[EDGES] = n + 1
-                            else:
-                                report[LOST] = 1
+                            _write(found.edges, each.report, EDGES, e, f, Four(i, j, k, m))
 
 
-def way_to_go(face: Any, x: Any, r: Any, before: Any, i: Any, j: Any, k: Any, m: Any) -> Any:
-    """How far a pair is from touching at the end of the step, at least [m]."""
-    f = Four(i, j, k, m)
-    now = closest_points(face, x, before, i, j, k, m, 0.0)
-    return now.distance - relative_motion(face, x, before, f) - widest(face, r, f)
+def _write(pairs: Any, report: Any, sort: Any, one: Any, other: Any, f: Any) -> None:
+    """Append a pair, if there is room."""
+    n = report[sort]
+    if n < pairs.until.size:
+        pairs.of[0, n], pairs.of[1, n] = one, other
+        pairs.rows[0, n], pairs.rows[1, n], pairs.rows[2, n], pairs.rows[3, n] = f.i, f.j, f.k, f.m
+        report[sort] = n + 1
+    else:
+        report[LOST] = 1
+
+
+def _choose(each: Any, face: Any, kept: Any, most: Any) -> Any:
+    """Keep those of the pairs from number `kept` on that may meet, where there are more than `most`; returns how many have
+    been looked at."""
+    sort, pairs = (FACES, each.found.faces) if face else (EDGES, each.found.edges)
+    if each.report[sort] - kept > most:
+        kept = choose_near(
+            face, pairs, kept, each.report[sort], each.x, each.r, each.before, each.report, each.tune
+        )
+        each.report[sort] = kept
+    return kept
 
 
 @shared
 def pair_up(s: Any, found: Any, x: Any, r: Any, before: Any, report: Any, tune: Any) -> None:
     """Go through simplices that are near each other, each pair once."""
-    near = found.near
-    tune[ODOMETER] = 0.0
-    report[VERTICES] = report[EDGES] = report[LOST] = 0
+    near, each = found.near, Finder(s, found, x, r, before, report, tune)
+    tune[WAY] = tune[COURSE] = 0.0
+    report[FACES] = report[EDGES] = report[AGE] = report[STALE] = faces = edges = 0
+    report[BUILDS] += 1
     for g in range(near.begin.size):
         if near.count[g] == NO_ROOM:
             report[LOST] = 1
@@ -190,49 +224,47 @@ def pair_up(s: Any, found: Any, x: Any, r: Any, before: Any, report: Any, tune: 
                         if p < q:  # noqa: SIM102
                             if overlap(found.boxes, p, found.boxes, q):
                                 if s.face[q]:
-                                    _vertices_on(s, found, x, r, before, p, q, report, tune)
+                                    _vertices_on(each, p, q)
                                 if s.face[p]:
-                                    _vertices_on(s, found, x, r, before, q, p, report, tune)
-                                _edges_on(s, found, x, r, before, p, q, report, tune)
+                                    _vertices_on(each, q, p)
+                                _edges_on(each, p, q)
+                                faces = _choose(each, True, faces, AT_ONCE - 6)
+                                edges = _choose(each, False, edges, AT_ONCE - 9)
+    _choose(each, True, faces, 0)
+    _choose(each, False, edges, 0)
 
 
-def find(each: Any, c: Any, before: Any, share: Any, t: Any) -> None:
+def find(each: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
     """Candidates for the step that has just been done; all threads of an island must call it."""
-    s, found, report, tune = each.simplices, each.found, each.report, each.tune
-    x = (c.x, c.y, c.z)
+    report, tune = each.report, each.tune
     if share.number == 0:
-        measure(s, x, before, tune)
-        if not still_hold(s, found, x, tune):
-            report[STALE] = 1
+        report[AGE] += 1
+        tune[WAY] += tune[COURSE]
+        measure(each.simplices, each.found, (c.x, c.y, c.z), before, report, tune)
     meet(share.gate, share.threads)
     if report[STALE] != 0:
-        find_anew(each, c, before, Crew(share.number, share.threads, share.gate), t)
+        find_anew(each, c, before, Crew(share.number, share.threads, share.gate), t, h)
 
 
-def find_again(each: Any, c: Any, before: Any, gate: Any, t: Any) -> None:
+def find_again(each: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
     """Candidates after corrections, by one thread, if these have led further than candidates are known."""
-    s, found, tune = each.simplices, each.found, each.tune
-    x = (c.x, c.y, c.z)
-    measure(s, x, before, tune)
-    if not still_hold(s, found, x, tune):
-        find_anew(each, c, before, Crew(0, 1, gate), t)
+    measure(each.simplices, each.found, (c.x, c.y, c.z), before, each.report, each.tune)
+    if each.report[STALE] != 0:
+        find_anew(each, c, before, Crew(0, 1, gate), t, h)
 
 
 @outlined
-def find_anew(each: Any, c: Any, before: Any, crew: Any, t: Any) -> None:
-    """Candidates of the present step; with a narrower skin if there was no room."""
+def find_anew(each: Any, c: Any, before: Any, crew: Any, t: Any, h: Any) -> None:
+    """Candidates of the present step and some more."""
     s, found, report, tune = each.simplices, each.found, each.report, each.tune
     x = (c.x, c.y, c.z)
-    for turn in range(2):
-        if crew.number == 0:
-            surround(s, found, x, c.r, before, c.clock, t, report, tune, turn == 0)
-        meet(crew.gate, crew.threads)
-        where = Where(found.middle[0], found.middle[1], found.middle[2], found.radius, None)
-        build(found.near, where, crew, t)
-        meet(crew.gate, crew.threads)
-        if crew.number == 0:
-            pair_up(s, found, x, c.r, before, report, tune)
-            report[STALE] = 0
-        meet(crew.gate, crew.threads)
-        if report[LOST] == 0:
-            break
+    if crew.number == 0:
+        look_ahead(s, x, before, h, tune)
+        surround(s, found, x, c.r, before, c.clock, t, tune)
+    meet(crew.gate, crew.threads)
+    where = Where(found.middle[0], found.middle[1], found.middle[2], found.radius, None)
+    build(found.near, where, crew, t)
+    meet(crew.gate, crew.threads)
+    if crew.number == 0:
+        pair_up(s, found, x, c.r, before, report, tune)
+    meet(crew.gate, crew.threads)

@@ -20,13 +20,15 @@ PER_SIMPLEX, AT_LEAST = 24, 4096
 ROOMIER = 2
 """By how much room grows."""
 
-STALE, VERTICES, EDGES, CONTACTS, LOST, BUILDS, ZONED = range(7)
+STALE, FACES, EDGES, CONTACTS, LOST, BUILDS, ZONED, AGE = range(8)
 """In `report`: whether candidates have to be found anew; how many of a vertex and a triangle, and of two edges; contacts of
-the step; whether there was no room; how often candidates were found, and how many particles had to move as one."""
-SKIN, REACH, THIN, FASTEST, ODOMETER, DRIFT = range(6)
-"""In `tune` [m]: how far vertices may have moved from where candidates were found, twice that is the skin; the length by
-which it is measured; the least thickness; how far a particle has come in the step beside what all have in common; the
-relative displacements of all steps since candidates were found; and from there on the displacement of all."""
+the step; whether there was no room; how often candidates were found; how many particles had to move as one, and in which
+step candidates are, the one in which they were found being 0."""
+SKIN, HORIZON, REACH, THIN, FASTEST, TURNED, COURSE, WAY, DRIFT = range(9)
+"""In `tune` [m]: how far vertices may leave their course before candidates are found anew, and for how many steps these are;
+the length by which skins are measured; the least thickness; how far a particle has come in the step, and how much that
+differs from the step before, beside what all have in common; the sum of twice the latter since candidates were found, and
+the sum of that over all steps but this one; and from there on the displacement of all."""
 
 
 class Simplices(NamedTuple):
@@ -45,12 +47,24 @@ class Simplices(NamedTuple):
     split: int | None
 
 
+class Pairs(NamedTuple):
+    """Candidates of one sort: `of` [2, room], a row of a vertex and the number of a triangle, or the numbers of two edges;
+    `rows` [4, room] of their particles; what tells when they can touch (`sieve`): `until` [room] [m] and `slope` [room] [m];
+    and room for the numbers of those that can, `due` [room]."""
+
+    of: Any
+    rows: Any
+    until: Any
+    slope: Any
+    due: Any
+
+
 class Candidates(NamedTuple):
-    """Pairs that may touch soon: `vertices` [2, room], rows of vertices and numbers of triangles; `edges` [2, room]; and
-    where the odometer may stand before they can touch, `apart` and `between` [room] [m].
+    """Pairs that may touch soon, of a vertex and a triangle (`faces`) and of two edges (`edges`).
 
     `near`: lists of simplices, found by spheres around them with middles [3, n] and radii [n]; boxes around all particles
-    [n, 6], edges and simplices; `base` [3, n]: particles when candidates were found.
+    [n, 6], edges and simplices; `base` and `way` [3, n]: particles when candidates were found, and how far they went in that
+    step; `last` [3, n]: how far they went in the last step that was measured.
     """
 
     near: Neighbours
@@ -60,10 +74,10 @@ class Candidates(NamedTuple):
     edge_boxes: Any
     boxes: Any
     base: Any
-    vertices: Any
-    edges: Any
-    apart: Any
-    between: Any
+    way: Any
+    last: Any
+    faces: Pairs
+    edges: Pairs
 
 
 class Touches(NamedTuple):
@@ -149,10 +163,21 @@ def new_candidates(simplices: Simplices, count: int, room: int) -> Candidates:
         np.zeros((m, 6)),
         np.zeros((n, 6)),
         np.zeros((3, count)),
+        np.zeros((3, count)),
+        np.zeros((3, count)),
+        new_pairs(room),
+        new_pairs(room),
+    )
+
+
+def new_pairs(room: int) -> Pairs:
+    """Room for candidates of one sort."""
+    return Pairs(
         np.zeros((2, room), np.int32),
-        np.zeros((2, room), np.int32),
+        np.zeros((4, room), np.int32),
         np.zeros(room),
         np.zeros(room),
+        np.zeros(room, np.int32),
     )
 
 

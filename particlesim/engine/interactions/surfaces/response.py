@@ -31,17 +31,9 @@ from particlesim.engine.interactions.surfaces.closest import (
     first_nearness,
     relative_motion,
     thickness,
-    widest,
 )
-from particlesim.engine.interactions.surfaces.record import (
-    CONTACTS,
-    EDGES,
-    FASTEST,
-    LOST,
-    ODOMETER,
-    THIN,
-    VERTICES,
-)
+from particlesim.engine.interactions.surfaces.record import CONTACTS, EDGES, FACES, LOST, THIN
+from particlesim.engine.interactions.surfaces.sieve import sift
 from particlesim.engine.state.columns import held, presence
 
 GENTLY = 0.02
@@ -70,15 +62,6 @@ def weigh(s: Any, m: Any, clock: Any, desk: Any) -> None:
         desk.mark[i] = 0
 
 
-def four_of(s: Any, found: Any, face: Any, q: Any) -> Any:
-    """The rows of candidate q: a vertex and its triangle, or two edges."""
-    if face:
-        i, p = found.vertices[0, q], found.vertices[1, q]
-        return Four(i, s.corners[0, p], s.corners[1, p], s.corners[2, p])
-    e, f = found.edges[0, q], found.edges[1, q]
-    return Four(s.edges[0, e], s.edges[1, e], s.edges[0, f], s.edges[1, f])
-
-
 def movable(desk: Any, f: Any) -> Any:
     """Whether all four are there, and one of them can be moved."""
     a, b, c, d = desk.inverse[f.i], desk.inverse[f.j], desk.inverse[f.k], desk.inverse[f.m]
@@ -89,7 +72,7 @@ def is_own(s: Any, found: Any, face: Any, q: Any, c: Any) -> Any:
     """Whether a contact is not also one of another pair: a vertex at an edge of a triangle belongs to the triangle that has
     that edge, and an end of an edge that meets an edge of a triangle to a vertex and a triangle."""
     if face:
-        p = found.vertices[1, q]
+        p = found.faces.of[1, q]
         corner_0, corner_1, corner_2 = c.w1 != 0, c.w2 != 0, c.w3 != 0
         number = (1 if corner_0 else 0) + (1 if corner_1 else 0) + (1 if corner_2 else 0)
         if number == 3:
@@ -100,7 +83,7 @@ def is_own(s: Any, found: Any, face: Any, q: Any, c: Any) -> Any:
         side = 0 if not corner_2 else (1 if not corner_0 else 2)
         return s.sides[side, p] >= 0
     first, second = (c.w0 == 0) | (c.w1 == 0), (c.w2 == 0) | (c.w3 == 0)
-    e, f = found.edges[0, q], found.edges[1, q]
+    e, f = found.edges.of[0, q], found.edges.of[1, q]
     return not ((first & (s.bordered[f] != 0)) | (second & (s.bordered[e] != 0)))
 
 
@@ -139,6 +122,11 @@ def append(
     report[CONTACTS] = n + 1
 
 
+def rows_of(pairs: Any, q: Any) -> Any:
+    """The rows of candidate q: a vertex and its triangle, or two edges."""
+    return Four(pairs.rows[0, q], pairs.rows[1, q], pairs.rows[2, q], pairs.rows[3, q])
+
+
 def look_at(
     s: Any,
     found: Any,
@@ -152,26 +140,23 @@ def look_at(
     face: Any,
 ) -> None:
     """`list_contacts` for vertices and triangles, or for edges."""
-    apart, number = (found.apart, report[VERTICES]) if face else (found.between, report[EDGES])
-    read = tune[ODOMETER] + 2.0 * tune[FASTEST]
-    for q in range(number):
-        if apart[q] < read:
-            f = four_of(s, found, face, q)
-            motion, wide = relative_motion(face, x, before, f), widest(face, r, f)
+    pairs, number = (found.faces, report[FACES]) if face else (found.edges, report[EDGES])
+    for k in range(sift(face, pairs, number, x, r, before, report, tune, 0.0)):
+        q = pairs.due[k]
+        f = rows_of(pairs, q)
+        if movable(desk, f):
             now = closest_points(face, x, before, f.i, f.j, f.k, f.m, 0.0)
-            apart[q] = tune[ODOMETER] + now.distance - wide
-            if (now.distance - motion < wide) & movable(desk, f):
-                goal = thickness(r, f, now)
-                part = 0.0
-                if now.distance > goal:
-                    part = first_nearness(face, x, before, f.i, f.j, f.k, f.m, motion, goal)
-                if part <= 1.0:
-                    at = closest_points(face, x, before, f.i, f.j, f.k, f.m, part)
-                    goal = thickness(r, f, at)
-                    if part == 0.0:
-                        goal = min(goal, max(now.distance, 0.0) + GENTLY * goal)
-                    if is_own(s, found, face, q, at):
-                        append(s, touches, report, tune, face, f, at, goal, x, before, part)
+            goal, part = thickness(r, f, now), 0.0
+            if now.distance > goal:
+                motion = relative_motion(face, x, before, f)
+                part = first_nearness(face, x, before, f.i, f.j, f.k, f.m, motion, goal)
+            if part <= 1.0:
+                at = closest_points(face, x, before, f.i, f.j, f.k, f.m, part) if part > 0.0 else now
+                goal = thickness(r, f, at)
+                if part == 0.0:
+                    goal = min(goal, max(now.distance, 0.0) + GENTLY * goal)
+                if is_own(s, found, face, q, at):
+                    append(s, touches, report, tune, face, f, at, goal, x, before, part)
 
 
 @shared
@@ -197,11 +182,11 @@ def again(
     face: Any,
 ) -> Any:
     """`list_missed` for vertices and triangles, or for edges."""
-    apart, number = (found.apart, report[VERTICES]) if face else (found.between, report[EDGES])
-    missed, read = 0, tune[ODOMETER] + 2.0 * tune[FASTEST] - (1.0 - CORE) * tune[THIN]
-    for q in range(number):
-        f = four_of(s, found, face, q)
-        if (apart[q] < read) & movable(desk, f):
+    pairs, number = (found.faces, report[FACES]) if face else (found.edges, report[EDGES])
+    missed = 0
+    for n in range(sift(face, pairs, number, x, r, before, report, tune, (1.0 - CORE) * tune[THIN])):
+        f = rows_of(pairs, pairs.due[n])
+        if movable(desk, f):
             motion = relative_motion(face, x, before, f)
             now = closest_points(face, x, before, f.i, f.j, f.k, f.m, 0.0)
             goal = min(CORE * thickness(r, f, now), 0.5 * now.distance)

@@ -21,15 +21,14 @@ from particlesim.engine.interactions.neighbours.record import enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.record import (
     CONTACTS,
+    DRIFT,
     EDGES,
-    FASTEST,
+    FACES,
     LOST,
-    ODOMETER,
     REACH,
     ROOMIER,
     STALE,
     THIN,
-    VERTICES,
     Candidates,
     Desk,
     Simplices,
@@ -95,7 +94,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
         pass
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
-        find(self, c, before, share, t)
+        find(self, c, before, share, t, h)
         if share.number == 0:
             resolve(self, parts, c, before, share.gate, t, h)
         meet(share.gate, share.threads)
@@ -107,6 +106,10 @@ class SurfaceContacts(Interaction, SurfaceColumns):
     @property
     def effort(self) -> int:
         return EFFORT * int(self.simplices.corners.shape[1])
+
+    @property
+    def cramped(self) -> bool:
+        return bool(self.report[LOST])
 
     def renewed(self) -> Self:
         near, found, touches = enlarged(self.found.near), self.found, self.touches
@@ -164,7 +167,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
         each.tune,
     )
     x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
-    if report[VERTICES] + report[EDGES] > 0:
+    if report[FACES] + report[EDGES] > 0:
         weigh(s, c.m, c.clock, desk)
         list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
         if report[CONTACTS] > 0:
@@ -179,7 +182,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                     turn += 1
                 put_on_walls(each, parts, c, t, SETTLED * tune[THIN])
                 first = report[CONTACTS]
-                find_again(each, c, before, gate, t)
+                find_again(each, c, before, gate, t, h)
                 missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
                 look += 1
             report[CONTACTS] = first
@@ -189,16 +192,15 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 turn += 1
             lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
-                move_as_one(each, parts, c, before, gate, t)
+                move_as_one(each, parts, c, before, gate, t, h)
             if len(c.memory) > 0:
                 for j in range(s.rows.size):
                     if (desk.mark[s.rows[j]] & 1) != 0:
                         c.memory[-1][s.rows[j]] = 0
-            measure(s, x, before, tune)
-    tune[ODOMETER] += 2.0 * tune[FASTEST]
+            measure(s, found, x, before, report, tune)
 
 
-def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any) -> None:
+def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
     """Make zones of what would still come too close, until nothing does."""
     s, found, touches, desk, report, tune = (
         each.simplices,
@@ -213,7 +215,7 @@ def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any) -
     turn = 0
     while turn < MOST_ZONES:
         report[CONTACTS] = 0
-        find_again(each, c, before, gate, t)
+        find_again(each, c, before, gate, t, h)
         missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
         turn += 1
         if missed == 0 or joined(touches, desk, report, 0):
@@ -268,7 +270,7 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     count = site.whole.count
     radius = site.whole.radius[:count].astype(float)
     used = np.unique(np.concatenate([triangles.ravel(), edges.ravel()]))
-    report, tune = np.zeros(7, np.int64), np.zeros(8)
+    report, tune = np.zeros(8, np.int64), np.zeros(DRIFT + 3)
     report[STALE] = 1
     thin = 2 * radius[used].min() if used.size else 1.0
     tune[THIN], tune[REACH] = thin, reach_of(site.place, triangles, edges, thin)

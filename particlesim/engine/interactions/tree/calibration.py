@@ -36,13 +36,10 @@ WORTH_THREADS = 5_000
 TARGET, TOLERANCE, ERROR = 3, 0, 4
 
 
-def order_for(accuracy: float, count: int) -> int:
-    """The order with which an accuracy costs least: few particles have rougher cells, whose multipoles fall off later."""
-    few = count < 200_000
-    for order, least in ((3, 3e-2), (4, 6e-3), (5, 2e-3 if few else 7e-4), (6, 1e-4), (7, 2e-6)):
-        if accuracy >= least:
-            return order
-    return 8
+def order_for(accuracy: float) -> int:
+    """The order with which an accuracy costs least."""
+    orders = ((3, 3e-2), (4, 6e-3), (5, 7e-4), (6, 1e-4), (7, 2e-6))
+    return next((order for order, least in orders if accuracy >= least), 8)
 
 
 def first_limits(accuracy: float) -> tuple[float, float, float]:

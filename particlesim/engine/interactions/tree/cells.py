@@ -103,24 +103,27 @@ def splitting_shift(a: Any, b: Any) -> Any:
 
 
 @outlined
-def build(key: Any, count: Any, most: Any, cells: Any) -> Any:
-    """Cut the particles of sorted keys until a cell has at most so many, or all of its keys are equal.
+def build(key: Any, need: Any, count: Any, most: Any, wide: Any, cells: Any) -> Any:
+    """Cut the particles of sorted keys until a cell has at most so many and is not wide, or all of its keys are equal.
 
-    Returns False if there is no room for all cells; one cell after the last is kept free.
+    `need`: 1/g² of the sorted particles; a cell is wide if the square of its side times g is more than `wide`. Returns False
+    if there is no room for all cells; one cell after the last is kept free.
     """
     span, room = cells.span, cells.span.shape[0] - 1
     _set_span(span, 0, 0, count)
     done, total, generation, fits = 0, 1, 0, True
+    spare = room_for_wide(count)
     cells.begins[0] = 0
     while done < total:
         border = total
         while done < border:
             first, last = span[done, FIRST], span[done, LAST]
-            if last - first > most and key[first] != key[last - 1]:
+            shift = splitting_shift(key[first], key[last - 1])
+            many = last - first > most
+            if (many | ((spare >= 8) & _is_wide(need[first], shift, wide))) and key[first] != key[last - 1]:
                 if total + 8 > room:
                     fits = False
                 else:
-                    shift = splitting_shift(key[first], key[last - 1])
                     span[done, CHILD] = total
                     while first < last:
                         end = end_of(key, first, last, shift)
@@ -128,12 +131,25 @@ def build(key: Any, count: Any, most: Any, cells: Any) -> Any:
                         total += 1
                         first = end
                     span[done, CHILDREN] = total - span[done, CHILD]
+                    spare -= 0 if many else span[done, CHILDREN]
             done += 1
         generation += 1
         cells.begins[generation] = border
     cells.begins[GENERATIONS + 2] = generation
     cells.begins[GENERATIONS + 3] = total
     return fits
+
+
+def room_for_wide(count: Any) -> Any:
+    """How many cells are made at most because cells are wide."""
+    return min(count // 8, 1024)
+
+
+def _is_wide(need: Any, shift: Any, wide: Any) -> Any:
+    """Whether the square of the side of a cell, whose particles differ from the three digits above `shift` on, times the
+    field of its first particle is more than `wide`."""
+    side = float(1 << shift // 3) * 2.0 ** (1 - LEVELS)
+    return side * side > wide * np.sqrt(need) if need > 0 else False
 
 
 def _set_span(span: Any, c: Any, first: Any, last: Any) -> None:

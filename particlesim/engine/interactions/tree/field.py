@@ -16,11 +16,19 @@ from particlesim.engine.interactions.tree.cells import (
     count_cells,
     generations,
     new_cells,
+    room_for_wide,
     sum_up,
     weigh,
 )
 from particlesim.engine.interactions.tree.direct import TARGETS
-from particlesim.engine.interactions.tree.form import Form, Height, field_columns, in_box, moment_columns
+from particlesim.engine.interactions.tree.form import (
+    Form,
+    Height,
+    field_columns,
+    in_box,
+    moment_columns,
+    order_of,
+)
 from particlesim.engine.interactions.tree.morton import key
 from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
 from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
@@ -38,6 +46,8 @@ _TASK = 2048
 """Fewest particles of a part."""
 FIRST_OPENING = 0.5
 """Widest opening while the size of the field is not known yet."""
+RIM = 24.0
+"""The largest error that the width of a leaf may make, over the accuracy: few leaves are so wide, and few corners taken."""
 LEAST_NEED = 1e-3
 """Errors are relative to the field, or to this part of its mean where that is more."""
 FULL = 0
@@ -56,7 +66,7 @@ class Tree(NamedTuple):
     borders: NDArray[np.float64]
     """[threads, 8]: smallest and largest coordinates."""
     chunks: NDArray[np.float64]
-    """[2, chunks]: sums of |field| over chunks of particles, and of how many feel it."""
+    """[3, chunks]: sums of |field| over chunks of particles, of how many feel it, and of |w|."""
     next: NDArray[np.int64]
     """The next part of the walk."""
     report: NDArray[np.int64]
@@ -68,7 +78,7 @@ class Tree(NamedTuple):
 
 def new_tree(form: Form, count: int, threads: int) -> Tree:
     """Arrays for so many particles; no results yet."""
-    room = count // PARTICLES_PER_CELL + 64
+    room = count // PARTICLES_PER_CELL + room_for_wide(count) + 64
     return Tree(
         form,
         new_keys(count, threads),
@@ -76,7 +86,7 @@ def new_tree(form: Form, count: int, threads: int) -> Tree:
         new_cells(room + 1, moment_columns(form)[-1]),
         new_room(threads, room, field_columns(form)[-1]),
         np.zeros((threads, 8)),
-        np.zeros((2, -(-count // _CHUNK))),
+        np.zeros((3, -(-count // _CHUNK))),
         np.zeros(8, np.int64),
         np.zeros(8, np.int64),
         np.zeros((3, count)),
@@ -105,11 +115,12 @@ def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any,
     first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
     lo, side_length = _enclose(tree, x, y, z, first, last, share)
     side = _order(tree, x, y, z, first, last, lo, 1 / side_length, share)
-    known = _mean(size, w, tree.chunks, share)
+    known, total = _mean(size, w, tree.chunks, share)
     unit = 1 / (side_length * side_length)
     _load(tree, size, x, y, z, w, side, first, last, lo, 1 / side_length, known, share)
     if share.number == 0:
-        if not build(tree.keys.key[side], count, LEAF, tree.cells):
+        wide = widest_leaf(order_of(tree.form), limits[3]) * total
+        if not build(tree.keys.key[side], tree.sorted.need, count, LEAF, wide, tree.cells):
             tree.report[FULL] = 1
         _empty_cell(tree.cells)
     meet(share.gate, share.threads)
@@ -118,10 +129,21 @@ def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any,
     if known == 0:
         by_angle = Limits(np.inf, FIRST_OPENING * FIRST_OPENING, 1.0)
         _walk_all(tree, form, by_angle, size, side, unit, 1 / side_length, share)
-        known = _mean(size, w, tree.chunks, share)
+        known, _ = _mean(size, w, tree.chunks, share)
         _load_needs(tree, size, w, side, first, last, unit, known, share)
         _from_leaves(tree, weigh, share)
     _walk_all(tree, form, Limits(limits[0], limits[1], limits[2]), size, side, unit, 1 / side_length, share)
+
+
+def widest_leaf(order: int, accuracy: Any) -> Any:
+    """The square of the side of a cell over that of the distance of its sources from which it is too wide for an order.
+
+    At its corners the polynomial of a cell of radius ρ is wrong by about (p + 1) (ρ/r)^p of the field of sources at r. Small
+    sources make small errors, so the walk takes them for far; but errors of the many in the middle of a set have one sign in
+    a cell at its rim, and do not cancel. There the field is g ≈ M/r², and cells are cut until that is RIM times the
+    accuracy.
+    """
+    return 4 / 3 * np.exp(np.log(RIM * accuracy / (order + 1)) * (2 / order))
 
 
 def _from_leaves(tree: Any, work: Any, share: Any) -> None:
@@ -174,23 +196,26 @@ def _order(tree: Any, x: Any, y: Any, z: Any, first: Any, last: Any, lo: Any, sc
 
 @outlined
 def _mean(size: Any, w: Any, chunks: Any, share: Any) -> Any:
-    """The mean size of the field where there is something to feel it, in an order of its own; 0 if nowhere."""
+    """The mean size of the field where there is something to feel it, 0 if nowhere, and Σ |w|, in an order of their own."""
     number = chunks.shape[1]
     for chunk in range(number * share.number // share.threads, number * (share.number + 1) // share.threads):
-        total, number_here = 0.0, 0.0
+        total, number_here, strength = 0.0, 0.0, 0.0
         for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, size.size)):
             feels = w[i] != 0
             total += size[i] if feels else 0.0
             number_here += 1.0 if feels else 0.0
+            strength += abs(w[i])
         chunks[0, chunk] = total
         chunks[1, chunk] = number_here
+        chunks[2, chunk] = strength
     meet(share.gate, share.threads)
-    sum_all, number_all = 0.0, 0.0
+    sum_all, number_all, strength_all = 0.0, 0.0, 0.0
     for chunk in range(number):
         sum_all += chunks[0, chunk]
         number_all += chunks[1, chunk]
+        strength_all += chunks[2, chunk]
     meet(share.gate, share.threads)
-    return sum_all / max(number_all, 1.0)
+    return sum_all / max(number_all, 1.0), strength_all
 
 
 @outlined

@@ -171,7 +171,7 @@ def tree_of(site: Site, pairs: PairSet) -> TreePairs:
         first = site.offset[name]
         member[first : first + site.state[name].count] = 1
     signs = OneSign() if law.by == "mass" else BothSigns()
-    order = calibration.order_for(law.accuracy, int(member.sum()))
+    order = calibration.order_for(law.accuracy)
     form = Form((None,) * order, signs, Plummer(square(law.softening_length())), Gradient())
     limits = np.array([*calibration.first_limits(law.accuracy), law.accuracy, 0.0])
     return TreePairs(
