@@ -6,18 +6,10 @@ from typing import Any
 
 from particlesim.colliders.response import crossable
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import (
-    Careful,
-    Simple,
-    crossings,
-    nearest,
-    overlapped,
-    passable,
-    pushed,
-    respond,
-    tell,
-    trace,
-)
+from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
+from particlesim.engine.step.crossing import crossings, passable
+from particlesim.engine.step.hits import tell
+from particlesim.engine.step.impacts import overlapped, respond, trace
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
