@@ -75,8 +75,8 @@ def sweep(
     """Run a scenario with many different values.
 
     Every run has a folder of its own; results.csv has a row for each, also for those that fail. The same command in the
-    same folder goes on where it was stopped. Options beside a sweep.toml add to it, or take the place of its values.
-    Exit code of the worst run.
+    same folder continues where it was stopped. Options add to those of a sweep.toml or replace them. The exit code is that
+    of the worst run.
     """
     from particlesim.errors import UsageError
     from particlesim.sweep import Design, Sweep
@@ -268,4 +268,4 @@ def _show(result: SweepResult, name: str) -> None:
     if more:
         say(f"and {more:,} more")
     if result.interrupted:
-        say(f"{paint('interrupted', 'yellow')}: the same command goes on from here")
+        say(f"{paint('interrupted', 'yellow')}: the same command continues from here")

@@ -27,9 +27,9 @@ class SweepFile(Model):
     set: dict[Key, Any] = Field(default_factory=dict)
     """Values of all runs by key, as --set."""
     zip: StrictBool = False
-    """Take lists side by side, not every combination."""
+    """Take the k-th values of all lists together, instead of every combination."""
     samples: Annotated[int, Field(ge=1, strict=True)] | None = None
-    """How many values uniform and loguniform draw."""
+    """Number of values that uniform and loguniform draw."""
     method: Method = "sobol"
     """How they are drawn."""
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
@@ -41,7 +41,7 @@ class SweepFile(Model):
     workers: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Worker processes; one per core unless given."""
     fail_fast: StrictBool = False
-    """Begin no run after one that did not end well."""
+    """Start no further run after one that failed."""
 
     def axes(self) -> tuple[Listed | Sampled, ...]:
         """What is varied. Raises UsageError or ScenarioError for values that make no sense."""

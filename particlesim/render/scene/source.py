@@ -62,11 +62,17 @@ class Frame(Protocol):
     """One recorded instant. `frame["velocity"]` is a recorded field, shape [n] or [n, 3]."""
 
     @property
-    def time(self) -> float: ...
+    def time(self) -> float:
+        """When it was recorded [s]."""
+
     @property
-    def position(self) -> npt.NDArray[Any]: ...
+    def position(self) -> npt.NDArray[Any]:
+        """Positions [m], shape [n, 3]."""
+
     @property
-    def id(self) -> npt.NDArray[Any]: ...
+    def id(self) -> npt.NDArray[Any]:
+        """Ids, shape [n]."""
+
     def __getitem__(self, name: str, /) -> npt.NDArray[Any]: ...
 
 
@@ -81,9 +87,13 @@ class FrameSource(Protocol):
     """
 
     @property
-    def times(self) -> npt.NDArray[Any]: ...
+    def times(self) -> npt.NDArray[Any]:
+        """Times of all frames [s], in rising order."""
+
     @property
-    def fields(self) -> tuple[str, ...]: ...
+    def fields(self) -> tuple[str, ...]:
+        """Names of the recorded fields."""
+
     def __len__(self) -> int: ...
     def __getitem__(self, index: int, /) -> Frame: ...
 
