@@ -38,7 +38,8 @@ def plot(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a quantity of a trajectory over time; rdf, density_profile and power_spectrum: of its last frame.
+    """Draw a quantity of a trajectory over time, or how particles are arranged in its last frame: rdf (the radial
+    distribution), density_profile, power_spectrum.
 
     Up to 12 particles get a line each, more are shown as median and bands. Needs matplotlib:
     pip install 'particlesim\\[plot]'.
