@@ -105,7 +105,7 @@ def test_a_trajectory_that_is_shorter_than_its_checkpoint_is_refused(stopped):
 
 
 def test_options_that_contradict(stopped):
-    refuse(stopped, "goes on", overwrite=True)
+    refuse(stopped, "continues a run", overwrite=True)
     with pytest.raises(ps.UsageError, match="without an output"):
         ps.run(changed(), resume=True)
     for name in ("max_wall", "checkpoint_wall", "checkpoint_every"):
