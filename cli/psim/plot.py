@@ -16,8 +16,8 @@ def plot(
         str,
         typer.Argument(
             metavar="QUANTITY",
-            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, rdf, or a component such as x, "
-            "vy, speed, temperature.",
+            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, rdf, density_profile, "
+            "power_spectrum, or a component such as x, vy, speed, temperature.",
         ),
     ],
     output: Annotated[
@@ -38,7 +38,7 @@ def plot(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a quantity of a trajectory over time, or the radial distribution (rdf) of its last frame.
+    """Draw a quantity of a trajectory over time; rdf, density_profile and power_spectrum: of its last frame.
 
     Up to 12 particles get a line each, more are shown as median and bands. Needs matplotlib:
     pip install 'particlesim\\[plot]'.
