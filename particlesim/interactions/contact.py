@@ -12,11 +12,19 @@ Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979); Y. Tsuji, T
 
 Spheres that rub each other turn: I = 2/5 m r², and v_t is the velocity of their surfaces where they touch. Rolling friction
 is a spring, a damper and a slider along the way ρ that one has rolled on the other, ρ' = R (ω₁ − ω₂) × n, with k_t and γ_t:
-a moment R n × f_r with |f_r| ≤ μ_r N. Cohesion with a work w is an attraction 2 π w R while they touch.
+a moment R n × f_r with |f_r| ≤ μ_r N. Cohesion with a work w is an attraction 2 π w R while they touch (`dmt`), or grows
+with the surface that touches (`jkr`): with its radius a,
+
+    f_n = 4 E a³/(3 R) − √(8 π w E a³),   δ = a²/R − √(2 π w a/E),
+
+from δ = 0 on, where they come to touch, until δ = −3 a_c²/R, a_c³ = π w R²/(8 E), where they snap apart. With α = a/a_c and
+d = δ R/a_c² that is d = α² − 4 √α, a quartic for √α whose resolvent cubic m³ + d m = 2 has one real root, and
+f_n = π w R/6 (α³ − 6 √α³). Dampers and the spring along the surfaces have a in place of √(R δ), and friction goes by
+f_n + 3 π w R (C. Thornton, J. Phys. D 24, 1942 (1991)).
 
 Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technol. 206, 269 (2011), their type C (elastic-plastic spring and
 dashpot); S. Luding, Granul. Matter 10, 235 (2008) for ρ; B. V. Derjaguin, V. M. Muller, Yu. P. Toporov, J. Colloid
-Interface Sci. 53, 314 (1975).
+Interface Sci. 53, 314 (1975); K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
 
 `impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`; and surfaces and strands, which
 never pass through each other: see `engine.interactions.surfaces`.
@@ -25,15 +33,17 @@ never pass through each other: see `engine.interactions.surfaces`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from particlesim.colliders.friction import Friction
+from particlesim.colliders.friction import Friction, Rubbing
 from particlesim.colliders.response import FrictionRecord
 from particlesim.interactions.base import PairInteraction
+from particlesim.interactions.contact_steps import RAYLEIGH, RESOLVES, contact_time, rayleigh_time
 from particlesim.laws.contact import Touch, contact_law, reduced_mass, reduced_radius
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
 from particlesim.laws.registry import ZERO_MATRIX, Matrix, Vector, law
@@ -43,7 +53,7 @@ from particlesim.model.units import NewtonsPerMetre, Number, Pascals
 KEYS = {
     "impulse": (),
     "linear": ("stiffness", "tangential_stiffness"),
-    "hertz": ("young_modulus", "poisson_ratio"),
+    "hertz": ("young_modulus", "poisson_ratio", "adhesion"),
 }
 """Keys that belong to one model."""
 SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
@@ -51,7 +61,7 @@ SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
 
-class Contact(PairInteraction):
+class Contact(Rubbing, PairInteraction):
     """Particles, surfaces and strands that touch each other, with restitution and friction."""
 
     type: Literal["contact"] = "contact"
@@ -70,7 +80,10 @@ class Contact(PairInteraction):
     """Coefficient of rolling friction μ_r of soft contacts: rolling is held back by a moment of up to μ_r R N, with R the
     reduced radius r₁ r₂/(r₁ + r₂), or r at a collider. Grains that are not round have some 0.1 to 0.5."""
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
-    """Work of adhesion w of soft contacts, per area [J/m²]: while two touch they attract each other by 2 π w R."""
+    """Work of adhesion w of soft contacts, per area [J/m²]."""
+    adhesion: Literal["dmt", "jkr"] = "dmt"
+    """How w acts: `dmt` as an attraction 2 π w R while two touch, for small stiff grains; `jkr`, of `hertz`, with the
+    surface that touches: they stretch before they part, at 3/2 π w R, and lose energy; for soft or large ones."""
     overlap: Literal["auto", "relax", "keep"] = "auto"
     """What becomes of soft particles that overlap at the start: `relax` moves them apart before the first step until
     overlaps are a hundredth of the smaller radius, `auto` does so if one is deeper than a twentieth, `keep` lets them
@@ -121,6 +134,10 @@ class Contact(PairInteraction):
                     also=[(("model",), "impulses take no time")],
                     allowed='model = "linear" or "hertz"',
                 )
+        if self.adhesion == "jkr" and self.cohesion == 0:
+            raise invalid(
+                "there is no work of adhesion", at=("adhesion",), allowed="cohesion = 0.05 (J/m²), say"
+            )
         if self.rolling_friction > 0 and not self.rubs:
             raise invalid(
                 "rolling_friction needs friction: without it nothing begins to roll",
@@ -140,8 +157,11 @@ class Contact(PairInteraction):
         return self
 
     @property
+    def by_impulses(self) -> bool:
+        return self.model == "impulse"
+
+    @property
     def by_surfaces(self) -> bool:
-        """Whether layouts that have triangles or edges touch with them."""
         return self.model == "impulse" and self.surfaces is not False
 
     @model_validator(mode="after")
@@ -156,26 +176,17 @@ class Contact(PairInteraction):
         return self
 
     @property
-    def coefficients(self) -> tuple[float, float]:
-        """Coefficients of static and of kinetic friction."""
-        if isinstance(self.friction, Friction):
-            return self.friction.static, self.friction.kinetic
-        return self.friction, self.friction
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return self.coefficients != (0, 0)
-
-    @property
     def beta(self) -> float:
         """The damping ratio β of a linear contact, 1 for no rebound."""
         return damping_ratio(self.restitution)
 
     @property
     def soft(self) -> bool:
-        """Whether contacts last, so that colliders act by the same law."""
         return self.model != "impulse"
+
+    @property
+    def must_part(self) -> bool:
+        return self.overlap == "relax"
 
     @property
     def parts(self) -> bool:
@@ -199,6 +210,9 @@ class Contact(PairInteraction):
             return ImpulseRecord(restitution, rubs)
         beta = damping_ratio(restitution)
         rolls = float(self.rolling_friction) if self.rolling_friction > 0 and rubs is not None else None
+        if self.adhesion == "jkr":
+            w, e = math.pi * self.cohesion, self.moduli[0]
+            return JkrRecord(*self.moduli, beta, rubs, rolls, w, (w / (8 * e)) ** (1 / 3))
         sticks = 2 * math.pi * self.cohesion if self.cohesion > 0 else None
         if self.model == "hertz":
             return HertzRecord(*self.moduli, beta, rubs, rolls, sticks)
@@ -219,17 +233,44 @@ class Contact(PairInteraction):
         return self.model == "impulse" or self.restitution < 1 or self.rubs
 
     def remembers(self) -> bool:
-        """Whether it looks at the ends of steps alone, or keeps what it has to know from one step to the next."""
-        return self.model == "impulse" or self.rubs
+        return self.model == "impulse" or self.rubs or self.adhesion == "jkr"
+
+    def beyond(self, radius: float) -> float:
+        """How far the surfaces of two particles of at most a radius may be apart and still hold on to each other [m]; a
+        collider counts as a sphere without end."""
+        if self.adhesion != "jkr":
+            return 0.0
+        return float(stretch(JkrRecord(*self.record()), radius))
 
     def conserves(self) -> bool:
-        return self.model != "impulse" and self.restitution == 1 and not self.rubs
+        return self.soft and self.restitution == 1 and not self.rubs and self.adhesion != "jkr"
 
     def stores(self) -> bool:
         return self.model != "impulse"
 
     def feeds(self) -> bool:
         return False
+
+    def doubts(self, lightest: tuple[float, float] | None, dt: float) -> Iterator[str]:
+        yield from self.friction_doubts(self.label)
+        if lightest is None or not self.soft:
+            return
+        mass, radius = lightest
+        if self.stiffness is not None:
+            lasts = contact_time(self.stiffness, self.beta, mass / 2)
+            if dt > lasts / RESOLVES:
+                yield (
+                    f"{self.label}: a contact of the lightest particles lasts {lasts:.3g} s, {lasts / dt:.3g} steps; "
+                    f"restitution needs about {RESOLVES}, dt = {lasts / RESOLVES:.2g} s"
+                )
+            return
+        assert self.young_modulus is not None
+        wave = rayleigh_time(self.young_modulus, self.poisson_ratio, mass, radius)
+        if dt > RAYLEIGH * wave:
+            yield (
+                f"{self.label}: Rayleigh's time of the smallest grains is {wave:.3g} s, {wave / dt:.3g} steps; contacts "
+                f"need steps of a fifth of it, dt = {RAYLEIGH * wave:.2g} s"
+            )
 
     def describe(self) -> str:
         static, kinetic = self.coefficients
@@ -241,7 +282,7 @@ class Contact(PairInteraction):
             else f", μ = {static:g}/{kinetic:g}"
         )
         rub += f", μ_r = {self.rolling_friction:g}" if self.rolling_friction > 0 else ""
-        rub += f", w = {self.cohesion:g} J/m²" if self.cohesion > 0 else ""
+        rub += f", w = {self.cohesion:g} J/m² ({self.adhesion.upper()})" if self.cohesion > 0 else ""
         return f"{self.model}, e = {self.restitution:g}{rub}, where particles touch"
 
 
@@ -275,6 +316,18 @@ class HertzRecord(NamedTuple):
     cohesion: float | None = None
 
 
+class JkrRecord(NamedTuple):
+    """E, G [Pa], β, friction, μ_r, the last two None where there is none; π w [N/m], a_c/∛R² = ∛(π w/(8 E)) [m^(1/3)]."""
+
+    normal: float
+    tangential: float
+    beta: float
+    friction: FrictionRecord | None
+    rolling: float | None
+    cohesion: float
+    size: float
+
+
 class ImpulseRecord(NamedTuple):
     """e, and friction, None where there is none."""
 
@@ -305,6 +358,7 @@ def attraction(f: Any, p: Pair, none: float) -> float:
 
 
 ROOT_5 = math.sqrt(5.0)
+ROOT_32 = math.sqrt(32.0)
 TWO = 2 * math.sqrt(5 / 6) * math.sqrt(6.0) / ROOT_5
 """What is left of 2 √(5/6) √(m 8 G √(R δ)) over √5 √(m 4/3 E √(R δ)), beside √(G/E): √(8/(4/3)) = √6."""
 
@@ -326,6 +380,51 @@ def hertz_touch(f: HertzRecord, p: Pair, overlap: float) -> Touch:
         # 2 √(5/6) β √(m k_t): k_t over k is the same at all overlaps
         kind(TWO) * np.sqrt(f.tangential / f.normal) * damping,
         pull,
+    )
+
+
+def stretch(f: JkrRecord, radius: float) -> float:
+    """How far a contact with a reduced radius stretches until it snaps, 3 a_c²/R [m]."""
+    kind = type(radius)
+    return kind(3) * f.size * f.size * radius ** kind(1 / 3)
+
+
+@contact_law(JkrRecord)
+def jkr_touch(f: JkrRecord, p: Pair, overlap: float) -> Touch:
+    m, kind, radius = reduced_mass(p), type(overlap), reduced_radius(p)
+    none, one = overlap - overlap, kind(1)
+    least = f.size * radius ** kind(2 / 3)
+    unit = least * least / radius
+    d = max(overlap / unit, kind(-3))
+    third = d / kind(3)
+    u = (one + np.sqrt(max(one + third * third * third, none))) ** kind(
+        2 / 3
+    )  # the square of Cardano's larger root
+    cubic = kind(2) / (u + third + third * third / u)
+    root = kind(0.5) * (
+        np.sqrt(cubic + cubic) + np.sqrt(max(kind(ROOT_32) / np.sqrt(cubic) - cubic - cubic, none))
+    )
+    wide, cube = root * root, root * root * root
+    # what grows without bounds as the contact snaps
+    opens = max(cube - one, kind(1e-6))
+    pull = f.cohesion * radius
+    force = kind(1 / 6) * pull * (cube * cube - kind(6) * cube)
+    damping = kind(ROOT_5) * f.beta * np.sqrt(m * kind(4 / 3) * f.normal * least * wide)
+    return Touch(
+        force + kind(3) * pull,
+        kind(0.25) * pull / unit * root * root * (cube - kind(3)) / opens,
+        kind(1 / 6)
+        * f.cohesion
+        * least
+        * least
+        * wide
+        * wide
+        * (kind(0.4) * cube * cube - kind(4) * cube + kind(6)),
+        damping,
+        kind(0.25) * damping / unit * root / (wide * opens),
+        kind(8) * f.tangential * least * wide,
+        kind(TWO) * np.sqrt(f.tangential / f.normal) * damping,
+        kind(3) * pull,
     )
 
 

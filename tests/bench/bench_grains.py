@@ -29,6 +29,8 @@ COLUMN = 40
 WARM = 200
 """Steps before the clock starts, in which contacts get their history."""
 SETTLING = 30_000
+GROWS = 64
+"""Steps of the largest heap between two looks at the clock: those of an interval, as lists are made anew for each."""
 INPUT = """units si
 atom_style sphere
 boundary f f f
@@ -200,7 +202,7 @@ def growth(rounds: int) -> None:
         found[number] = np.inf
     for _ in range(rounds):
         for number, one in runs.items():
-            steps = max(4_000_000 // number, 4)
+            steps = max(4_000_000 // number, GROWS)
             found[number] = min(found[number], timed(one, steps) / steps / number)
     for number, spent in found.items():
         print(f"{number:8d} grains: {spent * 1e9:6.1f} ns for each grain and step")

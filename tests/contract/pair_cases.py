@@ -51,6 +51,7 @@ PAIR_CASES: dict[str, PairInteraction] = {
     "contact_linear": Contact(model="linear", stiffness=30.0, restitution=0.6, friction=0.3),
     "contact_hertz": Contact(model="hertz", young_modulus=200.0, restitution=0.9),
     "contact_elastic": Contact(model="hertz", young_modulus=200.0),
+    "contact_jkr": Contact(model="hertz", young_modulus=200.0, restitution=0.9, cohesion=0.5, adhesion="jkr"),
     "contact_impulse": Contact(model="impulse", restitution=0.6),
     "flocking_apart": Flocking(sight=2.3, cohesion=0.6),
 }

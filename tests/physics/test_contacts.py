@@ -14,6 +14,8 @@ from particlesim.engine.islands.separation import overlapping
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
+from particlesim.laws.contact import touch
+from particlesim.laws.pair import Pair
 
 R, M = 0.05, 0.1
 LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e4}
@@ -32,7 +34,11 @@ def meeting(
 
 
 def rebound(result: ps.Result) -> float:
-    return float(np.diff(result.final.velocity[:, 0])[0])
+    return rebound_of(result.final)
+
+
+def rebound_of(final: ps.Frame) -> float:
+    return float(np.diff(final.velocity[:, 0])[0])
 
 
 @pytest.mark.parametrize("e", [0.9, 0.5, 0.1])
@@ -94,6 +100,69 @@ def test_the_books_of_a_contact_balance_in_its_middle_too(law: dict[str, Any]) -
     assert (
         np.abs(books["balance"]).max() < 3e-3 * lost
     )  # the contact begins and ends within steps: an error of first order
+
+
+W = 50.0
+JKR = {**HERTZ, "cohesion": W, "adhesion": "jkr"}
+
+
+def test_the_law_of_johnson_kendall_and_roberts() -> None:
+    """The closed form against the two formulas with the radius of the surface that touches; pull-off; load zero; energy."""
+    law = ps.from_table(
+        table(0.1, 1e-3, particles=[points((0, 0, 0), radius=R)], interactions=[JKR])
+    ).interactions[0]
+    f, e_star, r = law.record(), 10e6 / (2 * (1 - 0.25**2)), R / 2
+    least = (math.pi * W * r * r / (8 * e_star)) ** (1 / 3)
+    a = least * np.concatenate([np.linspace(1.001, 4, 400), [5.0, 20.0, 300.0]])
+    overlap = a * a / r - np.sqrt(2 * math.pi * W * a / e_star)
+    force = 4 * e_star * a**3 / (3 * r) - np.sqrt(8 * math.pi * W * e_star * a**3)
+    at = [touch(f, Pair(0, 0, 0, 0, 0, 0, 0, 0, R, R, a1=1 / M, a2=1 / M), d) for d in overlap]
+    found = np.array([each.push - each.pull for each in at])
+    pull_off = 1.5 * math.pi * W * r
+    assert np.abs(found - force).max() < 1e-10 * force.max()
+    assert np.abs(found - force)[:400].max() < 1e-9 * pull_off
+    assert found.min() == pytest.approx(-pull_off, rel=1e-5)
+    # k_t = 8 G a tells the radius
+    shear = 10e6 / (4 * (2 - 0.25) * (1 + 0.25))
+    radius = np.array([each.stiffness for each in at]) / (8 * shear)
+    assert np.abs(radius / a - 1).max() < 1e-6
+    unloaded = np.interp(0.0, found[200:400], radius[200:400])
+    assert unloaded == pytest.approx((9 * math.pi * W * r * r / (2 * e_star)) ** (1 / 3), rel=1e-4)
+    energy, slope = np.array([(each.energy, each.slope) for each in at])[:400].T
+    middle = slice(1, -1)
+    assert np.gradient(energy, overlap[:400])[middle][20:] == pytest.approx(
+        found[:400][middle][20:], abs=2e-3 * pull_off
+    )
+    assert np.gradient(found[:400], overlap[:400])[50:-1] == pytest.approx(slope[50:-1], rel=1e-2)
+    assert law.beyond(2 * r) > law.beyond(r) == pytest.approx(3 * least**2 / r)
+
+
+def test_what_snaps_apart_has_lost_energy_or_sticks() -> None:
+    """From δ = 0 to the snap: π w a_c²/6 (12/5 + 18/5 4^(4/3)); whoever has less stays."""
+    e_star, r = 10e6 / (2 * (1 - 0.25**2)), R / 2
+    least = (math.pi * W * r * r / (8 * e_star)) ** (1 / 3)
+    lost = math.pi * W * least**2 / 6 * (2.4 + 3.6 * 4 ** (4 / 3))
+    fast = rebound(meeting(JKR, 5e-6, speed=0.3, duration=0.02))
+    assert fast == pytest.approx(math.sqrt(0.3**2 - 2 * lost / (M / 2)), rel=0.01)
+    slow = meeting({**JKR, "restitution": 0.5}, 2e-5, speed=0.15, duration=0.2).final
+    assert np.diff(slow.position[:, 0])[0] < 2 * R
+    assert abs(rebound_of(slow)) < 0.02
+    assert slow.velocity[:, 0].sum() == pytest.approx(0.15, rel=1e-12)
+
+
+def test_a_grain_hangs_from_a_ceiling_up_to_the_pull_off() -> None:
+    """3/2 π w R with R = r; it gets stretched below the ceiling by that."""
+    pull = 1.5 * math.pi * W * R
+    for part in (0.9, 1.1):
+        result = simulate(
+            0.2,
+            5e-5,
+            particles=[points((0, -R, 0), velocity=[(0, 0.01, 0)], mass=M, radius=R)],
+            interactions=[{**JKR, "restitution": 0.1}],
+            planes=[{"normal": [0, -1, 0], "restitution": 0.1}],
+            forces=[{"type": "gravity", "acceleration": [0, -part * pull / M, 0]}],
+        )
+        assert (result.final.position[0, 1] > -1.01 * R) == (part < 1)
 
 
 def test_friction_takes_what_coulomb_allows() -> None:
@@ -256,6 +325,11 @@ def test_bad_input_is_refused_with_what_is_allowed() -> None:
     assert "needs a stiffness" in refused(stiffness=None)
     assert 'young_modulus belongs to model = "hertz"' in refused(young_modulus=1e6)
     assert "needs a young_modulus" in refused(model="hertz", stiffness=None)
+    assert "there is no work of adhesion" in refused(
+        model="hertz", stiffness=None, young_modulus=1e6, adhesion="jkr"
+    )
+    assert 'adhesion belongs to model = "hertz"' in refused(adhesion="jkr", cohesion=1.0)
+    assert "overlap needs contacts that last" in refused(model="impulse", stiffness=None, overlap="keep")
     assert "ends where two particles no longer touch" in refused(cutoff=1.0)
 
 
@@ -267,7 +341,9 @@ def warned(dt: float = 1e-4, at: float = 0.5, **law: Any) -> str:
 def test_what_is_doubtful_is_told_before_the_run() -> None:
     assert warned() == ""
     assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
-    assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
+    assert "kinetic friction 0.5 is above static friction 0.3" in warned(
+        friction={"static": 0.3, "kinetic": 0.5}
+    )
     assert "1 pair of particles overlap at the start" in warned(at=0.196)
     assert "by 0.004 m" in warned(at=0.196)
     assert "1 pair of particles overlapped at the start" in warned(at=0.19)
@@ -341,3 +417,33 @@ def test_pairs_without_room_still_push_each_other() -> None:
         energies.append(each.energy(island.island_columns()))
         assert each.draft.slow.any() != roomy
     assert energies[1] == pytest.approx(energies[0], rel=1e-12)
+
+
+def test_contacts_beside_springs_keep_what_both_keep() -> None:
+    """A ball hits one end of a spring, off its axis: momentum and angular momentum with spin, and the energy of both."""
+    groups = [
+        points((0, 0, 0), (0, 0.2, 0), name="ends", mass=M, radius=R),
+        points((-0.12, 0.03, 0), velocity=[(1, 0, 0)], name="ball", mass=M, radius=R),
+    ]
+    springs = [{"on": "ends", "pairs": [[0, 1]], "stiffness": 200.0}]
+    for law in (HERTZ, {**HERTZ, "friction": 0.4}):
+        result = simulate(
+            0.1,
+            2e-5,
+            particles=groups,
+            springs=springs,
+            interactions=[law],
+            output={"every": 250, "ledger": True},
+        )
+        kept, final = result.ledger, result.final
+        assert kept["potential.springs"].max() > 0.01 * kept["kinetic"][0]
+        total = kept["kinetic"] + kept["potential.springs"] + kept["potential.contact"]
+        lost = total[0] - total
+        assert np.abs(final.velocity.sum(axis=0) - (1, 0, 0)).max() < 1e-13
+        if law is HERTZ:
+            assert np.abs(lost).max() < 1e-4 * total[0]
+        else:
+            assert 1e-3 * total[0] < lost[-1] < 0.5 * total[0]
+            spin = 0.4 * M * R * R * final["angular_velocity"].sum(axis=0)
+            turn = M * np.cross(final.position, final.velocity).sum(axis=0) + spin
+            assert np.abs(turn - (0, 0, -M * 0.03)).max() < 1e-12

@@ -130,7 +130,7 @@ BAD = {
     "itself": (emitter(on_impact={"of": ["sparks"]}), "the same"),
     "mirror": (
         {**SPARKS, "rate": 1.0, "shape": POINT, "direction": "mirrored"},
-        "nothing to mirror",
+        "mirrored directions need on_impact",
     ),
     "no shape": ({"name": "sparks", "rate": 1.0}, "shape"),
     "count": (emitter(on_impact={"count": 0}), "must be at least 1"),
@@ -142,6 +142,15 @@ def test_what_cannot_be_heard_is_refused(name: str) -> None:
     table_, words = BAD[name]
     with pytest.raises(ps.ScenarioError, match=words):
         ps.from_table(scene(table_))
+
+
+def test_contacts_that_last_have_no_moment_that_could_be_heard() -> None:
+    table_ = scene(emitter())
+    table_["interactions"] = [{"type": "contact", "model": "linear", "stiffness": 1000.0, "on": ["ball"]}]
+    with pytest.raises(
+        ps.ScenarioError, match="contacts of contact last, so that 'ball' has no moment of impact"
+    ):
+        ps.from_table(table_)
 
 
 def test_circles_are_refused() -> None:

@@ -246,7 +246,7 @@ def _pairs_of(draft: Any, near: Any, g: Any, at: Any, keeps: Any, shifted: Any) 
     if near.count[g] == NO_ROOM:
         return NO_ROOM
     begin, end, chunk = near.begin[g], at, g // CHUNK_GROUPS
-    base, radii, skin = near.base, near.radii, near.skin[0]
+    base, radii, skin = near.base, near.radii, near.cutoff + near.skin[0]
     first = GROUP * g
     x, y, z, r = (row[first : first + GROUP] for row in (base[0], base[1], base[2], radii))
     depth = on_stack(1, GROUP, np.float64)[0]

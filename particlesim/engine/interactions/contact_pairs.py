@@ -18,6 +18,7 @@ from particlesim.engine.interactions.neighbours.record import FAR, GROUP, IMAGE_
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, dot, inverse_length, press
 from particlesim.engine.interactions.touching import normal_of, touching
 from particlesim.engine.state.columns import type_of
+from particlesim.interactions.contact import JkrRecord, stretch
 from particlesim.laws.contact import touch
 from particlesim.laws.pair import Pair
 
@@ -156,6 +157,9 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
             q = j & (MOST - 1)
             dx, dy, dz = rows[i, 0] - rows[q, 0], rows[i, 1] - rows[q, 1], rows[i, 2] - rows[q, 2]
             reach = rows[i, 3] + rows[q, 3]
+            if isinstance(each.law, JkrRecord):
+                one, other = rows[i, 3], rows[q, 3]
+                reach += stretch(each.law, one * other / reach) if memory.anchor[e, KNOWN] > 0 else one - one
             if shifted:
                 image = j >> IMAGE_SHIFT
                 dx -= type_of(dx, near.images[0, image])
@@ -321,7 +325,7 @@ class Slowly(NamedTuple):
         if isinstance(self.what, Energies):
             self.sums[3, i] += half * at.energy
         else:
-            self.sums[3, i] += half * (push - at.push) * rate
+            self.sums[3, i] -= half * at.damping * rate * rate
 
 
 def take_slowly(each: Any, first: Any, last: Any, t: Any, what: Any) -> Any:

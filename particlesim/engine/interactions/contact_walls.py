@@ -20,6 +20,7 @@ from particlesim.engine.interactions.pressing import Held, Rolling, Turning, pre
 from particlesim.engine.state.columns import fetch, presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import JkrRecord, stretch
 from particlesim.laws.pair import Pair
 from particlesim.laws.registry import Particle, gap, gap_and_normal
 from particlesim.scenario.reach import held_back
@@ -64,6 +65,14 @@ def local(wall: Any, p: Any) -> Any:
     return (
         (wall.shape.shape, ride(wall.shape, p)) if isinstance(wall.shape, MovingRecord) else (wall.shape, p)
     )
+
+
+def holds_on(wall: Any, memory: Any, r: Any, row: Any, turn: Any) -> Any:
+    """The gap up to which a particle touches a wall [m]: none, but for what sticks to it."""
+    none = r - r
+    if isinstance(wall.law, JkrRecord):
+        return stretch(wall.law, r) if memory.state[row] >> 1 == turn else none
+    return none
 
 
 def wall_gap(wall: Any, c: Any, row: Any, t: Any) -> Any:
@@ -160,12 +169,12 @@ def surrounding(each: Any, first: Any, last: Any) -> Any:
     return half * (x0 + x1), half * (y0 + y1), half * (z0 + z1), largest + wide if x0 <= x1 else -one
 
 
-def is_clear(wall: Any, ball: Any, t: Any) -> Any:
-    """Whether nothing in a ball can touch a wall: gaps do not change faster than places."""
+def is_clear(wall: Any, ball: Any, reach: Any, t: Any) -> Any:
+    """Whether nothing in a ball can touch a wall, or hold on to it within a reach: gaps do not change faster than places."""
     x, y, z, radius = ball
     none = x - x
     p = Particle(x, y, z, none, none, none, none + type_of(none, 1), radius, none, t, none)
-    return (radius < 0) | (gap(wall.shape, p) > 0)
+    return (radius < 0) | (gap(wall.shape, p) > reach)
 
 
 def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Marks | None, ...]]:
@@ -188,7 +197,7 @@ def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Marks 
             )
         )
         memory = None
-        if record.friction is not None:
+        if record.friction is not None or isinstance(record, JkrRecord):
             n, rolls = site.whole.count, record.rolling is not None
             rolled = np.zeros((3, n), site.dtype) if rolls else None
             memory = Marks(np.zeros(n, np.int64), np.zeros((3, n), site.dtype), rolled)

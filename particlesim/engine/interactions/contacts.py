@@ -57,6 +57,7 @@ from particlesim.engine.interactions.contact_pairs import (
 from particlesim.engine.interactions.contact_walls import (
     Marks,
     Wall,
+    holds_on,
     is_clear,
     is_held_back,
     press_wall,
@@ -71,6 +72,7 @@ from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.state.columns import in_step
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
+from particlesim.interactions.contact import JkrRecord
 
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
@@ -265,7 +267,7 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
     if len(each.walls) > 0:
         walls = () if isinstance(what, Virial) else each.walls
         for wall, memory in zip(walls, each.marks[: len(walls)], strict=True):
-            if not is_clear(wall, ball, t):
+            if not is_clear(wall, ball, each.near.cutoff, t):
                 total += take_wall(each, c, wall, memory, first, last, t, what)
     return total
 
@@ -276,11 +278,10 @@ def take_wall(each: Any, c: Any, wall: Any, memory: Any, first: Any, last: Any, 
     for k in range(first, last):
         row = near.order[k]
         if row >= 0:
-            touches = False
+            touches, turn = False, each.lists.report[ROUND]
             if is_held_back(wall, c, row):
-                touches = wall_gap(wall, c, row, t) < 0
+                touches = wall_gap(wall, c, row, t) < holds_on(wall, memory, c.r[row], row, turn)
             if touches:
-                turn = each.lists.report[ROUND]
                 at = press_wall(wall, memory, c, each.a[row], row, t, since(each, t), turn, settles)
                 if isinstance(what, Energies):
                     total += float(at.energy)
@@ -348,7 +349,8 @@ def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     found = with_masses(site, near_pairs_of(site, pairs))
     law, places = found.law, found.near.order.size
     room = ROOM * places + SPARE
-    memory = None if law.friction is None else new_memory(room, site.dtype, rolls=law.rolling is not None)
+    keeps = law.friction is not None or isinstance(law, JkrRecord)
+    memory = new_memory(room, site.dtype, rolls=law.rolling is not None) if keeps else None
     lists = new_lists(places, site.whole.count, room, memory)
     turns = True if SPIN in site.whole.parts and memory is not None else None
     rows = aligned((places, TURN if turns is None else ANGLE + QUAD), site.dtype)

@@ -319,7 +319,12 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
     if law.between is None:
         names.sort(key=site.offset.__getitem__)
     rows = [np.arange(site.offset[name], site.offset[name] + site.state[name].count) for name in names]
-    reach, periods = 0.0 if touching else law.reach(), periods_of(site, pairs)
+    largest = (
+        max((float(site.state[name].radius.max(initial=0.0)) for name in names), default=0.0)
+        if touching
+        else 0.0
+    )
+    reach, periods = law.beyond(largest) if touching else law.reach(), periods_of(site, pairs)
     assert reach is not None
     near = new_neighbours(
         np.concatenate(rows),

@@ -49,7 +49,7 @@ class Rolling(NamedTuple):
 class Pressed(NamedTuple):
     """Force on the first [N]; s n × f_t [N], which times −r is the torque on each of the two; the moment of rolling friction
     on the first [N m]; and what the contact remembers from now on: its state, the anchor, and the way rolled. Then the
-    elastic push [N], the rate at which it opens [m/s], and the energy [J]."""
+    force of the potential along n [N], the rate at which it opens [m/s], and the energy [J]."""
 
     force: Any
     twist: Any
@@ -81,7 +81,9 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
     along = firm - at.pull
     force = (along * n[0], along * n[1], along * n[2])
     if law.friction is None:
-        return Pressed(force, zeros, zeros, held, zeros, at.push, rate, at.energy)
+        if held is not None:
+            held = Held(type_of(none, HOLDS), none, none, none)
+        return Pressed(force, zeros, zeros, held, zeros, at.push - at.pull, rate, at.energy)
     pressed, known = max(firm, none), held.state > 0
     slip = tuple(u - rate * axis for u, axis in zip(v, n, strict=True))
     stretch = (held.x + p.x, held.y + p.y, held.z + p.z)
@@ -116,7 +118,7 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
         kept, part, _ = limited(at, drag, way, pressed, law.rolling, law.rolling)
         moment = tuple(radius * part * f for f in cross(n, drag))
         way = tuple(kept * x for x in way)
-    return Pressed(force, twist, moment, Held(state, *anchor), way, at.push, rate, at.energy)
+    return Pressed(force, twist, moment, Held(state, *anchor), way, at.push - at.pull, rate, at.energy)
 
 
 def flattened(v: Any, n: Any, known: Any) -> Any:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import collider_tables, group_tables, held_back, pair_sets
+from particlesim.scenario.reach import collider_tables, group_tables, held_back, interacting, pair_sets
 from particlesim.scenario.tables import Tables
 
 
@@ -14,6 +15,12 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
     """Groups whose impacts are heard meet the colliders that are named, have inertia, and do not depend on who hears."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     together = _together(scenario)
+    soft = {
+        group.name: each
+        for each in scenario.interactions
+        if isinstance(each, Contact) and each.soft
+        for group in interacting(each, scenario.groups)
+    }
     owner = {name: k for k, names in enumerate(together) for name in names}
     hears: dict[int, set[int]] = {}
     for k, emitter in enumerate(scenario.emitters):
@@ -27,7 +34,14 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             if path[0] == "bodies":
                 yield Invalid("impacts of rigid bodies give no births", (*here, "of", j), also)
             elif group.dynamics.type != "second_order":
-                yield Invalid("what has no inertia has no impacts", (*here, "of", j), also)
+                yield Invalid("particles without inertia have no impacts", (*here, "of", j), also)
+            elif name in soft:
+                yield Invalid(
+                    f"contacts of {soft[name].label} last, so that {name!r} has no moment of impact",
+                    (*here, "of", j),
+                    also,
+                    hint='model = "impulse" has impacts',
+                )
             elif owner[name] == owner[emitter.name]:
                 yield Invalid(
                     f"{emitter.name!r} and {name!r} act on each other in every step, or are the same, so that births would "
