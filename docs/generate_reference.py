@@ -50,8 +50,6 @@ TEXTS = Path(__file__).with_name("reference")
 
 DISTRIBUTIONS = (Uniform, Normal, LogNormal, Exponential, Choice)
 SHAPES = (Point, Box, Ball, Sphere, Shell, Disc)
-NOT_FOR_BODIES = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
-"""Keys of particles that bodies refuse."""
 DYNAMICS = (SecondOrder, FirstOrder, TracerMotion)
 
 
@@ -63,13 +61,11 @@ def reference() -> str:
 def parts() -> Iterator[str]:
     """The page, section by section."""
     yield prose("head")
-    yield "## The file"
-    yield summary(Scenario) + "\n\n" + table(Scenario)
+    yield entry("## The file", Scenario)
     yield "## `[simulation]`"
     yield prose("simulation")
     yield table(SimulationSettings)
-    yield "### `box`"
-    yield summary(PeriodicBox) + "\n\n" + table(PeriodicBox)
+    yield entry("### `box`", PeriodicBox)
     yield "### Integrators"
     yield prose("integrators")
     yield integrators_table()
@@ -77,6 +73,13 @@ def parts() -> Iterator[str]:
     yield "## `[output]`"
     yield prose("output")
     yield table(Output)
+    yield from parts_of_matter()
+    yield from parts_of_forces()
+    yield from parts_of_surroundings()
+
+
+def parts_of_matter() -> Iterator[str]:
+    """Particles, bodies and emitters."""
     yield "## `[[particles]]`"
     yield prose("particles")
     yield table(Particles)
@@ -88,11 +91,10 @@ def parts() -> Iterator[str]:
     yield "### Dynamics"
     yield prose("dynamics")
     yield from variants(DYNAMICS)
-    yield "### Cooling"
-    yield summary(Cooling) + "\n\n" + table(Cooling)
+    yield entry("### Cooling", Cooling)
     yield "## `[[bodies]]`"
     yield prose("rigid_bodies")
-    yield table(Bodies, without=NOT_FOR_BODIES)
+    yield table(Bodies, without=Bodies.unused)
     yield "### Shapes of bodies"
     yield from variants(BODY_SHAPES)
     yield "## `[[joints]]`"
@@ -104,25 +106,25 @@ def parts() -> Iterator[str]:
     yield "## `[[emitters]]`"
     yield prose("emitters")
     yield table(Emitter)
-    yield "### Burst"
-    yield summary(Burst) + "\n\n" + table(Burst)
-    yield "### Births of impacts"
-    yield summary(OnImpact) + "\n\n" + table(OnImpact)
-    yield "### Die"
-    yield summary(Die) + "\n\n" + table(Die)
+    yield entry("### Burst", Burst)
+    yield entry("### Births of impacts", OnImpact)
+    yield entry("### Die", Die)
     yield "## Shapes"
     yield "Places are chosen uniformly by volume, on flat shapes and spheres uniformly by area."
     yield from variants(SHAPES)
     yield "## Distributions"
     yield prose("distributions")
     yield from variants(DISTRIBUTIONS)
+
+
+def parts_of_forces() -> Iterator[str]:
+    """What acts on particles, and between them."""
     yield "## `[[forces]]`"
     yield prose("forces")
     yield table(Force)
     for force in (*FORCES, *SURFACE_FORCES):
         yield force_section(force)
-    yield "#### standard_atmosphere"
-    yield summary(Atmosphere) + "\n\n" + table(Atmosphere, without=("type",))
+    yield entry("#### standard_atmosphere", Atmosphere, without=("type",))
     yield "### Expressions"
     yield prose("expressions")
     yield expressions_table()
@@ -136,44 +138,34 @@ def parts() -> Iterator[str]:
     yield table(PairInteraction)
     for interaction in INTERACTIONS:
         yield force_section(interaction)
-    yield "## `[[springs]]`"
-    yield from section(Scenario, "springs")
-    yield "## `[[rods]]`"
-    yield from section(Scenario, "rods")
-    yield "## `[[angles]]`"
-    yield from section(Scenario, "angles")
-    yield "## `[[dihedrals]]`"
-    yield from section(Scenario, "dihedrals")
-    yield "## `[[motions]]`"
-    yield from section(Scenario, "motions")
-    yield "### Waypoint"
-    yield summary(Waypoint) + "\n\n" + table(Waypoint)
-    yield "### Spin"
-    yield summary(Spin) + "\n\n" + table(Spin)
-    yield "## `[[planes]]`"
-    yield from section(Scenario, "planes")
+    yield section("springs")
+    yield section("rods")
+    yield section("angles")
+    yield section("dihedrals")
+
+
+def parts_of_surroundings() -> Iterator[str]:
+    """Motions, colliders, kicks, checks and pictures."""
+    yield section("motions")
+    yield entry("### Waypoint", Waypoint)
+    yield entry("### Spin", Spin)
+    yield section("planes")
     yield "## `[[colliders]]`"
     yield prose("colliders")
     yield table(Collider)
     yield from (collider_section(shape) for shape in COLLIDERS)
-    yield "### Orientation"
-    yield summary(Orientation) + "\n\n" + table(Orientation)
-    yield "### Friction"
-    yield summary(Friction) + "\n\n" + table(Friction)
-    yield "### Restitution"
-    yield summary(FallingRestitution) + "\n\n" + table(FallingRestitution)
-    yield "## `[[impulses]]`"
-    yield summary(Impulse) + "\n\n" + table(Impulse)
-    yield "## `[[checks]]`"
-    yield from section(Scenario, "checks")
+    yield entry("### Orientation", Orientation)
+    yield entry("### Friction", Friction)
+    yield entry("### Restitution", FallingRestitution)
+    yield entry("## `[[impulses]]`", Impulse)
+    yield section("checks")
     yield "### Regions"
     yield prose("regions")
     yield from variants((HalfSpace,))
     yield "## `[render]`"
     yield prose("render")
     yield table(RenderSettings)
-    yield "### Camera"
-    yield summary(Camera) + "\n\n" + table(Camera)
+    yield entry("### Camera", Camera)
 
 
 def prose(name: str) -> str:
@@ -181,14 +173,18 @@ def prose(name: str) -> str:
     return (TEXTS / f"{name}.md").read_text(encoding="utf-8")
 
 
-def section(model: type[BaseModel], field: str) -> Iterator[str]:
-    """A text and the table of the entries of a list in the scenario."""
-    entries = typewalk.node(model.model_fields[field].annotation)
-    entry = typewalk.child(entries, 0, None)
-    assert entry is not None
-    assert entry.model is not None
-    yield prose(field)
-    yield table(entry.model)
+def section(field: str) -> str:
+    """Title, text and the table of the entries of a list in the scenario."""
+    entries = typewalk.node(Scenario.model_fields[field].annotation)
+    each = typewalk.child(entries, 0, None)
+    assert each is not None
+    assert each.model is not None
+    return f"## `[[{field}]]`\n\n{prose(field).strip()}\n\n{table(each.model)}"
+
+
+def entry(title: str, model: type[BaseModel], without: tuple[str, ...] = ()) -> str:
+    """Title, summary and table of a model."""
+    return f"{title}\n\n{summary(model)}\n\n{table(model, without=without)}"
 
 
 def options_of_methods() -> Iterator[str]:

@@ -42,6 +42,7 @@ def section() -> np.ndarray:
 
 
 def main() -> None:
+    """Write the mesh."""
     places, ahead = path()
     gone = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     places[:, 1] = TOP + INSIDE - np.tan(SLOPE) * gone

@@ -23,7 +23,7 @@ def check(
         bool,
         typer.Option(
             "--stability/--no-stability",
-            help="Place the particles and look for the longest stable step, which takes longer than all the rest.",
+            help="Also place the particles and find the largest stable step, the slowest part of the check.",
         ),
     ] = True,
     quiet: Quiet = False,

@@ -213,7 +213,7 @@ def _parameters(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
     schema = json_schema(model)
     required = schema.get("required", ())
     for name, entry in schema["properties"].items():
-        if name == getattr(model, "tag", "type"):
+        if name == getattr(model, "tag", "type") or name in getattr(model, "unused", ()):
             continue
         text = entry.get("description", "")
         unit = _unit(entry)

@@ -44,7 +44,10 @@ def fit(
     overrides: Overrides = None,
     starts: Annotated[
         int,
-        typer.Option(min=1, help="Searches: from the scenario's values, and from points between the bounds."),
+        typer.Option(
+            min=1,
+            help="Number of searches: the first from the scenario's values, others from points between the bounds.",
+        ),
     ] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of those points.")] = 0,
     output: Annotated[
@@ -153,7 +156,7 @@ def _point(text: str) -> tuple[float, ...]:
     except ValueError:
         parts = ()
     if len(parts) != 3:
-        raise UsageError(f"--target {text!r} is no point", "For example: --target 40,0,0")
+        raise UsageError(f"--target {text!r} is not a point", "For example: --target 40,0,0")
     return parts
 
 

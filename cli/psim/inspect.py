@@ -15,12 +15,12 @@ def inspect(
     trajectory: TrajectoryFile,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
     scenario: Annotated[
-        bool, typer.Option("--scenario", help="Print the scenario as it was run, which psim run takes again.")
+        bool, typer.Option("--scenario", help="Print the scenario as it was run; psim run accepts it.")
     ] = False,
     repair: Annotated[
         bool,
         typer.Option(
-            "--repair", help="First make the file of a killed run an ordinary one, which ParaView opens too."
+            "--repair", help="First repair the file of a killed run, so that ParaView opens it, too."
         ),
     ] = False,
 ) -> None:

@@ -31,7 +31,7 @@ def check_report(path: Path) -> None:
             beginning = file.read(MARK_WITHIN)
         if beginning and MARK not in beginning:
             raise UsageError(
-                f"{path} exists and is no report",
+                f"{path} exists and is not a report",
                 "--junit replaces earlier reports only. Choose another name.",
             )
 
@@ -82,7 +82,7 @@ class Report:
         self.seconds = result.seconds
         self.parts = _runs(result, varied)
         if result.interrupted:
-            self.error = Interrupted("stopped", "The same command goes on from there.")
+            self.error = Interrupted("stopped", "The same command continues from there.")
 
     def keep_apart(self, *others: Path | None) -> None:
         """Raise UsageError, and write no report, if it has the name of another file that the command writes."""

@@ -23,8 +23,8 @@ def migrate(
 ) -> None:
     """Rewrite scenarios of an older format in the current one.
 
-    Comments and the order of things stay. Every other command reads older formats as they are, and says so; this makes it
-    last. A file that is in the current format is left alone. Nothing is written if any of them cannot be run.
+    Comments and order are kept. All other commands read older formats, too, and say so; this one rewrites the files. Those
+    in the current format are left alone. Nothing is written if any of them cannot be run.
     """
     import particlesim as ps
     from particlesim.scenario.load import scenario_of

@@ -35,7 +35,7 @@ Threads = Annotated[
         "-j",
         metavar="N",
         min=1,
-        help="Threads at most; all cores by default. Results do not depend on it.",
+        help="Number of threads at most; all cores by default. Results are the same for any number.",
     ),
 ]
 Tolerance = Annotated[
@@ -49,7 +49,7 @@ Tolerance = Annotated[
 ]
 Resume = Annotated[
     bool,
-    typer.Option("--resume", help="Go on with a run that was stopped or killed; begin it if there is none."),
+    typer.Option("--resume", help="Continue a run that was stopped or killed; start it if there is none."),
 ]
 JUnit = Annotated[
     Path | None,
@@ -72,7 +72,7 @@ MaxWall = Annotated[
     typer.Option(
         "--max-wall",
         metavar="TIME",
-        help="Stop in order after that much wall-clock time: 90, 10m, 2h. --resume goes on; exit code 130.",
+        help="Stop cleanly after this wall-clock time: 90, 10m, 2h. --resume continues; exit code 130.",
     ),
 ]
 Frames = Annotated[
@@ -100,7 +100,9 @@ def parse_seconds(option: str, text: str | None) -> float | None:
     except (ValueError, KeyError):
         seconds = 0.0
     if not 0 < seconds < float("inf"):
-        raise UsageError(f"{option} {text!r} is no time", "Write seconds, or a unit: 90, 90s, 10m, 2h, 1d.")
+        raise UsageError(
+            f"{option} {text!r} is not a time", "Write seconds, or a unit: 90, 90s, 10m, 2h, 1d."
+        )
     return seconds
 
 

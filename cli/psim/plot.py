@@ -16,8 +16,8 @@ def plot(
         str,
         typer.Argument(
             metavar="QUANTITY",
-            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, rdf, or a component such as x, "
-            "vy, speed, temperature.",
+            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, rdf, density_profile, "
+            "power_spectrum, or a component such as x, vy, speed, temperature.",
         ),
     ],
     output: Annotated[
@@ -38,7 +38,7 @@ def plot(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a quantity of a trajectory over time; rdf: of its last frame, over the distance.
+    """Draw a quantity of a trajectory over time; rdf, density_profile and power_spectrum: of its last frame.
 
     Up to 12 particles get a line each, more are shown as median and bands. Needs matplotlib:
     pip install 'particlesim\\[plot]'.
@@ -62,4 +62,4 @@ def _ids(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        raise UsageError(f"--ids {text!r} is no list of ids", "Write them as --ids 0,5,7.") from None
+        raise UsageError(f"--ids {text!r} is not a list of ids", "Write them as --ids 0,5,7.") from None

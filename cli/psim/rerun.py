@@ -17,7 +17,7 @@ def rerun(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="Keep the new trajectory; thrown away by default."
+            "--output", "-o", metavar="FILE", help="Keep the new trajectory; it is deleted by default."
         ),
     ] = None,
     tolerance: Tolerance = 0.0,

@@ -62,7 +62,7 @@ def run(
         bool,
         typer.Option(
             "--bless",
-            help="Make the trajectory the reference of the checks that name one, if all others hold.",
+            help="Make the trajectory the reference of the checks that name one, if all other checks pass.",
         ),
     ] = False,
     resume: Resume = False,
@@ -70,7 +70,10 @@ def run(
     checkpoint_wall: CheckpointWall = None,
     max_wall: MaxWall = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Begin even if memory or disk may not be enough, by upper bounds.")
+        bool,
+        typer.Option(
+            "--yes", help="Run even if memory or disk may not suffice, by upper bounds of what the run needs."
+        ),
     ] = False,
     dry_run: Annotated[
         bool,
@@ -80,7 +83,7 @@ def run(
     """Run a scenario and write its trajectory.
 
     The trajectory opens in ParaView as it is. Shows progress and ends with a summary; the paths of what was written go to
-    stdout. Ctrl-C keeps every frame that was finished, and --resume goes on from there. Exit code 1 when a check of the
+    stdout. Ctrl-C keeps every frame that was finished, and --resume continues from there. Exit code 1 when a check of the
     scenario fails.
     """
     options = {
@@ -248,7 +251,7 @@ def _simulate(
     except (ps.Interrupted, ps.DivergenceError) as error:
         kept = f"every frame before that is in {path}"
         if isinstance(error, ps.Interrupted):
-            kept += "; --resume goes on from there"
+            kept += "; --resume continues from there"
         error.hint = f"{error.hint.rstrip('.')}; {kept}" if error.hint else kept
         raise
 

@@ -29,8 +29,8 @@ def stability(
 ) -> None:
     """Print the largest stable step of a scenario, for every force alone and for all together.
 
-    The scenario is linearised at its initial state: forces that change much on the way allow other steps there. Exit code
-    0 whether or not dt is stable. --plot needs matplotlib: pip install 'particlesim\\[plot]'.
+    The scenario is linearised at its initial state; where forces change much during the run, other steps are stable. The
+    exit code is 0 whether or not dt is stable. --plot needs matplotlib: pip install 'particlesim\\[plot]'.
     """
     import particlesim as ps
     from psim.plan import stability_rows

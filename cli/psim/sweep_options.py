@@ -33,10 +33,13 @@ Folder = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="DIR", help="Folder; outputs/SCENARIO-sweep by default."),
 ]
-Zip = Annotated[bool, typer.Option("--zip", help="Take lists side by side, not every combination.")]
+Zip = Annotated[
+    bool,
+    typer.Option("--zip", help="Take the k-th values of all lists together, instead of every combination."),
+]
 Samples = Annotated[
     int | None,
-    typer.Option("--samples", metavar="N", help="How many values uniform and loguniform draw."),
+    typer.Option("--samples", metavar="N", help="Number of values that uniform and loguniform draw."),
 ]
 Method = Annotated[
     str | None,
@@ -69,20 +72,20 @@ ClusterName = Annotated[
         "--cluster", metavar="NAME", help="Runs go to jobs of a batch system, --workers of them: slurm."
     ),
 ]
-FailFast = Annotated[bool, typer.Option("--fail-fast", help="Begin no run after one that did not end well.")]
+FailFast = Annotated[bool, typer.Option("--fail-fast", help="Start no further run after one that failed.")]
 Record = Annotated[bool, typer.Option("--record", help="Keep the trajectory of every run.")]
 Plot = Annotated[
     tuple[str, str] | None,
     typer.Option(
         "--plot",
         metavar="x=COLUMN y=COLUMN",
-        help="Draw a column of the table over another, into plot.png of the folder. Needs matplotlib.",
+        help="Plot one column of the table against another, as plot.png in the folder. Needs matplotlib.",
     ),
 ]
 Force = Annotated[
     bool, typer.Option("--force", "-f", help="Remove what an earlier sweep left in the folder.")
 ]
-Yes = Annotated[bool, typer.Option("--yes", help=f"Really do more than {MANY:,} runs.")]
+Yes = Annotated[bool, typer.Option("--yes", help=f"Allow more than {MANY:,} runs.")]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print the outcome, or the error, as JSON; nothing else.")
 ]

@@ -35,8 +35,8 @@ def verify(
     """Run a scenario at dt, dt/2 and dt/4, and see how fast it converges.
 
     Prints the observed order of every group beside that of its method, and Richardson's estimate of the error at dt. Exit
-    code 1 when an order is clearly below that of its method, with the known reasons. A note tells of planes with
-    tangential_loss, on which what lies slides by a distance that is a matter of dt.
+    code 1 when an order is clearly below that of its method, with the known reasons. Notes name colliders with
+    tangential_loss, on which particles slide by a distance that depends on dt.
     """
     import particlesim as ps
     from particlesim.verification.convergence import verify as converge

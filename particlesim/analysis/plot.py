@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from particlesim.analysis import series
 from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, save
 from particlesim.analysis.motion import mean_square_displacement
-from particlesim.analysis.structure import radial_distribution
+from particlesim.analysis.structure import Curve, density_profile, power_spectrum, radial_distribution
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import short_name, unknown_name
 from particlesim.trajectory.reader import Trajectory
@@ -33,9 +33,11 @@ def plot(
 
     quantity: "energy" (parts and total), "drift" (relative energy drift), "momentum", "angular_momentum",
     "count", "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "rdf" (the
-    radial distribution function of the last frame, over the distance), or a component such as "x", "vy", "speed",
-    "temperature": a line per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of
-    them. ids, group: only these particles.
+    radial distribution function of the last frame, over the distance), "density_profile" (of the last frame, over the
+    distance from the densest place; of numbers where masses are not recorded), "power_spectrum" (of density waves of the
+    last frame, in a box that is periodic along all axes), or a component such as "x", "vy", "speed", "temperature": a
+    line per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of them. ids, group:
+    only these particles.
     Raises UsageError for what the file does not hold, an output that exists (unless `overwrite`), an unknown
     ending, and when matplotlib is missing.
     """
@@ -84,19 +86,47 @@ def _draw(
     if quantity == "displacement":
         _lines(axes, times, {"displacement": mean_square_displacement(trajectory, group=group)})
         return "Mean square displacement"
-    if quantity == "rdf":
-        last, box = trajectory[-1], trajectory.box
-        x = last.position if group is None else last.position[last.of(group)]
-        sizes = None if box is None else [np.inf if each is None else each for each in box.periods]
-        curve = radial_distribution(x, box=sizes)
-        _lines(axes, curve.x, {"rdf": curve.y})
-        return "Radial distribution function"
+    if quantity in series.ARRANGEMENTS:
+        shown = arrangement(trajectory, quantity, group)
+        _lines(axes, shown.curve.x, {quantity: shown.curve.y})
+        if quantity != "rdf":
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+        axes.set_xlabel(shown.across, color=INK)
+        axes.set_ylabel(f"{shown.title} [{shown.unit}]" if shown.unit else shown.title, color=INK)
+        return shown.title
     drawn = series.of_particles(trajectory, quantity, ids=ids, group=group)
     if isinstance(drawn, series.Tracks):
         _lines(axes, times, {f"id {i}": v for i, v in zip(drawn.ids, drawn.values.T, strict=True)})
     else:
         _bands(axes, times, drawn)
     return quantity if len(quantity) <= 2 else quantity.capitalize()
+
+
+class Arrangement(NamedTuple):
+    """A curve of the last frame, what to call it, its unit, and what it is over."""
+
+    curve: Curve
+    title: str
+    unit: str
+    across: str
+
+
+def arrangement(trajectory: Trajectory, quantity: str, group: str | None) -> Arrangement:
+    """How the particles of the last frame are arranged, those of a group alone if one is given: one of
+    `series.ARRANGEMENTS`. Raises UsageError as the functions of `analysis.structure` do."""
+    last, box = trajectory[-1], trajectory.box
+    rows = slice(None) if group is None else last.of(group)
+    x, periods = last.position[rows], (None, None, None) if box is None else box.periods
+    mass = last["mass"][rows] if "mass" in last.fields else 1.0
+    sizes = [np.inf if each is None else each for each in periods]
+    if quantity == "rdf":
+        curve = radial_distribution(x, box=None if box is None else sizes)
+        return Arrangement(curve, "Radial distribution function", "", "distance [m]")
+    if quantity == "power_spectrum":
+        return Arrangement(power_spectrum(x, mass, box=sizes), "Power spectrum", "m³", "wave number [1/m]")
+    what, unit = ("Density", "kg/m³") if "mass" in last.fields else ("Number density", "1/m³")
+    return Arrangement(density_profile(x, mass), what, unit, "distance from the densest place [m]")
 
 
 def _lines(axes: Axes, times: Any, curves: dict[str, Any], strong: str = "") -> None:
@@ -130,16 +160,18 @@ def _legend(axes: Axes) -> None:
 def _label(axes: Axes, trajectory: Trajectory, quantity: str, title: str) -> None:
     unit = series.unit_of(quantity)
     name = title.split(" · ")[0]
-    over_time = quantity != "rdf"
-    axes.set_xlabel("time [s]" if over_time else "distance [m]", color=INK)
-    axes.set_ylabel(f"{name} [{unit}]" if unit else name, color=INK)
+    over_time = quantity not in series.ARRANGEMENTS
+    if over_time:
+        axes.set_xlabel("time [s]", color=INK)
+        axes.set_ylabel(f"{name} [{unit}]" if unit else name, color=INK)
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=INK)
     axes.set_title(trajectory.path.name, loc="right", fontsize=9, color="#777777")
     axes.margins(x=0.01)
     # Differences of large numbers are read better as 9.81 than as 1e-3 + 9.8; tiny numbers keep their power.
-    axes.ticklabel_format(axis="y", useOffset=False, scilimits=(-3, 5), useMathText=True)
-    if not over_time:
+    if axes.get_yscale() != "log":
+        axes.ticklabel_format(axis="y", useOffset=False, scilimits=(-3, 5), useMathText=True)
+    if quantity == "rdf":
         axes.ticklabel_format(axis="x", useOffset=False, scilimits=(-3, 5), useMathText=True)
         axes.set_xlim(left=0)
-    elif np.ptp(trajectory.times) > 0:
+    elif over_time and np.ptp(trajectory.times) > 0:
         axes.set_xlim(float(trajectory.times.min()), float(trajectory.times.max()))

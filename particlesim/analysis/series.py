@@ -17,8 +17,10 @@ from particlesim.trajectory.reader import Trajectory
 Series = npt.NDArray[np.float64]
 
 LEDGER_QUANTITIES = ("energy", "momentum", "angular_momentum", "count", "drift")
-TOGETHER = ("displacement", "rdf")
-"""Quantities of all particles, or of a group, together: mean square displacement, and radial distribution."""
+ARRANGEMENTS = ("rdf", "density_profile", "power_spectrum")
+"""How the particles of the last frame are arranged: radial distribution, density around the densest place, density waves."""
+TOGETHER = ("displacement", *ARRANGEMENTS)
+"""Quantities of all particles, or of a group, together; the first is the mean square displacement."""
 FEW = 12
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 

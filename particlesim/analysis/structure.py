@@ -13,6 +13,8 @@ from particlesim.errors import UsageError
 
 Floats = npt.NDArray[np.float64]
 Box = Sequence[float] | None
+MANY, NEIGHBOURS = 10_000_000, 60
+"""Pairs that take some seconds to count, and neighbours of a particle that are worth more."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ def radial_distribution(
     position: [n, 3] in m. box: sizes of a periodic box [m], an infinite one along axes that are not periodic; nearest images
     are taken. Without it the density is that of the particles' bounding box, and g falls with r, as there is nothing
     outside. reach: largest r [m], at most half of the smallest periodic size (then also the default; else a quarter of the
-    smallest extent). Raises UsageError for fewer than two particles, a reach that is too long, or no volume.
+    smallest extent; of many particles, where there are about MANY pairs, or NEIGHBOURS of each). Raises UsageError for
+    fewer than two particles, a reach that is too long, or no volume.
     Source: M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids, section 2.6.
     """
     from scipy.spatial import cKDTree
@@ -45,7 +48,9 @@ def radial_distribution(
     if not volume > 0:
         raise UsageError("a radial distribution needs particles that fill a volume", "these lie in a plane")
     furthest = float(sizes[periodic].min()) / 2 if periodic.any() else float(extent.min()) / 4
-    reach = furthest if reach is None else reach
+    if reach is None:
+        seen = max(2 * MANY / len(x), NEIGHBOURS)
+        reach = min(furthest, float((seen * volume / len(x) * 3 / (4 * np.pi)) ** (1 / 3)))
     if not 0 < reach <= (furthest if periodic.any() else np.inf):
         raise UsageError(
             f"a radial distribution up to {reach:g} m is not possible",
@@ -84,7 +89,7 @@ def density_profile(
     r = np.linalg.norm(x - middle, axis=1)
     low = float(np.percentile(r, 1)) if inner is None else inner
     high = float(np.percentile(r, 99.5)) if outer is None else outer
-    if not 0 < low < high:
+    if not 0 < low < high * (1 - 1e-9):  # of two particles, both radii are one but for rounding
         raise UsageError(f"no shells between {low:g} and {high:g} m", "radii are above 0 and in order")
     edges = np.geomspace(low, high, bins + 1)
     held, _ = np.histogram(r, edges, weights=m)

@@ -7,6 +7,7 @@ well.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
 from particlesim.bodies.shapes import AnyBodyShape
-from particlesim.colliders.friction import Friction
+from particlesim.colliders.friction import Friction, Rubbing
 from particlesim.colliders.pose import UNTURNED, Orientation
 from particlesim.groups.group import Particles, SecondOrder
 from particlesim.layouts import AnyLayout
@@ -37,10 +38,13 @@ from particlesim.sampling.random_streams import Streams
 REST = (0.0, 0.0, 0.0)
 
 
-class Bodies(Particles):
+class Bodies(Rubbing, Particles):
     """Rigid bodies of one shape: they move, turn, and touch colliders and each other."""
 
     rigid: ClassVar[bool] = True
+    kind: ClassVar[str] = "bodies"
+    unused: ClassVar[tuple[str, ...]] = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
+    """Keys of particles that bodies do not have."""
 
     name: Name = "bodies"
     """Name of the group, by which forces, colliders and messages speak of it."""
@@ -132,12 +136,12 @@ class Bodies(Particles):
             self.__dict__["layout"] = single
         return self
 
-    @property
-    def coefficients(self) -> tuple[float, float]:
-        """Coefficients of static and of kinetic friction."""
-        if isinstance(self.friction, Friction):
-            return self.friction.static, self.friction.kinetic
-        return self.friction, self.friction
+    def describe(self) -> str:
+        number, what = self.layout.number() if self.layout is not None else 1, self.shape.words()
+        return what if number == 1 else f"{number or 'several'} bodies, each {what}"
+
+    def doubts(self, duration: float) -> Iterator[str]:
+        yield from self.friction_doubts(repr(self.name))
 
     @property
     def weight(self) -> float:

@@ -44,7 +44,9 @@ class Joint(Model):
         first, second = self.groups()
         if first == WORLD:
             raise invalid(
-                "the world comes second", at=("between", 0), allowed=f'between = ["{second}", "world"]'
+                '"world" must be the second of the two',
+                at=("between", 0),
+                allowed=f'between = ["{second}", "world"]',
             )
         if self.pairs is None and first == second:
             raise invalid(
@@ -53,7 +55,7 @@ class Joint(Model):
         check_pairs(self.pairs or (), inside=first == second)
         for k, pair in enumerate(self.pairs or ()):
             if second == WORLD and pair[1] != 0:
-                raise invalid("there is one world only", at=("pairs", k, 1), allowed="0")
+                raise invalid("the index of the world is 0", at=("pairs", k, 1), allowed="0")
         if self.several and len(self.anchors) != len(self.pairs or SINGLE):
             raise invalid(
                 f"{len(self.anchors)} places for {len(self.pairs or SINGLE)} joints",

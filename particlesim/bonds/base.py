@@ -11,6 +11,52 @@ import numpy as np
 
 from particlesim.model.arrays import Floats, Ints
 
+SPRING_BYTES = 32
+"""Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
+ROSTER_BYTES = 40
+"""What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
+STORED_BYTES = 10
+"""A spring or a rod in a trajectory: both ends and rest length, compressed, and its share of a surface."""
+
+
+class Ties:
+    """What joins or couples particles of some groups, as a scenario calls for it: a set of springs, of rods, of angles, of
+    triangles that feel a force, or of pairs. Groups that it names step together."""
+
+    name: str
+    """Its name in the ledger and in messages."""
+    groups: tuple[str, ...]
+    """The groups whose particles it joins."""
+
+    kind: ClassVar[str] = ""
+    """What the graph calls it."""
+    verb: ClassVar[str] = ""
+    """What it does to groups."""
+    holds: ClassVar[bool] = False
+    """Whether it keeps particles together that would else fly apart."""
+
+    @property
+    def feeds(self) -> bool:
+        """Whether it may bring energy from outside."""
+        return False
+
+    def describe(self) -> str:
+        """The set in a few words."""
+        return ""
+
+    def needs_velocity(self) -> bool:
+        """Whether its forces depend on velocities."""
+        return False
+
+    def memory(self, number: int, *, mortal: bool) -> int:
+        """Bytes of what is known before particles have places, with so many bytes in a number; `mortal` where ends may
+        die."""
+        return 0
+
+    def stored(self, *, mortal: bool) -> int:
+        """Bytes in a trajectory."""
+        return 0
+
 
 @dataclass(frozen=True)
 class SpringLaw:
@@ -65,7 +111,7 @@ class SpringLaw:
 
 
 @dataclass(frozen=True)
-class BondSet:
+class BondSet(Ties):
     """Springs of one law: a name for the ledger, the groups of their first and second ends, how many (None: only the
     positions tell), and how to find them: positions [3, n] of both groups → pairs of indices, shape [springs, 2]."""
 
@@ -75,17 +121,20 @@ class BondSet:
     count: int | None
     find: Callable[[Floats, Floats], Ints]
 
-    feeds: ClassVar[bool] = False
-    """Whether it may bring energy from outside."""
     kind: ClassVar[str] = "springs"
     verb: ClassVar[str] = "joins"
-    """What the graph calls it, and what it does to groups."""
+    holds: ClassVar[bool] = True
 
     def describe(self) -> str:
-        """The set in a few words."""
         number = "springs" if self.count is None else f"{self.count} springs"
         return f"{number}, {self.law.describe()}"
 
     def needs_velocity(self) -> bool:
-        """Whether its forces depend on velocities."""
         return self.law.damped
+
+    def memory(self, number: int, *, mortal: bool) -> int:
+        of_each = 2 * number * (self.law.by_mass or self.law.breaks or mortal) + self.law.breaks
+        return (self.count or 0) * (SPRING_BYTES + of_each + ROSTER_BYTES * mortal)
+
+    def stored(self, *, mortal: bool) -> int:
+        return (self.count or 0) * (STORED_BYTES + 8 * (self.law.breaks or mortal))

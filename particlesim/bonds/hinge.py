@@ -38,6 +38,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
+from particlesim.bonds.base import Ties
 from particlesim.bonds.pairs import Index
 from particlesim.laws.registry import hinge_energy, hinge_moment, hinge_stiffness, law
 from particlesim.model.arrays import Floats, Ints
@@ -221,36 +222,29 @@ def dihedral_gradient(
 
 
 @dataclass(frozen=True)
-class HingeSet:
+class HingeSet(Ties):
     """Angles or dihedrals of one law: a name for the ledger, the group, how many particles each joins (3 or 4), the law,
     the rest angle [rad] (None: the angle at the start), how many (None: only a file knows), and their particles' indices,
     shape [n, 3] or [n, 4]."""
 
     name: str
-    group: str
+    groups: tuple[str]
     size: int
     law: HingeRecord
     rest: float | None
     count: int | None
     find: Callable[[], Ints]
 
-    feeds: ClassVar[bool] = False
-    """Whether it may bring energy from outside."""
     kind: ClassVar[str] = "hinges"
     verb: ClassVar[str] = "bends"
-    """What the graph calls it, and what it does to groups."""
+    holds: ClassVar[bool] = True
 
     @property
-    def groups(self) -> tuple[str, ...]:
-        """The groups whose particles it joins."""
-        return (self.group,)
-
-    def needs_velocity(self) -> bool:
-        """Whether its forces depend on velocities."""
-        return False
+    def group(self) -> str:
+        """The group whose particles it joins."""
+        return self.groups[0]
 
     def describe(self) -> str:
-        """The set in a few words."""
         what = "angles" if self.size == 3 else "dihedrals"
         return f"{what if self.count is None else f'{self.count} {what}'}, k = {self.law.k:g} J"
 
@@ -303,7 +297,7 @@ class Hinges(Model):
         rest = self.rest()
         return HingeSet(
             label,
-            self.on,
+            (self.on,),
             self.size,
             hinge_record(self.form, self.stiffness),
             None if rest is None else math.radians(rest),

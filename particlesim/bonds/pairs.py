@@ -44,10 +44,15 @@ def check_points(points: object, groups: tuple[str, str], pairs: Sequence[tuple[
     """Raises a mistake where both ends of what `points` and the world describe cannot be."""
     first, second = groups
     if first == WORLD:
-        raise invalid("the world comes second", at=("between", 0), allowed=f'between = ["{second}", "world"]')
+        raise invalid(
+            '"world" must be the second of the two',
+            at=("between", 0),
+            allowed=f'between = ["{second}", "world"]',
+        )
     if second == WORLD and points is None:
         raise invalid(
-            "where in the world?", allowed="points = [[0, 0, 0], [0, 2, 0]]: at the body, and in the world"
+            '"world" needs points: where is the other end?',
+            allowed="points = [[0, 0, 0], [0, 2, 0]]: at the body, and in the world",
         )
     if points is not None and pairs is None and first == second:
         raise invalid(
@@ -55,4 +60,4 @@ def check_points(points: object, groups: tuple[str, str], pairs: Sequence[tuple[
         )
     for k, pair in enumerate(pairs or ()):
         if second == WORLD and pair[1] != 0:
-            raise invalid("there is one world only", at=("pairs", k, 1), allowed="0")
+            raise invalid("the index of the world is 0", at=("pairs", k, 1), allowed="0")

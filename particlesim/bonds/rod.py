@@ -17,7 +17,8 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
-from particlesim.bonds.pairs import Pairs, check_pairs, check_points, joined_groups
+from particlesim.bonds.base import STORED_BYTES, Ties
+from particlesim.bonds.pairs import SINGLE, Pairs, check_pairs, check_points, joined_groups
 from particlesim.model.arrays import Ints
 from particlesim.model.base import Model, Name
 from particlesim.model.mistakes import Path, invalid
@@ -27,6 +28,9 @@ LENGTH_TOLERANCE = 1e-4
 """Part of a given length by which particles may be too near or too far at the start."""
 SPEED_TOLERANCE = 1e-4
 """Part of the speed of its ends with which a rod may be stretched at the start."""
+
+ROD_BYTES = 500
+"""Memory of a rod in a chain: its place in the order of elimination, rows of the matrix, scratch."""
 
 
 class Rods(Model):
@@ -61,6 +65,10 @@ class Rods(Model):
         """Groups of the first and second ends."""
         return joined_groups(self.on, self.between)
 
+    def describe(self) -> str:
+        """Rods at rigid bodies in a few words."""
+        return f"{len(self.pairs or SINGLE)} at bodies"
+
     def rods(self, label: str, at: Path) -> RodSet:
         """The rods as the engine takes them; `at` is their place in the scenario."""
         listed = np.array(self.pairs or (), dtype=np.int64)
@@ -72,7 +80,7 @@ def _listed(pairs: Ints) -> Ints:
 
 
 @dataclass(frozen=True)
-class RodSet:
+class RodSet(Ties):
     """Rods of one name: the groups of their first and second ends, their length [m] (None: the distance at the start), how
     many (None: only a file knows), how to find the pairs of indices, shape [rods, 2], and where the scenario states them.
 
@@ -89,9 +97,14 @@ class RodSet:
 
     kind: ClassVar[str] = "rods"
     verb: ClassVar[str] = "joins"
-    """What the graph calls it, and what it does to groups."""
+    holds: ClassVar[bool] = True
 
     def describe(self) -> str:
-        """The set in a few words."""
         number = "rods" if self.count is None else f"{self.count} rods"
         return number if self.length is None else f"{number}, {self.length:g} m"
+
+    def memory(self, number: int, *, mortal: bool) -> int:
+        return (self.count or 0) * ROD_BYTES
+
+    def stored(self, *, mortal: bool) -> int:
+        return (self.count or 0) * STORED_BYTES

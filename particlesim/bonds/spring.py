@@ -17,7 +17,8 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.near import near_pairs
-from particlesim.bonds.pairs import Pairs, check_pairs, check_points, joined_groups
+from particlesim.bonds.pairs import SINGLE, Pairs, check_pairs, check_points, joined_groups
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.registry import Matrix, bond_force, bond_force_dv, bond_force_dx, bond_potential, law
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.base import Model, Name
@@ -113,6 +114,10 @@ class Springs(Model):
         """Groups of the first and second ends."""
         return joined_groups(self.on, self.between)
 
+    def describe(self) -> str:
+        """Springs at rigid bodies in a few words."""
+        return f"{len(self.pairs or SINGLE)} at bodies"
+
     def spring_law(self) -> SpringLaw:
         """The constants that all springs share."""
         return SpringLaw(
@@ -183,24 +188,13 @@ def spring_dx(b: Pair, k: float, inverse: float) -> Matrix:
     px = (across - k + turn * along) * ex - turn * b.vx
     py = (across - k + turn * along) * ey - turn * b.vy
     pz = (across - k + turn * along) * ez - turn * b.vz
-    return (
-        ex * px - across,
-        ex * py,
-        ex * pz,
-        ey * px,
-        ey * py - across,
-        ey * pz,
-        ez * px,
-        ez * py,
-        ez * pz - across,
-    )
+    return with_diagonal(-across, outer((ex, ey, ez), (px, py, pz)))
 
 
 def spring_dv(b: Pair, inverse: float) -> Matrix:
     """∂f/∂v = −c e eᵀ, with 1/l as `inverse`."""
     ex, ey, ez = b.x * inverse, b.y * inverse, b.z * inverse
-    px, py, pz = -b.c * ex, -b.c * ey, -b.c * ez
-    return ex * px, ex * py, ex * pz, ey * px, ey * py, ey * pz, ez * px, ez * py, ez * pz
+    return outer((ex, ey, ez), (-b.c * ex, -b.c * ey, -b.c * ez))
 
 
 @law(bond_force_dx, SpringRecord)

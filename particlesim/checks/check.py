@@ -95,7 +95,9 @@ class Check(Model):
     @model_validator(mode="after")
     def _one_number(self) -> Check:
         if self.statistic == "percentile" and self.percentile is None:
-            raise invalid("which percentile?", at=("statistic",), hint="percentile = 95")
+            raise invalid(
+                "a percentile needs a number from 0 to 100", at=("statistic",), hint="percentile = 95"
+            )
         if self.statistic != "percentile" and self.percentile is not None:
             raise invalid(
                 'a percentile needs statistic = "percentile"', at=("percentile",), hint="or leave it out"

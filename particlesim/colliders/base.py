@@ -6,12 +6,14 @@ all of them (`response`).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le
 from pydantic import Field, PrivateAttr, model_validator
 
-from particlesim.colliders.friction import FallingRestitution, Friction
+from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
 from particlesim.colliders.moving import MovingRecord, SpinRecord
 from particlesim.colliders.response import (
     ColliderRecord,
@@ -33,6 +35,8 @@ from particlesim.model.units import (
     Vector,
 )
 
+RESOLVES = 20
+"""Steps that a touch should take: the kicks of a penalty are of first order in the step."""
 LIVELY = 0.9
 """Restitution above which projection out of a collider may add more energy than the bounce takes."""
 
@@ -49,7 +53,7 @@ ACTS_WITH = {
 """For each number of a response the kinds of contact that have it."""
 
 
-class Collider(Model):
+class Collider(Rubbing, Model):
     """What holds particles back. Laws: `gap` and `normal` of its shape's record."""
 
     kind: ClassVar[str]
@@ -139,18 +143,6 @@ class Collider(Model):
         return self
 
     @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return self.friction != 0 and self.coefficients != (0, 0)
-
-    @property
-    def coefficients(self) -> tuple[float, float]:
-        """Coefficients of static and of kinetic friction."""
-        if isinstance(self.friction, Friction):
-            return self.friction.static, self.friction.kinetic
-        return self.friction, self.friction
-
-    @property
     def liveliness(self) -> float:
         """Restitution of slow impacts, the greatest."""
         if self.contact == "slide":
@@ -203,6 +195,50 @@ class Collider(Model):
     def describe(self) -> str:
         """The shape in a few words."""
         raise NotImplementedError
+
+    def called(self, k: int) -> str:
+        """What messages call it, the k-th of all: 'plane floor', 'sphere 2'."""
+        return f"{self.kind} {self.name or k}"
+
+    def describe_contact(self) -> str:
+        """Shape and response in a few words."""
+        if self.contact == "penalty":
+            return f"{self.describe()}, penalty, k = {self.stiffness:g} N/m, c = {self.damping:g} kg/s"
+        what: str = self.contact
+        if what == "bounce":
+            what = f"e = {self.liveliness:g}"
+            if self.rubs:
+                static, kinetic = self.coefficients
+                what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
+        return f"{self.describe()}, {what}, {self.detection}"
+
+    def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
+        """A sentence for each choice that is legal and seldom meant, before steps of dt [s]; `lightest` is the mass [kg]
+        of the lightest particle that it holds back, where that is known.
+
+        With ω = √(k/m), kicks by the spring of a penalty and drifts are stable for h ω < 2: the determinant (1 − a)/(1 + a)
+        and the trace 1 + (1 − a − h² ω²)/(1 + a) of a step with a damper, a = h c/2m, meet the conditions of Jury.
+        """
+        if self.lifts() and not self.soft:
+            yield (
+                f"{name} with discrete detection and restitution {self.liveliness:g} can add energy: "
+                'particles are lifted out of it; detection = "continuous" does not'
+            )
+        yield from self.friction_doubts(name)
+        if self.stiffness is None or lightest is None:
+            return
+        omega = math.sqrt(self.stiffness / lightest)
+        stable, lasts = 2 / omega, math.pi / omega
+        if dt >= stable:
+            yield (
+                f"{name}: its spring throws particles of {lightest:.3g} kg out with more energy than they come in "
+                f"with: dt must be below {stable:.3g} s for them, and is {dt:.3g} s"
+            )
+        elif dt > lasts / RESOLVES:
+            yield (
+                f"{name}: a touch of the lightest particles lasts {lasts:.3g} s, {lasts / dt:.3g} steps; its spring needs "
+                f"about {RESOLVES}, dt = {lasts / RESOLVES:.2g} s"
+            )
 
     def record(self) -> ColliderRecord:
         """The collider as kernels take it."""

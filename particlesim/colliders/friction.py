@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -31,3 +32,27 @@ class FallingRestitution(Model):
     """Normal speed above which it falls."""
     exponent: Annotated[Number, Gt(0), Le(1)] = 0.25
     """How fast it falls: 1/4 where impacts deform plastically. Up to 1, where what is left no longer grows."""
+
+
+class Rubbing:
+    """What surfaces share that have a `friction`, one coefficient or a `Friction`."""
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """Coefficients of static and of kinetic friction."""
+        friction: float | Friction = self.friction  # type: ignore[attr-defined]  # a field of each model
+        return (friction.static, friction.kinetic) if isinstance(friction, Friction) else (friction, friction)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self.coefficients != (0, 0)
+
+    def friction_doubts(self, name: str) -> Iterator[str]:
+        """A sentence where friction grows as sliding begins."""
+        static, kinetic = self.coefficients
+        if kinetic > static:
+            yield (
+                f"{name}: kinetic friction {kinetic:g} is above static friction {static:g}, so what slides is held "
+                "back more than what is at rest"
+            )

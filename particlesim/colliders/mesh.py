@@ -208,15 +208,19 @@ def mesh_gap_and_normal(c: MeshRecord, p: Particle) -> tuple[float, Vector]:
     return d - p.r, (x, y, z)
 
 
+@outlined
+def mesh_clearance(c: MeshRecord, p: Particle, need: float) -> float:
+    """A lower bound of the gap [m]: that of the grid if it is above `need`, else the gap."""
+    lower = coarse(c.tree, float(p.x), float(p.y), float(p.z))
+    free = type(p.x)((lower * c.side if c.side != 0 else abs(lower)) - c.half) - p.r
+    return free if free > need else mesh_gap(c, p)
+
+
 @law(apart, MeshRecord)
 @outlined
 def mesh_apart(c: MeshRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
-    reach = longest(way_of(p, q, h)) + p.r
-    lower = coarse(c.tree, float(p.x), float(p.y), float(p.z))
-    free = lower * c.side if c.side != 0 else abs(lower)
-    if free - c.half > reach:
-        return True
-    return mesh_gap(c, p) + p.r > reach
+    way = longest(way_of(p, q, h))
+    return mesh_clearance(c, p, way) > way
 
 
 @law(first_contact, MeshRecord)

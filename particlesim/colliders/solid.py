@@ -119,15 +119,18 @@ def point_of(p: Particle) -> Particle:
 
 
 def hollow_gap(c: AnyHollow, p: Particle) -> float:
+    """Distance of a particle's surface from the wall around it [m]."""
     return -gap(c.shape, point_of(p)) - p.r
 
 
 def hollow_normal(c: AnyHollow, p: Particle) -> Vector:
+    """The way from the wall inwards."""
     x, y, z = normal(c.shape, point_of(p))
     return -x, -y, -z
 
 
 def hollow_contact(c: AnyHollow, p: Particle, q: Particle, h: float, slack: float) -> float:
+    """The part of a step at which a particle first touches the wall around it."""
     return marched_contact(c, p, q, h, slack, c.grain)
 
 

@@ -67,7 +67,7 @@ def place_on(w: Way, p: Particle, s: float) -> Particle:
 def longest(w: Way) -> float:
     """A bound on the length of a way, and on its speed by s [m]: |u + 2cs| is largest at an end."""
     x, y, z = w.ux + 2 * w.cx, w.uy + 2 * w.cy, w.uz + 2 * w.cz
-    return max(np.sqrt(w.ux * w.ux + w.uy * w.uy + w.uz * w.uz), np.sqrt(x * x + y * y + z * z))
+    return np.sqrt(max(w.ux * w.ux + w.uy * w.uy + w.uz * w.uz, x * x + y * y + z * z))
 
 
 # Convex shapes

@@ -60,6 +60,7 @@ class Names:
 
     @property
     def name(self) -> str:
+        """The function's name, for messages."""
         return str(self.function.__name__)
 
     def _bind(self, arguments: list[Any], keywords: dict[str, Any]) -> None:

@@ -73,7 +73,7 @@ def folder() -> Path | None:
             _trouble(f"{path} cannot be written")
             return None
     except FileExistsError as error:
-        _trouble(f"{error.filename} is no folder")
+        _trouble(f"{error.filename} is not a folder")
         return None
     except OSError as error:
         _trouble(f"{error.filename} cannot be made: {error.strerror}")

@@ -53,6 +53,7 @@ class Number:
 
     @property
     def dtype(self) -> np.dtype[Any]:
+        """NumPy's type of the number."""
         return np.dtype(KINDS[self.kind])
 
 
@@ -67,10 +68,12 @@ class Array:
 
     @property
     def ndim(self) -> int:
+        """How many axes it has."""
         return len(self.lengths)
 
     @property
     def dtype(self) -> np.dtype[Any]:
+        """NumPy's type of its elements."""
         return np.dtype(self.element)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -71,6 +72,8 @@ class Die(Model):
 class Emitter(Group):
     """A source of particles, at a rate, in bursts, or both."""
 
+    kind: ClassVar[str] = "emitter"
+
     name: Name = "emitter"
     """Name of the group of its particles, by which forces, planes and messages speak of it."""
     rate: Annotated[PerSecond, Gt(0)] | None = None
@@ -126,15 +129,15 @@ class Emitter(Group):
         if self.shape is None:
             raise invalid("a shape says where particles are born", at=("shape",), hint="Field required")
         if self.direction == "mirrored":
-            raise invalid("there is nothing to mirror without on_impact", at=("direction",))
+            raise invalid("mirrored directions need on_impact", at=("direction",))
         if self.rate is None and self.stop is not None:
-            raise invalid("stop ends the rate, and there is none", at=("stop",))
+            raise invalid("stop ends the rate, but no rate is given", at=("stop",))
         if self.stop is not None and self.stop <= self.start:
             raise invalid("stops before it starts", at=("stop",), also=[(("start",), "starts here")])
         for k, burst in enumerate(self.bursts()):
             if burst.at < 0:
                 at = ("burst", k, "at") if isinstance(self.burst, tuple) else ("burst", "at")
-                raise invalid("a burst before the beginning", at=at)
+                raise invalid("a burst before time 0", at=at)
         if isinstance(self.lifetime, Distribution) and not smallest(self.lifetime) > 0:
             raise invalid(
                 "this distribution can give a lifetime that is not greater than 0",
@@ -155,7 +158,7 @@ class Emitter(Group):
             if getattr(self, name) != type(self).model_fields[name].default:
                 raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
         if self.when_full == "wait":
-            raise invalid("births of impacts cannot wait", at=("when_full",), also=here)
+            raise invalid("waiting births are not possible with on_impact", at=("when_full",), also=here)
 
     @model_validator(mode="before")
     @classmethod
@@ -172,7 +175,10 @@ class Emitter(Group):
         below = self.die.temperature_below if self.die is not None else None
         if below is not None:
             if self.cooling is None or self.cooling.rate == 0:
-                raise invalid("particles that do not cool never die of cold", at=("die", "temperature_below"))
+                raise invalid(
+                    "the particles do not cool, so none of them gets that cold",
+                    at=("die", "temperature_below"),
+                )
             if below <= self.cooling.ambient:
                 raise invalid(
                     "never reached: particles cool towards the ambient temperature",
@@ -191,6 +197,19 @@ class Emitter(Group):
         end = duration if self.stop is None else min(duration, self.stop)
         steady = max(end - self.start, 0.0) * (self.rate or 0.0)
         return steady + sum(burst.count for burst in self.bursts() if burst.at < duration)
+
+    def describe(self) -> str:
+        if self.on_impact is not None:
+            return f"{self.on_impact.count} for each impact of {', '.join(self.on_impact.of)}"
+        assert self.shape is not None
+        parts = [f"{self.rate:g}/s"] if self.rate is not None else []
+        parts += [f"{burst.count} at {burst.at:g} s" for burst in self.bursts()[:3]]
+        return f"{', '.join(parts)} from a {self.shape.type}"
+
+    def doubts(self, duration: float) -> Iterator[str]:
+        for burst in self.bursts():
+            if burst.at >= duration:
+                yield f"the burst of {self.name!r} at {burst.at:.6g} s is never born: the run ends at {duration:.6g} s"
 
     def births(self, streams: Streams, first: int, birth: Floats) -> Born:
         """Particles first … first + n − 1 of this emitter, born at the given times, shape [n]."""

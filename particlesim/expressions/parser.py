@@ -256,7 +256,7 @@ class _Builder:
                 number = math.nan
         if not math.isfinite(number):
             raise self._error(
-                node, "this is no finite number", "the constants in it give infinity, or nothing real"
+                node, "this is not a finite number", "the constants in it give infinity, or nothing real"
             )
         return Constant(number)
 

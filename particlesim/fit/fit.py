@@ -90,7 +90,7 @@ def fit(
     if not ranges:
         raise UsageError("there is nothing to vary", "For example: --vary forces.air.coefficient=0,2")
     if starts < 1:
-        raise UsageError(f"{starts} starts find nothing", "Give 1 or more.")
+        raise UsageError(f"the number of starts must be 1 or more, got {starts}")
     keys = [each.key for each in ranges]
     if len(set(keys)) < len(keys):
         raise UsageError(f"{max(keys, key=keys.count)} is varied twice")

@@ -81,11 +81,11 @@ def read_measurements(path: Path) -> Measurements:
                 numbers.extend(_row(path, line, cells, names, factors))
                 places.append(line)
     except UnicodeDecodeError:
-        raise UsageError(f"{path} is no text", "Measurements are read from CSV files.") from None
+        raise UsageError(f"{path} is not a text file", "Measurements are read from CSV files.") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
     except csv.Error as error:
-        raise UsageError(f"{path} is no CSV file: {error}") from None
+        raise UsageError(f"{path} is not a CSV file: {error}") from None
     if not places:
         raise UsageError(f"{path} has a header and no measurements")
     table = np.array(numbers).reshape(len(places), -1)
@@ -93,7 +93,9 @@ def read_measurements(path: Path) -> Measurements:
     missing = np.full(len(table), np.nan)
     values = np.column_stack([columns.get(name, missing) for name in COMPONENTS])
     if not np.isfinite(values).any():
-        raise UsageError(f"{path} measures nothing", f"Give at least one of {', '.join(COMPONENTS)}.")
+        raise UsageError(
+            f"{path} holds no measured numbers", f"Give at least one of {', '.join(COMPONENTS)}."
+        )
     return Measurements(
         path, columns["time"], _ids(path, places, columns), values, _sigma(path, places, columns, values)
     )
@@ -114,7 +116,7 @@ def _header(path: Path, line: int, cells: list[str]) -> tuple[list[str], list[fl
             known = f"The columns are {', '.join(COLUMNS)}, with units in brackets: x [mm]."
             raise UsageError(f"{path}:{line}: unknown column {name!r}", did_you_mean(name, COLUMNS) or known)
         if name in names:
-            raise UsageError(f"{path}:{line}: the column {name!r} stands there twice")
+            raise UsageError(f"{path}:{line}: the column {name!r} occurs twice")
         names.append(name)
         factors.append(_factor(path, line, name, unit.removesuffix("]").strip()) if bracket else 1.0)
     for name in ("time",):
@@ -143,7 +145,7 @@ def _row(path: Path, line: int, cells: list[str], names: list[str], factors: lis
             value = float(cell) if cell.strip() else math.nan
         except ValueError:
             raise UsageError(
-                f"{path}:{line}: {name} is {cell.strip()!r}, which is no number",
+                f"{path}:{line}: {name} is {cell.strip()!r}, which is not a number",
                 "Leave the cell empty where nothing was measured; units stand in the header.",
             ) from None
         if math.isinf(value) or (math.isnan(value) and (cell.strip() or name in ("time", "id"))):
@@ -165,7 +167,7 @@ def _ids(path: Path, places: Sequence[int], columns: dict[str, Floats]) -> NDArr
     wrong = np.flatnonzero((ids < 0) | (ids > 2**53) | (ids != np.floor(ids)))
     if wrong.size:
         raise UsageError(
-            f"{path}:{places[wrong[0]]}: {ids[wrong[0]]:g} is no id", "Ids are whole numbers from 0 on."
+            f"{path}:{places[wrong[0]]}: {ids[wrong[0]]:g} is not an id", "Ids are whole numbers from 0 on."
         )
     return ids.astype(np.int64)
 

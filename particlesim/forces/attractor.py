@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt
 from pydantic import model_validator
 
 from particlesim.forces.base import Force
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.registry import (
     ZERO_MATRIX,
     Matrix,
@@ -48,6 +49,7 @@ class Attractor(Force):
     """Length ε that bounds the force near the center."""
 
     formula: ClassVar[str] = "f = −μ m l / (l² + ε²)^((n+1)/2), l = x − c"
+    by_place: ClassVar[bool] = True
     energy: ClassVar[str] = "U = −μ m / ((n−1) (l² + ε²)^((n−1)/2)); ½ μ m ln(l² + ε²) for n = 1"
 
     @model_validator(mode="after")
@@ -123,17 +125,7 @@ def offset(f: Any, p: Particle) -> tuple[float, float, float, float]:
 
 def central_dx(dx: float, dy: float, dz: float, k: float, q: float) -> Matrix:
     """Jacobian of −k l with dk/dl = −q l: −k 1 + q l lᵀ."""
-    return (
-        q * dx * dx - k,
-        q * dx * dy,
-        q * dx * dz,
-        q * dy * dx,
-        q * dy * dy - k,
-        q * dy * dz,
-        q * dz * dx,
-        q * dz * dy,
-        q * dz * dz - k,
-    )
+    return with_diagonal(-k, outer((q * dx, q * dy, q * dz), (dx, dy, dz)))
 
 
 @law(force, InverseSquareRecord)

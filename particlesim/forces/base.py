@@ -11,7 +11,9 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from particlesim.laws.registry import Particle
 from particlesim.model.base import Model, Name
+from particlesim.model.mistakes import Path
 
 
 class Force(Model):
@@ -28,6 +30,11 @@ class Force(Model):
     """Potential energy U in one line, or 'none: ' and the reason."""
     on_surfaces: ClassVar[bool] = False
     """Whether it acts on the triangles of a surface instead of single particles."""
+
+    by_place: ClassVar[bool] = False
+    """Whether it depends on the place, and so is not the same at the images of a periodic box."""
+    uniform: ClassVar[bool] = False
+    """Whether it is one acceleration for all, of which a scenario needs one alone."""
 
     type: str
 
@@ -56,13 +63,26 @@ class Force(Model):
         """Whether it changes while a particle stands still: with time, or with the temperature."""
         return False
 
-    def jump(self) -> tuple[tuple[str | int, ...], str] | None:
+    def jump(self) -> tuple[Path, str] | None:
         """The key of an expression by which the force jumps somewhere, and what in it does; None if none is seen to."""
         return None
 
     def kink(self) -> str | None:
         """Where the force or a low derivative of it jumps, which costs a method its order; None if it is smooth."""
         return None
+
+    def excess(self, p: Particle) -> float:
+        """How far a particle is beyond where the law holds, in its measure; up to 1 inside. Looked at in every frame if
+        `limited`."""
+        return 0.0
+
+    def limited(self) -> bool:
+        """Whether it is known where the law stops holding."""
+        return False
+
+    def beyond(self, excess: float, time: float) -> str:
+        """What to tell of the largest `excess`, reached at a time [s]."""
+        raise NotImplementedError
 
     def has_zero(self) -> bool:
         """Whether its potential, if it has one, has a zero of its own, so that its value means something and not only its

@@ -17,6 +17,7 @@ from pydantic import model_validator
 from particlesim.flows.fluids import FLUIDS, WITH_DENSITY, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.gravity import STANDARD_GRAVITY
+from particlesim.laws.matrices import outer
 from particlesim.laws.registry import (
     ZERO_MATRIX,
     Matrix,
@@ -172,17 +173,7 @@ def floating_sphere_potential(f: FloatingSphereRecord, p: Particle) -> float:
 def floating_sphere_dx(f: FloatingSphereRecord, p: Particle) -> Matrix:
     h = max(min(immersion(f, p), 2 * p.r), 0.0)
     k = -f.k * (2 * p.r * h - h * h)
-    return (
-        k * f.ux * f.ux,
-        k * f.ux * f.uy,
-        k * f.ux * f.uz,
-        k * f.uy * f.ux,
-        k * f.uy * f.uy,
-        k * f.uy * f.uz,
-        k * f.uz * f.ux,
-        k * f.uz * f.uy,
-        k * f.uz * f.uz,
-    )
+    return outer((k * f.ux, k * f.uy, k * f.uz), (f.ux, f.uy, f.uz))
 
 
 @law(force_dv, FloatingSphereRecord)

@@ -31,6 +31,7 @@ from particlesim.forces.drag_laws import (
     drag_slope,
     drag_speed,
 )
+from particlesim.laws.matrices import outer, product, with_diagonal
 from particlesim.laws.registry import (
     Matrix,
     Particle,
@@ -166,32 +167,8 @@ def drag_dv(f: Any, p: Particle) -> Matrix:
     k = -f.half * density(f.density, p) * cross_section(f.area, p)
     d = k * drag_speed(f.coefficient, q)
     e = k * drag_slope(f.coefficient, q) / speed if speed > 0 else 0.0
-    return (
-        d + e * q.vx * q.vx,
-        e * q.vx * q.vy,
-        e * q.vx * q.vz,
-        e * q.vy * q.vx,
-        d + e * q.vy * q.vy,
-        e * q.vy * q.vz,
-        e * q.vz * q.vx,
-        e * q.vz * q.vy,
-        d + e * q.vz * q.vz,
-    )
-
-
-def product(a: Matrix, b: Matrix) -> Matrix:
-    """Matrix product."""
-    return (
-        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
-        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
-        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-    )
+    v = (q.vx, q.vy, q.vz)
+    return with_diagonal(d, outer((e * v[0], e * v[1], e * v[2]), v))
 
 
 @law(force, DragRecord)

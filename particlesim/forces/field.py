@@ -67,6 +67,7 @@ class Field(Force):
     """Numbers by name, for use in the expressions."""
 
     formula: ClassVar[str] = "f = f(x, v, t, m, r, T, q), or f = −∇U"
+    by_place: ClassVar[bool] = True
     energy: ClassVar[str] = (
         "U as written, if a potential is given; else none: a field need not derive from one"
     )

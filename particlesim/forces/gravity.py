@@ -31,6 +31,7 @@ class Gravity(Force):
     """Acceleration of free fall g."""
 
     formula: ClassVar[str] = "f = m g"
+    uniform: ClassVar[bool] = True
     energy: ClassVar[str] = "U = −m g·x"
 
     def record(self) -> GravityRecord:

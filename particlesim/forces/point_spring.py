@@ -32,6 +32,7 @@ class PointSpring(Force):
     """The point a."""
 
     formula: ClassVar[str] = "f = −k (x − a)"
+    by_place: ClassVar[bool] = True
     energy: ClassVar[str] = "U = ½ k |x − a|²"
 
     def record(self) -> PointSpringRecord:

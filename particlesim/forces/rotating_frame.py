@@ -28,6 +28,7 @@ class RotatingFrame(Force):
     """A point on the axis."""
 
     formula: ClassVar[str] = "f = −m ω×(ω×r) − 2 m ω×v − m α×r"
+    by_place: ClassVar[bool] = True
     energy: ClassVar[str] = "U = −½ m |ω×r|² for constant ω; none while the rotation changes"
 
     def needs_velocity(self) -> bool:

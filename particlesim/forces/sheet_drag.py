@@ -20,13 +20,16 @@ import numpy as np
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
+from particlesim.bonds.base import Ties
 from particlesim.flows import AnyFlow
 from particlesim.flows.fluids import FLUIDS, FluidName, require_density
 from particlesim.forces.base import Force
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.registry import (
     Matrix,
     Particle,
     Vector,
+    add,
     law,
     triangle_force,
     triangle_force_dv,
@@ -72,7 +75,7 @@ class SheetDrag(Force):
         return self.surface_record(False)
 
     def over(self, label: str, group: str) -> SurfaceSet:
-        return SurfaceSet(label, group, self)
+        return SurfaceSet(label, (group,), self)
 
     def surface_record(self, closed: bool) -> SheetDragRecord:
         """The record for an open or a closed surface."""
@@ -104,25 +107,23 @@ class Triangle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SurfaceSet:
+class SurfaceSet(Ties):
     """The triangles of a group under a force on its surface: the force's label, the group, and the force."""
 
     name: str
-    group: str
+    groups: tuple[str]
     law: SheetDrag
 
     @property
-    def groups(self) -> tuple[str, ...]:
-        """The groups whose particles it joins."""
-        return (self.group,)
+    def group(self) -> str:
+        """The group whose surface it is."""
+        return self.groups[0]
 
     @property
     def feeds(self) -> bool:
-        """Whether it may bring energy: wind does."""
-        return bool(self.law.flow)
+        return bool(self.law.flow)  # the wind
 
     def needs_velocity(self) -> bool:
-        """Whether its forces depend on velocities."""
         return True
 
 
@@ -154,14 +155,6 @@ def sheet_drag_dv(f: SheetDragRecord, s: Triangle) -> Matrix:
     t = f.tangential * area * speed
     n = (area - area if leeward else 2 * f.normal * abs(across)) - (t / square if square > 0 else t)
     e = f.tangential * area / speed if speed > 0 else speed
-    return (
-        -(n * s.x * s.x + e * tx * tx + t),
-        -(n * s.x * s.y + e * tx * ty),
-        -(n * s.x * s.z + e * tx * tz),
-        -(n * s.y * s.x + e * ty * tx),
-        -(n * s.y * s.y + e * ty * ty + t),
-        -(n * s.y * s.z + e * ty * tz),
-        -(n * s.z * s.x + e * tz * tx),
-        -(n * s.z * s.y + e * tz * ty),
-        -(n * s.z * s.z + e * tz * tz + t),
-    )
+    across_it = outer((n * s.x, n * s.y, n * s.z), (s.x, s.y, s.z))
+    along_it = outer((e * tx, e * ty, e * tz), (tx, ty, tz))
+    return tuple(-each for each in with_diagonal(t, add(across_it, along_it)))

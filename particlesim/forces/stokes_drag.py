@@ -16,7 +16,17 @@ from particlesim.flows import AnyFlow
 from particlesim.flows.fluids import FLUIDS, FluidName
 from particlesim.forces.base import Force
 from particlesim.forces.linear_drag import scaled, viscous_dv, viscous_force
-from particlesim.laws.registry import Matrix, Particle, Vector, force, force_dv, force_dx, law, velocity_dx
+from particlesim.laws.registry import (
+    Matrix,
+    Particle,
+    Vector,
+    force,
+    force_dv,
+    force_dx,
+    law,
+    velocity,
+    velocity_dx,
+)
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import KilogramsPerCubicMetre, PascalSeconds
 
@@ -63,6 +73,20 @@ class StokesDrag(Force):
 
     def needs_velocity(self) -> bool:
         return True
+
+    def limited(self) -> bool:
+        return self.rho is not None
+
+    def excess(self, p: Particle) -> float:
+        """The Reynolds number Re = 2 r ρ |v − w| / η."""
+        wx, wy, wz = velocity(tuple(flow.record() for flow in self.flow), p)
+        return 2 * p.r * (self.rho or 0) * math.hypot(p.vx - wx, p.vy - wy, p.vz - wz) / self.eta
+
+    def beyond(self, excess: float, time: float) -> str:
+        return (
+            f"Stokes drag holds for Reynolds numbers below 1, and {excess:.3g} was reached at t = {time:.6g} s; "
+            'type = "drag" with coefficient = "schiller_naumann" holds further'
+        )
 
     def record(self) -> StokesDragRecord:
         return StokesDragRecord(6 * math.pi * self.eta, tuple(flow.record() for flow in self.flow))

@@ -9,21 +9,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from particlesim.bodies import Bodies, Joint
+from particlesim.bodies import Bodies
 from particlesim.bonds import BondSet, HingeSet, RodSet
-from particlesim.bonds.pairs import SINGLE
 from particlesim.colliders import Collider
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
-from particlesim.groups.group import Group, Particles
+from particlesim.groups.group import Group
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
-from particlesim.interactions.contact import Contact
 from particlesim.scenario.open_colliders import open_colliders
-from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets, touches_by_surfaces
+from particlesim.scenario.reach import acts_on, heard, joint_tables, pair_sets, ties, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -85,18 +83,13 @@ class Island:
     def touched_softly(self, group: str) -> bool:
         """Whether colliders hold back a group by the law of its soft contacts."""
         return any(
-            isinstance(each, PairSet)
-            and isinstance(each.law, Contact)
-            and each.law.soft
-            and group in each.groups
-            for each in self.interactions
+            isinstance(each, PairSet) and each.law.soft and group in each.groups for each in self.interactions
         )
 
     def spins(self, group: str) -> bool:
         """Whether the particles of a group turn, as their contacts have friction (`scenario.reach.spins`)."""
         return any(
             isinstance(each, PairSet)
-            and isinstance(each.law, Contact)
             and each.law.rubs
             and group in each.groups
             and not touches_by_surfaces(each.law, [one for one in self.groups if one.name in each.groups])
@@ -127,11 +120,7 @@ class Graph:
             kind = "rigid bodies: step together" if island.rigid else kind
             lines.append(f"island {number + 1} ({kind}, {island.method.label})")
             for group in island.groups:
-                node = next(
-                    n
-                    for n in self.nodes
-                    if n.kind in ("particles", "bodies", "emitter") and n.name == group.name
-                )
+                node = group_node(group)
                 lines.append(f"  {node.kind} {node.name}: {node.detail}")
                 sources = [edge.source for edge in self.edges if edge.target == node]
                 lines += [f"    <- {source.kind} {source.name}: {source.detail}" for source in sources]
@@ -151,7 +140,7 @@ class Graph:
 def build_graph(scenario: Scenario) -> Graph:
     """The graph of a scenario, whose colliders read their files. Raises UsageError when that cannot be done."""
     open_colliders(scenario)
-    groups = {group.name: _group_node(group) for group in scenario.groups}
+    groups = {group.name: group_node(group) for group in scenario.groups}
     labels = scenario.labels.forces
     nodes: list[Node] = list(groups.values())
     edges: list[Edge] = []
@@ -166,21 +155,14 @@ def build_graph(scenario: Scenario) -> Graph:
             "acts on",
             [g.name for g in scenario.groups if acts_on(force, g)],
         )
-    joints: tuple[BondSet | RodSet | HingeSet | PairSet, ...] = (
-        *scenario.bonds,
-        *scenario.rod_sets,
-        *scenario.hinges,
-        *pair_sets(scenario),
-    )
-    for each in joints:
+    for each in ties(scenario):
         act(Node(each.kind, each.name, each.describe()), each.verb, list(dict.fromkeys(each.groups)))
     for path, joint in joint_tables(scenario):
         names = [name for name in joint.groups() if name in groups]
-        what = joint.describe() if isinstance(joint, Joint) else f"{len(joint.pairs or SINGLE)} at bodies"
-        act(Node(str(path[0]), joint.name, what), "joins", list(dict.fromkeys(names)))
+        act(Node(str(path[0]), joint.name, joint.describe()), "joins", list(dict.fromkeys(names)))
     for k, collider in enumerate(scenario.all_colliders):
         act(
-            Node(collider.kind, collider.name or str(k), _collider_detail(collider)),
+            Node(collider.kind, collider.name or str(k), collider.describe_contact()),
             "holds back",
             _targets(collider, scenario),
         )
@@ -188,14 +170,8 @@ def build_graph(scenario: Scenario) -> Graph:
         times = ", ".join(f"{t:g}" for t in impulse.times())
         act(Node("impulse", impulse.name or str(k), f"at {times} s"), "kicks", _targets(impulse, scenario))
     for k, motion in enumerate(scenario.motions):
-        what = "path" if motion.path is not None else f"{len(motion.waypoints or ())} waypoints"
-        if motion.collider is not None:
-            turn = "" if motion.spin is None else f"{motion.spin.rate:g} rad/s"
-            way = "" if motion.path is None and motion.waypoints is None else what
-            led = f"collider {motion.collider}: {' and '.join(each for each in (way, turn) if each)}"
-            act(Node("motion", motion.name or str(k), led), "leads", [])
-        else:
-            act(Node("motion", motion.name or str(k), what), "leads", [motion.on or ""])
+        led = [] if motion.on is None else [motion.on]
+        act(Node("motion", motion.name or str(k), motion.describe()), "leads", led)
     islands = _islands(scenario)
     recorder = Node(
         "recorder", "trajectory", f"{scenario.grid.frames} frame{'s' * (scenario.grid.frames != 1)}"
@@ -291,35 +267,6 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
     return tuple(islands)
 
 
-def _group_node(group: Group) -> Node:
-    if isinstance(group, Emitter):
-        parts = [f"{group.rate:g}/s"] if group.rate is not None else []
-        parts += [f"{burst.count} at {burst.at:g} s" for burst in group.bursts()[:3]]
-        if group.on_impact is not None:
-            heard = ", ".join(group.on_impact.of)
-            return Node("emitter", group.name, f"{group.on_impact.count} for each impact of {heard}")
-        assert group.shape is not None
-        return Node("emitter", group.name, ", ".join(parts) + f" from a {group.shape.type}")
-    assert isinstance(group, Particles)
-    number = group.layout.number()
-    if isinstance(group, Bodies):
-        what = group.shape.words()
-        return Node(
-            "bodies", group.name, what if number == 1 else f"{number or 'several'} bodies, each {what}"
-        )
-    count = f"{number} particles" if number is not None else "particles"
-    return Node("particles", group.name, f"{count}, {group.layout.type}")
-
-
-def _collider_detail(collider: Collider) -> str:
-    what: str = collider.contact
-    if what == "bounce":
-        static, kinetic = collider.coefficients
-        what = f"e = {collider.liveliness:g}"
-        if collider.rubs:
-            what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
-    if collider.contact == "penalty":
-        return (
-            f"{collider.describe()}, penalty, k = {collider.stiffness:g} N/m, c = {collider.damping:g} kg/s"
-        )
-    return f"{collider.describe()}, {what}, {collider.detection}"
+def group_node(group: Group) -> Node:
+    """The node of a group."""
+    return Node(group.kind, group.name, group.describe())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -152,6 +153,33 @@ class Group(Model):
         sampled = {name: self.sample(name, streams, first, count) for name in rest}
         return found | {name: values for name, values in sampled.items() if values is not None}
 
+    kind: ClassVar[str] = "particles"
+    """What the graph calls it."""
+
+    def describe(self) -> str:
+        """What the group is, in a few words."""
+        return ""
+
+    def doubts(self, duration: float) -> Iterable[str]:
+        """A sentence for each choice that is legal and seldom meant, before a run of so many seconds."""
+        return ()
+
+    def least_mass(self) -> float | None:
+        """Mass of the lightest particle that a scenario gives it [kg]; None where it does not tell."""
+        if self.density is not None:
+            size = self.least_size()
+            return None if size is None else size[0]
+        return 1.0 if self.mass is None else least(self.mass)
+
+    def least_size(self) -> tuple[float, float] | None:
+        """Mass [kg] and radius [m] of the smallest particle that a scenario gives it; None where it does not tell."""
+        mass, radius, volume = least(self.mass), least(self.radius), 4 / 3 * math.pi
+        if self.density is not None and radius is not None:
+            return volume * self.density * radius**3, radius
+        if self.density is not None and mass is not None:
+            return mass, (mass / (volume * self.density)) ** (1 / 3)
+        return None if radius is None else (1.0 if mass is None else mass, radius)
+
     def has(self, attribute: str) -> bool:
         """Whether its particles have an attribute, as far as is known before files are read."""
         follows = self.density is not None and attribute in ("mass", "radius")
@@ -160,6 +188,12 @@ class Group(Model):
     def may_have(self, attribute: str) -> bool:
         """Whether its particles have an attribute, or a file may give it to them."""
         return self.has(attribute)
+
+
+def least(value: float | tuple[float, ...] | Distribution | None) -> float | None:
+    """The smallest of what a scenario gives, None where it is not above 0 or not given."""
+    found = None if value is None else smallest(value)
+    return found if found is not None and found > 0 else None
 
 
 class Particles(Group):
@@ -281,6 +315,10 @@ class Particles(Group):
             )
         return self
 
+    def describe(self) -> str:
+        number = self.layout.number()
+        return f"{'particles' if number is None else f'{number} particles'}, {self.layout.type}"
+
     def has(self, attribute: str) -> bool:
         return super().has(attribute) or attribute in self.layout.attributes()
 
@@ -339,7 +377,7 @@ class Particles(Group):
         return tuple(
             HingeSet(
                 f"{self.name}.{kind}",
-                self.name,
+                (self.name,),
                 3 if kind == "angle" else 4,
                 hinge_record("harmonic", stiffness),
                 None,

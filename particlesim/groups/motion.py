@@ -143,6 +143,15 @@ class Motion(Model):
         """What messages call it."""
         return self.name or "motion"
 
+    def describe(self) -> str:
+        """What is led and how, in a few words."""
+        way = "path" if self.path is not None else f"{len(self.waypoints or ())} waypoints"
+        if self.collider is None:
+            return way
+        ways = [way] if self.path is not None or self.waypoints is not None else []
+        ways += [f"{self.spin.rate:g} rad/s"] if self.spin is not None else []
+        return f"collider {self.collider}: {' and '.join(ways)}"
+
     def record(self) -> PathRecord | WaypointsRecord:
         """The path as kernels take it."""
         if self.waypoints is None:

@@ -255,4 +255,5 @@ def _shown(value: object) -> str:
 
 
 def none_if_zero(x: float) -> float | None:
+    """A coefficient, None where it is zero: kernels then leave out what it multiplies."""
     return None if x == 0 else x

@@ -7,12 +7,14 @@ potential. `tests/contract` holds every registered interaction to this.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from annotated_types import Gt
 from pydantic import Field, model_validator
 
+from particlesim.bonds.base import Ties
 from particlesim.laws.pair import EnergyShifted, ForceShifted, pair_potential
 from particlesim.laws.registry import has_law
 from particlesim.model.base import Model, Name
@@ -146,8 +148,51 @@ class PairInteraction(Model):
         return False
 
     def jump(self) -> Jump | None:
-        """The first place that is seen at which the energy, or else the force, jumps; None if there is none."""
+        """Where its energy, or else its force, jumps; None if it does not."""
         return None
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction where two particles touch."""
+        return False
+
+    @property
+    def soft(self) -> bool:
+        """Whether contacts last, so that colliders act by the same law."""
+        return False
+
+    @property
+    def must_part(self) -> bool:
+        """Whether the scenario asks that particles which overlap at the start are put apart."""
+        return False
+
+    @property
+    def by_impulses(self) -> bool:
+        """Whether it changes velocities at once where particles touch, by impulses and not by forces."""
+        return False
+
+    @property
+    def is_contact(self) -> bool:
+        """Whether particles touch by it, softly or by impulses."""
+        return self.soft or self.by_impulses
+
+    @property
+    def by_surfaces(self) -> bool:
+        """Whether layouts that have triangles or edges touch with them."""
+        return False
+
+    def remembers(self) -> bool:
+        """Whether it looks at the ends of steps alone, or keeps what it has to know from one step to the next."""
+        return False
+
+    def balanced_constant(self) -> float | None:
+        """The constant of gravitation that layouts in balance must have been made for; None where it is no gravity."""
+        return None
+
+    def doubts(self, lightest: tuple[float, float] | None, dt: float) -> Iterable[str]:
+        """A sentence for each choice that is legal and seldom meant, before a run with steps of dt [s]; `lightest` are the
+        mass [kg] and the radius [m] of the lightest particle that has a radius, None if none has."""
+        return ()
 
     def changes(self) -> bool:
         """Whether forces between particles at rest change with time."""
@@ -210,7 +255,7 @@ class PairInteraction(Model):
 
 
 @dataclass(frozen=True)
-class PairSet:
+class PairSet(Ties):
     """An interaction among the groups of an island: its name in the ledger, the groups, and the law."""
 
     name: str
@@ -219,17 +264,13 @@ class PairSet:
 
     kind: ClassVar[str] = "interaction"
     verb: ClassVar[str] = "acts between"
-    """What the graph calls it, and what it does to groups."""
 
     @property
     def feeds(self) -> bool:
-        """Whether it may bring energy from outside."""
         return self.law.feeds()
 
     def describe(self) -> str:
-        """The set in a few words."""
         return self.law.describe()
 
     def needs_velocity(self) -> bool:
-        """Whether its forces depend on velocities."""
         return self.law.needs_velocity()

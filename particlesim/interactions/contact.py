@@ -33,15 +33,17 @@ never pass through each other: see `engine.interactions.surfaces`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from particlesim.colliders.friction import Friction
+from particlesim.colliders.friction import Friction, Rubbing
 from particlesim.colliders.response import FrictionRecord
 from particlesim.interactions.base import PairInteraction
+from particlesim.interactions.contact_steps import RAYLEIGH, RESOLVES, contact_time, rayleigh_time
 from particlesim.laws.contact import Touch, contact_law, reduced_mass, reduced_radius
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential
 from particlesim.laws.registry import ZERO_MATRIX, Matrix, Vector, law
@@ -59,7 +61,7 @@ SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
 
-class Contact(PairInteraction):
+class Contact(Rubbing, PairInteraction):
     """Particles, surfaces and strands that touch each other, with restitution and friction."""
 
     type: Literal["contact"] = "contact"
@@ -155,8 +157,11 @@ class Contact(PairInteraction):
         return self
 
     @property
+    def by_impulses(self) -> bool:
+        return self.model == "impulse"
+
+    @property
     def by_surfaces(self) -> bool:
-        """Whether layouts that have triangles or edges touch with them."""
         return self.model == "impulse" and self.surfaces is not False
 
     @model_validator(mode="after")
@@ -171,26 +176,17 @@ class Contact(PairInteraction):
         return self
 
     @property
-    def coefficients(self) -> tuple[float, float]:
-        """Coefficients of static and of kinetic friction."""
-        if isinstance(self.friction, Friction):
-            return self.friction.static, self.friction.kinetic
-        return self.friction, self.friction
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return self.coefficients != (0, 0)
-
-    @property
     def beta(self) -> float:
         """The damping ratio β of a linear contact, 1 for no rebound."""
         return damping_ratio(self.restitution)
 
     @property
     def soft(self) -> bool:
-        """Whether contacts last, so that colliders act by the same law."""
         return self.model != "impulse"
+
+    @property
+    def must_part(self) -> bool:
+        return self.overlap == "relax"
 
     @property
     def parts(self) -> bool:
@@ -237,7 +233,6 @@ class Contact(PairInteraction):
         return self.model == "impulse" or self.restitution < 1 or self.rubs
 
     def remembers(self) -> bool:
-        """Whether it looks at the ends of steps alone, or keeps what it has to know from one step to the next."""
         return self.model == "impulse" or self.rubs or self.adhesion == "jkr"
 
     def beyond(self, radius: float) -> float:
@@ -255,6 +250,27 @@ class Contact(PairInteraction):
 
     def feeds(self) -> bool:
         return False
+
+    def doubts(self, lightest: tuple[float, float] | None, dt: float) -> Iterator[str]:
+        yield from self.friction_doubts(self.label)
+        if lightest is None or not self.soft:
+            return
+        mass, radius = lightest
+        if self.stiffness is not None:
+            lasts = contact_time(self.stiffness, self.beta, mass / 2)
+            if dt > lasts / RESOLVES:
+                yield (
+                    f"{self.label}: a contact of the lightest particles lasts {lasts:.3g} s, {lasts / dt:.3g} steps; "
+                    f"restitution needs about {RESOLVES}, dt = {lasts / RESOLVES:.2g} s"
+                )
+            return
+        assert self.young_modulus is not None
+        wave = rayleigh_time(self.young_modulus, self.poisson_ratio, mass, radius)
+        if dt > RAYLEIGH * wave:
+            yield (
+                f"{self.label}: Rayleigh's time of the smallest grains is {wave:.3g} s, {wave / dt:.3g} steps; contacts "
+                f"need steps of a fifth of it, dt = {RAYLEIGH * wave:.2g} s"
+            )
 
     def describe(self) -> str:
         static, kinetic = self.coefficients

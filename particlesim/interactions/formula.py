@@ -7,6 +7,7 @@ Source: A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 3, for
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -181,6 +182,17 @@ class PairFormula(PairInteraction):
                         found.append(Jump(of, high, abs(after - before)))
                         break
         return min(found, default=None)
+
+    def doubts(self, lightest: tuple[float, float] | None, dt: float) -> Iterator[str]:
+        if (jump := self.jump()) is None:
+            return
+        unit, effect = "N", "methods lose their order"
+        if jump.of == "energy":
+            unit, effect = "J", "no force does that work: energy is not kept"
+        yield (
+            f"the {jump.of} of {self.label} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} {unit} for some pair; {effect} "
+            "where pairs pass there"
+        )
 
     def changes(self) -> bool:
         """Whether the energy of particles at rest changes with time."""

@@ -18,6 +18,7 @@ from pydantic import model_validator
 
 from particlesim.compiler.intrinsics import bits_of, nearest, number_of
 from particlesim.interactions.base import PairInteraction
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, square
 from particlesim.laws.registry import Matrix, Vector, law
 from particlesim.laws.scatter import kick
@@ -108,42 +109,25 @@ def parts(f: FrictionRecord | ThermostatRecord, p: Pair) -> tuple[float, float, 
 
 
 def friction_force(f: FrictionRecord | ThermostatRecord, p: Pair) -> Vector:
+    """Force on the first of two particles [N]."""
     _, _, k, _ = parts(f, p)
     return k * p.x, k * p.y, k * p.z
 
 
 def friction_dx(f: FrictionRecord | ThermostatRecord, p: Pair) -> Matrix:
+    """∂f/∂l [N/m]."""
     r, w, k, rise = parts(f, p)
     drag = -f.gamma * w * w / (r * r)
     # k 1 + l (k' l/r + drag v)ᵀ
     x, y, z = (rise * s / r + drag * v for s, v in ((p.x, p.vx), (p.y, p.vy), (p.z, p.vz)))
-    return (
-        k + p.x * x,
-        p.x * y,
-        p.x * z,
-        p.y * x,
-        k + p.y * y,
-        p.y * z,
-        p.z * x,
-        p.z * y,
-        k + p.z * z,
-    )
+    return with_diagonal(k, outer((p.x, p.y, p.z), (x, y, z)))
 
 
 def friction_dv(f: FrictionRecord | ThermostatRecord, p: Pair) -> Matrix:
+    """∂f/∂v [N s/m]."""
     r, w, _, _ = parts(f, p)
     k = -f.gamma * w * w / (r * r)
-    return (
-        k * p.x * p.x,
-        k * p.x * p.y,
-        k * p.x * p.z,
-        k * p.y * p.x,
-        k * p.y * p.y,
-        k * p.y * p.z,
-        k * p.z * p.x,
-        k * p.z * p.y,
-        k * p.z * p.z,
-    )
+    return outer((k * p.x, k * p.y, k * p.z), (p.x, p.y, p.z))
 
 
 for _record in (FrictionRecord, ThermostatRecord):

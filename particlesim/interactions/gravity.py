@@ -52,6 +52,9 @@ class MutualGravity(FarInteraction):
             return SplineGravityRecord(self.constant, SPLINE_REACH * self.softening)
         return MutualGravityRecord(self.constant, square(self.softening))
 
+    def balanced_constant(self) -> float:
+        return self.constant
+
     def singular(self) -> bool:
         return self.softening == 0
 

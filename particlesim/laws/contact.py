@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.pair import Pair, pair_force, pair_force_dv, pair_force_dx, pair_potential, square
 from particlesim.laws.registry import GENERICS, Matrix, Vector, generic, law
 
@@ -106,18 +107,7 @@ def _by_place(f: Any, p: Pair) -> Matrix:
         for axis, v in zip(n, (p.vx, p.vy, p.vz), strict=True)
     )
     if there:
-        x, y, z = rows
-        return (
-            k + n[0] * x,
-            n[0] * y,
-            n[0] * z,
-            n[1] * x,
-            k + n[1] * y,
-            n[1] * z,
-            n[2] * x,
-            n[2] * y,
-            k + n[2] * z,
-        )
+        return with_diagonal(k, outer(n, rows))
     none = r - r
     return none, none, none, none, none, none, none, none, none
 
@@ -125,15 +115,4 @@ def _by_place(f: Any, p: Pair) -> Matrix:
 def _by_velocity(f: Any, p: Pair) -> Matrix:
     r, overlap, there = _overlap(p)
     c = touch(f, p, overlap).damping / (r * r) if there else r - r
-    x, y, z = p.x, p.y, p.z
-    return (
-        -c * x * x,
-        -c * x * y,
-        -c * x * z,
-        -c * y * x,
-        -c * y * y,
-        -c * y * z,
-        -c * z * x,
-        -c * z * y,
-        -c * z * z,
-    )
+    return outer((-c * p.x, -c * p.y, -c * p.z), (p.x, p.y, p.z))

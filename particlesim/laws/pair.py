@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler.roots import inverse_sqrt
+from particlesim.laws.matrices import outer, with_diagonal
 from particlesim.laws.registry import (
     GENERICS,
     ZERO_MATRIX,
@@ -140,17 +141,7 @@ def _central_potential(f: Any, p: Pair) -> float:
 
 def _central_dx(f: Any, p: Pair) -> Matrix:
     _, k, q = central(f, p, square(p))
-    return (
-        k + q * p.x * p.x,
-        q * p.x * p.y,
-        q * p.x * p.z,
-        q * p.y * p.x,
-        k + q * p.y * p.y,
-        q * p.y * p.z,
-        q * p.z * p.x,
-        q * p.z * p.y,
-        k + q * p.z * p.z,
-    )
+    return with_diagonal(k, outer((q * p.x, q * p.y, q * p.z), (p.x, p.y, p.z)))
 
 
 def _no_dv(f: Any, p: Pair) -> Matrix:

@@ -96,6 +96,10 @@ class Layout(Model):
         """Its parts, for messages."""
         return tuple(self.places())
 
+    def balanced_constant(self) -> float | None:
+        """The constant of gravitation that its speeds are in balance with; None where they balance nothing."""
+        return None
+
     def pins(self) -> NDArray[np.int64]:
         """Indices of the particles that the layout pins, sorted."""
         return np.empty(0, np.int64)

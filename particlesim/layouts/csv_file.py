@@ -29,7 +29,7 @@ def read_csv(path: Path) -> dict[str, Floats]:
         header = [name.strip() for name in next(lines, "").split(",")]
         if len(set(header)) < len(header):
             twice = next(name for name in header if header.count(name) > 1)
-            raise UsageError(f"{path}:1: the column {twice!r} stands there twice")
+            raise UsageError(f"{path}:1: the column {twice!r} occurs twice")
         parts = list(_parts(path, filter(_is_data, lines), len(header)))
     if not parts:
         raise UsageError(f"{path} holds no particles", "a line with a number per column for each is missing")

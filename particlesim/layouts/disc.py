@@ -74,6 +74,9 @@ class Disc(Layout):
     def attributes(self) -> frozenset[str]:
         return frozenset({"mass"})
 
+    def balanced_constant(self) -> float:
+        return self.constant
+
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         x = inverse(lambda x: x * np.exp(-x), streams["radius"].uniform(first, count), self.extent)
         turn = 2 * np.pi * streams["turn"].uniform(first, count)

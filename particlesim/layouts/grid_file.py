@@ -36,7 +36,7 @@ def _array(path: Path) -> Floats:
         values = np.load(path, allow_pickle=False, mmap_mode="r")
     except (ValueError, EOFError) as error:
         raise UsageError(
-            f"{path} is no array of NumPy: {error}", "numpy.save(name, array) writes one"
+            f"{path} is not a NumPy array: {error}", "numpy.save(name, array) writes one"
         ) from None
     if values.dtype.kind not in "fiu" or values.ndim not in (2, 3):
         raise UsageError(

@@ -67,13 +67,13 @@ def open_npy(path: Path, names: Sequence[str]) -> NpyTable:
         except OSError:
             raise
         except Exception:  # NumPy's own are of many kinds, and speak of pickles, which may run code
-            raise UsageError(f"{path} is no NPY file of numbers", _HINT) from None
+            raise UsageError(f"{path} is not an NPY file of numbers", _HINT) from None
         offset = file.tell()
     fields = dtype.fields
     kinds = [dtype] if fields is None else [entry[0] for entry in fields.values()]
     wrong = [kind for kind in kinds if kind.kind not in "fiu" or kind.shape]
     if dtype.hasobject:
-        raise UsageError(f"{path} is no NPY file of numbers", _HINT)
+        raise UsageError(f"{path} is not an NPY file of numbers", _HINT)
     there = path.stat().st_size - offset
     if math.prod(shape) * dtype.itemsize > there:
         raise UsageError(
@@ -109,7 +109,7 @@ def _header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     shape, fortran = told["shape"], told["fortran_order"]
     dtype = np.lib.format.descr_to_dtype(told["descr"])
     if len(told) != 3 or type(fortran) is not bool or type(shape) is not tuple:
-        raise ValueError("a header that is none")
+        raise ValueError("this is no header of NPY")
     if any(type(side) is not int or side < 0 for side in shape):
-        raise ValueError("a shape that is none")
+        raise ValueError("this is no shape")
     return shape, fortran, dtype

@@ -38,7 +38,7 @@ def surface_of_obj(lines: Iterable[bytes]) -> bytes:
                 out.write(b"f %b\n" % b" ".join(b"%d" % k for k in corners))
         except ValueError:
             shown = line[:60].decode(errors="replace").strip()
-            raise Malformed(f"line {number} is no vertex and no face: {shown!r}") from None
+            raise Malformed(f"line {number} is neither a vertex nor a face: {shown!r}") from None
     if highest == 0:
         raise Malformed("it has no triangles", "a face names three vertices or more")
     if highest > vertices:

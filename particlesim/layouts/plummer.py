@@ -56,6 +56,9 @@ class Plummer(Layout):
     def attributes(self) -> frozenset[str]:
         return frozenset({"mass"})
 
+    def balanced_constant(self) -> float:
+        return self.constant
+
     def place(self, streams: Streams, first: int, count: int) -> Placed:
         most = (1 + 1 / self.extent**2) ** -1.5
         u = most * streams["radius"].uniform(first, count)

@@ -120,7 +120,7 @@ def _checked(elements: list[Element]) -> tuple[Element, ...]:
     for element in elements:
         names = [entry.name for entry in element.properties]
         if len(set(names)) < len(names):
-            raise Malformed(f"a property of {element.name!r} stands there twice")
+            raise Malformed(f"a property of {element.name!r} occurs twice")
         if element.number and not names:
             raise Malformed(f"the element {element.name!r} has no properties")
     for name, what in (("vertex", "vertices"), ("face", "faces")):

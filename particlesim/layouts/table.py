@@ -12,10 +12,12 @@ class Table(Protocol):
     """Particles in a file: names of columns, number of rows, and a part of them."""
 
     @property
-    def columns(self) -> tuple[str, ...]: ...
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
 
     @property
-    def number(self) -> int: ...
+    def number(self) -> int:
+        """How many rows there are."""
 
     def read(self, first: int, count: int) -> dict[str, Floats]:
         """Rows first … first + count − 1 of every column."""
@@ -23,7 +25,7 @@ class Table(Protocol):
 
 
 @dataclass(frozen=True)
-class Columns:
+class Columns(Table):
     """A table in memory."""
 
     arrays: dict[str, Floats]

@@ -52,7 +52,7 @@ class Waves(Layout):
         if self.wave is None:
             return self
         if not any(self.wave):
-            raise invalid("a wave of no length is none", at=("wave",), allowed="[1, 0, 0], say")
+            raise invalid("a wave needs a length greater than 0", at=("wave",), allowed="[1, 0, 0], say")
         for key in ("slope", "shortest"):
             if key in self.model_fields_set:
                 raise invalid(f"{key} says something of random waves", at=(key,), also=[(("wave",), "here")])

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from particlesim.emitters import Emitter
 from particlesim.engine.interactions.methods import IN_MATRICES, chosen
-from particlesim.forces.gravity import Gravity
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
-from particlesim.interactions.contact import Contact
-from particlesim.interactions.gravity import MutualGravity
-from particlesim.layouts.disc import Disc
-from particlesim.layouts.plummer import Plummer
-from particlesim.preflight.contact_steps import contact_doubts
-from particlesim.preflight.penalty_steps import penalty_doubts
-from particlesim.scenario.reach import acts_on, held_back, meetings_of, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
 from particlesim.scenario.scenario import Scenario
 
 PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
 """Seconds on one core beyond which all pairs of a run are told to be many."""
-BY_PLACE = ("attractor", "point_spring", "rotating_frame", "field")
-"""Forces that depend on the place."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -31,19 +24,15 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
     return (
         *_format(scenario),
         *_order(scenario),
-        *_projection(scenario),
+        *_own(scenario),
         *_friction(scenario),
         *_twice(scenario),
-        *_never(scenario),
         *_loose(scenario),
         *_other_constant(scenario),
         *_joined_twice(scenario),
         *_explicit(scenario),
-        *_jumping(scenario),
         *_unrepeated(scenario),
         *_through_bodies(scenario),
-        *contact_doubts(scenario),
-        *penalty_doubts(scenario),
     )
 
 
@@ -87,10 +76,7 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if acts_on(force, group) and force.needs_velocity()
     ]
-    depends += [bonds.name for bonds in scenario.bonds if group.name in bonds.groups and bonds.law.damped]
-    depends += [
-        each.name for each in pair_sets(scenario) if group.name in each.groups and each.needs_velocity()
-    ]
+    depends += [each.name for each in ties(scenario) if group.name in each.groups and each.needs_velocity()]
     if not depends:
         return ()
     rods = any(group.name in each.groups for each in scenario.rod_sets)
@@ -101,41 +87,33 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
     )
 
 
-def _projection(scenario: Scenario) -> list[str]:
-    """Discrete detection lifts a particle out of the collider, which adds m g times the depth."""
-    return [
-        f"{each.kind} {each.name or k} with discrete detection and restitution {each.liveliness:g} can add energy: "
-        'particles are lifted out of it; detection = "continuous" does not'
-        for k, each in enumerate(scenario.all_colliders)
-        if each.lifts() and not each.soft
-    ]
+def _own(scenario: Scenario) -> Iterator[str]:
+    """What groups, colliders and interactions tell of themselves."""
+    grid = scenario.grid
+    for group in scenario.groups:
+        yield from group.doubts(grid.duration)
+    for k, collider in enumerate(scenario.all_colliders):
+        touching = [group for group in scenario.groups if held_back(collider, (group.name,))]
+        masses = [mass for group in touching if (mass := group.least_mass()) is not None]
+        yield from collider.doubts(collider.called(k), min(masses, default=None), grid.dt)
+    for each in scenario.interactions:
+        sizes = [size for group in interacting(each, scenario.groups) if (size := group.least_size())]
+        yield from each.doubts(min(sizes, default=None), grid.dt)
 
 
 def _friction(scenario: Scenario) -> list[str]:
-    """Friction that no surface shows, and friction that acts on nothing."""
+    """Friction that acts on nothing."""
     found = []
-    for body in scenario.bodies:
-        static, kinetic = body.coefficients
-        if kinetic > static:
-            found.append(
-                f"{body.name!r}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back "
-                "more than what lies, and what starts stops again"
-            )
     for k, each in enumerate(scenario.all_colliders):
-        name, (static, kinetic) = f"{each.kind} {each.name or k}", each.coefficients
-        if kinetic > static:
-            found.append(
-                f"{name}: kinetic friction {kinetic:g} is above static friction {static:g}; what slides is held back more "
-                "than what lies, and what starts stops again"
-            )
         inert = [
             g.name
             for g in scenario.groups
             if held_back(each, (g.name,)) and g.dynamics.type != "second_order"
         ]
         if each.rubs and inert:
+            names = ", ".join(map(repr, inert))
             found.append(
-                f"{name}: friction does not act on {', '.join(map(repr, inert))}, whose particles have no inertia"
+                f"{each.called(k)}: friction does not act on {names}, whose particles have no inertia"
             )
     return found
 
@@ -144,7 +122,7 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
     in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
-        f"{each.kind} {each.name or k}: tangential_loss is taken at every contact, and a particle that lies on the "
+        f"{each.called(k)}: tangential_loss is taken at every contact, and a particle that lies on the "
         f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
         "of impacts, not of friction; friction = 0.4 is"
         for k, each in enumerate(scenario.all_colliders)
@@ -164,28 +142,10 @@ def _explicit(scenario: Scenario) -> list[str]:
         if not isinstance(methods[each.groups[0]], ImplicitMethod):
             continue
         count = int(sum(_number(numbers[name], scenario) for name in each.groups))
-        if isinstance(each.law, Contact) or chosen(each.law, count) not in IN_MATRICES:
+        if each.law.is_contact or chosen(each.law, count) not in IN_MATRICES:
             found.append(
                 f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
                 "those of an explicit method, or equations will not be solved"
-            )
-    return found
-
-
-def _jumping(scenario: Scenario) -> list[str]:
-    """Formulas of pairs whose energy or force jumps at a distance."""
-    found = []
-    for each in pair_sets(scenario):
-        jump = each.law.jump()
-        if jump is not None and jump.of == "energy":
-            found.append(
-                f"the energy of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} J for some pair, and no force "
-                "does that work: energy is not kept where pairs pass there"
-            )
-        elif jump is not None:
-            found.append(
-                f"the force of {each.name} jumps at r = {jump.at:.4g} m, by {jump.size:.3g} N for some pair: methods lose "
-                "their order where pairs pass there"
             )
     return found
 
@@ -197,7 +157,7 @@ def _unrepeated(scenario: Scenario) -> list[str]:
     return [
         f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
         for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
-        if force.type in BY_PLACE
+        if force.by_place
     ]
 
 
@@ -252,7 +212,7 @@ def _twice(scenario: Scenario) -> list[str]:
     labels = [
         (label, force)
         for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
-        if isinstance(force, Gravity)
+        if force.uniform
     ]
     for group in scenario.groups:
         here = [label for label, force in labels if acts_on(force, group)]
@@ -261,21 +221,9 @@ def _twice(scenario: Scenario) -> list[str]:
     return found
 
 
-def _never(scenario: Scenario) -> list[str]:
-    """Bursts that the run does not come to."""
-    return [
-        f"the burst of {emitter.name!r} at {burst.at:.6g} s is never born: the run ends at {scenario.grid.duration:.6g} s"
-        for emitter in scenario.emitters
-        for burst in emitter.bursts()
-        if burst.at >= scenario.grid.duration
-    ]
-
-
 def _loose(scenario: Scenario) -> list[str]:
     """Bodies that nothing holds together."""
-    joined = {name for bonds in scenario.bonds for name in bonds.groups}
-    joined |= {hinges.group for hinges in scenario.hinges}
-    joined |= {name for rods in scenario.rod_sets for name in rods.groups}
+    joined = {name for each in ties(scenario) if each.holds for name in each.groups}
     return [
         f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
         for group in scenario.particles
@@ -287,17 +235,14 @@ def _other_constant(scenario: Scenario) -> list[str]:
     """Speeds that balance another gravity than the one that acts."""
     found = []
     for group in scenario.particles:
-        if not isinstance(group.layout, Plummer | Disc):
+        if (balanced := group.layout.balanced_constant()) is None:
             continue
-        acting = {
-            pairs.law.constant
-            for pairs in pair_sets(scenario)
-            if isinstance(pairs.law, MutualGravity) and group.name in pairs.groups
-        }
-        if acting != {group.layout.constant}:
+        laws = [pairs.law for pairs in pair_sets(scenario) if group.name in pairs.groups]
+        acting = {constant for law in laws if (constant := law.balanced_constant()) is not None}
+        if acting != {balanced}:
             acts = f"G = {', '.join(f'{each:g}' for each in acting)} acts" if acting else "no gravity acts"
             found.append(
-                f"the speeds of {group.name!r} balance gravity with G = {group.layout.constant:g}, and {acts} between its "
+                f"the speeds of {group.name!r} balance gravity with G = {balanced:g}, and {acts} between its "
                 "particles: constant of its layout and of [[interactions]] should be the same"
             )
     return found

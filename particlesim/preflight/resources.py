@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from particlesim.bodies import Bodies
+from particlesim.bonds.base import Ties
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
 from particlesim.graph.graph import method_of
@@ -19,7 +20,7 @@ from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.preflight.pair_memory import pair_bytes
 from particlesim.sampling.distributions import largest
-from particlesim.scenario.reach import may_break, mortal, pair_sets
+from particlesim.scenario.reach import mortal, ties
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.timegrid import TimeGrid
 from particlesim.trajectory.chunks import chunk_rows, padded
@@ -41,19 +42,11 @@ TOPOLOGY_RATIO = 0.003
 """Size of the table of vertices, 0, 1, 2, ..., over its plain size; measured."""
 GZIP = {"float": 0.93, "integer": 0.2}
 """Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
-SPRING_BYTES = 32
-"""Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
-ROSTER_BYTES = 40
-"""What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
 BODY_BYTES = 16_000
 """Memory of a rigid body beside that of a particle: room for 16 contacts of 552 bytes, up to 64 places of 48 bytes for what
 is remembered of them, twice, and the solver's scratch; counted from the sizes of these arrays."""
 BODY_SAVED = 64 * 48 + 64
 """What a checkpoint keeps of a rigid body: impulses of contacts, orientation, angular momentum."""
-ROD_BYTES = 500
-"""Memory of a rod in a chain: its place in the order of elimination, rows of the matrix, scratch."""
-SPRING_STORED = 10
-"""A spring in a trajectory [bytes]: both ends and rest length, compressed, and its share of a surface."""
 CLOCK_BYTES = 26
 """Birth, start and stop of a particle that may be born or pinned, and what became of it."""
 LEDGER_COLUMNS = 8
@@ -111,7 +104,8 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
         alive += here
         stepped += held
     most = int(alive.max())
-    memory += _spring_bytes(scenario) + pair_bytes(scenario, numbers, _width(scenario))
+    memory += sum(each.memory(_width(scenario), mortal=_mortal(scenario, each)) for each in ties(scenario))
+    memory += pair_bytes(scenario, numbers, _width(scenario))
     if recorded:
         # At the end a column at a time is made for the digest, while the last checkpoint may still be on its way.
         memory += 2 * POOL * most * sum(_stored(scenario).values()) + checkpoint + 3 * _width(scenario) * most
@@ -140,10 +134,7 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
         return 2 * size + BODY_BYTES
     if group.pinned:
         size += CLOCK_BYTES
-    joined: list[tuple[str, ...]] = [each.groups for each in scenario.bonds]
-    joined += [each.groups for each in scenario.rod_sets]
-    joined += [each.groups for each in pair_sets(scenario)]
-    if any(group.name in names for names in joined):
+    if any(group.name in each.groups for each in ties(scenario)):
         stages = method.evaluations if isinstance(method, RungeKutta) else 0
         size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes
     return size
@@ -167,19 +158,9 @@ def _attribute_bytes(group: Group, number: int) -> float:
     return sum(8 if name == "temperature" else number for name in mine)
 
 
-def _spring_bytes(scenario: Scenario) -> float:
-    """Memory of all springs and rods whose number is known before positions are."""
-    number = _width(scenario)
-    own = [
-        2 * number * (b.law.by_mass or may_break(scenario, b))
-        + b.law.breaks
-        + ROSTER_BYTES * any(mortal(scenario, name) for name in b.groups)
-        for b in scenario.bonds
-    ]
-    springs = sum(
-        (b.count or 0) * (SPRING_BYTES + extra) for b, extra in zip(scenario.bonds, own, strict=True)
-    )
-    return float(springs + ROD_BYTES * sum(rods.count or 0 for rods in scenario.rod_sets))
+def _mortal(scenario: Scenario, each: Ties) -> bool:
+    """Whether particles that something joins may die."""
+    return any(mortal(scenario, name) for name in each.groups)
 
 
 def _stored(scenario: Scenario) -> dict[str, int]:
@@ -202,8 +183,7 @@ def _file_size(scenario: Scenario, alive: Floats, events: int) -> float:
     ledger = 8 * LEDGER_COLUMNS * scenario.output.ledger
     tables = padded(frames, TABLE_ROWS) * (ROW_BYTES + ledger)
     topology = 2 * 8 * padded(2 * most, TOPOLOGY_ROWS) * TOPOLOGY_RATIO
-    springs = sum((b.count or 0) * (SPRING_STORED + 8 * may_break(scenario, b)) for b in scenario.bonds)
-    springs += SPRING_STORED * sum(rods.count or 0 for rods in scenario.rod_sets)
+    springs = sum(each.stored(mortal=_mortal(scenario, each)) for each in ties(scenario))
     return float(FILE_BYTES + frames * (data + index) + tables + topology + springs + events * EVENT_BYTES)
 
 

@@ -14,7 +14,8 @@ from particlesim.colliders.moving import frame_at
 from particlesim.colliders.solid import Solid
 from particlesim.colliders.sphere import SphereCollider
 from particlesim.errors import UsageError
-from particlesim.model.vectors import unit
+from particlesim.forces.buoyancy import Buoyancy
+from particlesim.model.vectors import perpendicular, unit
 from particlesim.render.scene.source import BallShape, FrameSource, MeshShape, PlaneShape, Pose
 from particlesim.render.timeline import video_step
 from particlesim.render.writers import find_ffmpeg
@@ -107,7 +108,7 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball; and rigid bodies."""
+    """All other shapes among the colliders: containers and whatever is no ball; surfaces of fluids; and rigid bodies."""
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
@@ -116,11 +117,26 @@ def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
             pose = None if each.motion is None else functools.partial(_pose, each)
             pivot = np.zeros(3) if pose is None else np.array(each.pivot())
             shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose))
+    shapes += [
+        _water(force)
+        for force in scenario.forces
+        if isinstance(force, Buoyancy) and force.surface is not None
+    ]
     groups = [group.name for group in scenario.groups]
     for body in scenario.bodies:
         surface = body.shape.triangles()
         shapes.append(MeshShape(surface.corners, surface.faces, group=groups.index(body.name)))
     return tuple(shapes)
+
+
+def _water(buoyancy: Buoyancy) -> MeshShape:
+    """The surface of a fluid, a square of two metres."""
+    x, y, z = buoyancy.acceleration
+    up = unit((-x, -y, -z))
+    u, v = (np.array(each) for each in perpendicular(up))
+    place = (buoyancy.surface or 0.0) * np.array(up)
+    corners = np.array([place + u - v, place + u + v, place - u + v, place - u - v])
+    return MeshShape(corners, np.array([[0, 1, 2], [0, 2, 3]]), fluid=True)
 
 
 def _is_ball(collider: Collider) -> TypeGuard[SphereCollider]:

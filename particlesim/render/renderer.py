@@ -24,16 +24,11 @@ from particlesim.render.kernels.multisample import (
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
     Array,
-    Axes,
     Light,
     Paths,
     Planes,
-    ShadowMap,
-    SkyMap,
     Solids,
-    Triple,
     View,
-    axes_of,
 )
 from particlesim.render.kernels.shade_solids import shade_samples
 from particlesim.render.kernels.solids import box_triangles, box_tubes
@@ -54,7 +49,8 @@ from particlesim.render.scene.lighting import (
     tone_curve,
 )
 from particlesim.render.scene.props import Props
-from particlesim.render.scene.shadow_maps import depth_map
+from particlesim.render.scene.shadow_maps import Lamp
+from particlesim.render.scene.sizes import Sizes
 from particlesim.render.scene.source import BallShape, Frame, FrameSource, MeshShape, PlaneShape
 from particlesim.render.scene.trails import AUTOMATIC, collect_trails
 from particlesim.scenario.rendering import RenderSettings
@@ -65,9 +61,10 @@ Picture = npt.NDArray[np.uint8]
 CHUNK = 1 << 16
 """Particles of one piece of work."""
 
-SKY_SIZE = 512
-MAP_REACH = 1.25
-"""Half width of shadow and sky map in half extents of the scene's diagonal."""
+CLEAR = 0.45
+"""How much of what is behind it the surface of a fluid hides."""
+SEA = 1.6
+"""Half a side of such a surface, in half extents of the scene."""
 
 _AS_IT_IS = np.empty(0, np.int32)
 _NOTHING = np.empty((0, 0), np.float32)
@@ -114,30 +111,41 @@ class Renderer:
         self.samples = settings.supersampling
         self.width, self.height = (side * self.samples for side in settings.size)
         self.use_radius = "radius" in source.fields and settings.look == "spheres"
-        self.radius = self._drawn_radius()
-        self.line_radii = self._drawn_line_radii()
+        self.sizes = Sizes(settings, self.scene, self.bodies, self.scale, self.use_radius)
+        self.radius, self.line_radii = self.sizes.radius(), self.sizes.line_radii()
         aspect = self.width / self.height
         shapes = planes if settings.ground else ()
         solid = balls if settings.ground else ()
         stage = tuple(each for each in meshes if settings.ground or each.group is not None)
         radius = max(self.radius, self.scene.largest if self.use_radius else 0.0)
-        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, stage)
+        still = tuple(each for each in stage if not each.fluid)
+        self.viewpoint = choose_viewpoint(settings.camera, self.scene, radius, shapes, aspect, solid, still)
         self.light: Light = choose_light(settings, self.viewpoint)
         self.theme = choose_theme(settings)
         self.planes = grid_planes(shapes, self.center, self.scale)
         self.balls = Balls.of(solid, self.center, self.scale)
+        stage = tuple(each.spread(self.center, SEA * self.scale) for each in stage)
         self.props = Props(stage, self.center, self.scale, source[0])
         srgb = self._palette_srgb(groups)
         self.shades = len(srgb)
         own = np.array(list(self.own_colors.values()), float).reshape(-1, 3)
-        self.palette = colormaps.to_linear(np.concatenate([srgb, own, [colormaps.STONE]])).astype(np.float32)
+        self.palette = colormaps.to_linear(
+            np.concatenate([srgb, own, [colormaps.WATER, colormaps.STONE]])
+        ).astype(np.float32)
         self.paint = {name: self.shades + k for k, name in enumerate(self.own_colors)}
         self._has_groups = "group" in source.fields
         self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
-        masks = {name: self.bodies.skin == k for k, name in enumerate(self.bodies.skins)}
+        dry = np.zeros(len(self.props.fluid), np.bool_)
+        masks = {
+            name: np.concatenate([self.bodies.skin == k, dry]) for k, name in enumerate(self.bodies.skins)
+        }
         self._sheer = [
             (share, masks[name]) for name, share in settings.opacity.items() if share < 1 and name in masks
         ]
+        if self.props.fluid.any():
+            self._sheer.append(
+                (CLEAR, np.concatenate([np.zeros(len(self.bodies.skin), np.bool_), self.props.fluid]))
+            )
         self.overlay = Overlay(settings, self.coloring, self.range, srgb, groups, title, self.scene.count)
         self.curve = tone_curve()
         wanted = settings.trails
@@ -171,46 +179,6 @@ class Renderer:
         cloth = colormaps.CLOTH
         return {name: cloth[k % len(cloth)] for k, name in enumerate(self.bodies.skins)}
 
-    def _drawn_radius(self) -> float:
-        """Radius [m] of particles that have none of their own."""
-        if self.settings.particle_radius is not None:
-            return self.settings.particle_radius
-        if self.use_radius and self.scene.radius > 0:
-            return self.scene.radius
-        crowd = max(self.scene.count, 1) ** (-1 / 3)
-        share = (
-            np.clip(0.24 * crowd, 0.0012, 0.03)
-            if self.settings.look == "spheres"
-            else np.clip(0.12 * crowd, 0.001, 0.012)
-        )
-        return float(share) * self.scale
-
-    def _drawn_line_radii(self) -> Array:
-        """Radius [m] of the tubes that springs are drawn as, for each owner of lines.
-
-        By itself a tenth of the springs' length, but thick enough to be seen in the whole scene, unless there are so
-        many that they would cover each other, and no thicker than a rod.
-        """
-        bodies, wanted = self.bodies, self.settings.line_radius
-        if isinstance(wanted, float):
-            return np.full(len(bodies.owners), wanted)
-        crowd = np.log10(max(len(bodies.owner), 1))
-        least = float(np.interp(crowd, [3.0, 5.0], [0.0028, 0.001]))
-        radii = np.empty(len(bodies.owners))
-        for k, name in enumerate(bodies.owners):
-            rest = np.concatenate(
-                [bodies.lines.rest[bodies.owner == k], bodies.links.rest[bodies.links.owner == k]]
-            )
-            typical = float(np.median(rest)) if len(rest) else 0.0
-            own = np.clip(0.1 * typical, least * self.scale, 0.007 * self.scale)
-            radii[k] = (wanted or {}).get(name, own)
-        return radii
-
-    @property
-    def _least_tube(self) -> float:
-        """Smallest drawn radius of a tube [samples]."""
-        return 0.5 * self.samples * max(self.height / self.samples / 1080, 0.8)
-
     def _palette_srgb(self, groups: tuple[str, ...]) -> Array:
         if self.coloring.kind == "none":
             return np.array([colormaps.PLAIN])
@@ -222,14 +190,6 @@ class Renderer:
         colors = colormaps.colormap(self.settings.colormap, 1024)
         return readable(colors, is_light(self.settings), shaded=bool(self.bodies))
 
-    @property
-    def least(self) -> float:
-        """Smallest drawn radius [samples]: a lone ball stays a ball, a million dots stay apart."""
-        if self.bodies:  # they give the scene its scale: what is small beside them is
-            return 0.75 * self.samples
-        at_1080 = np.interp(np.log10(max(self.scene.count, 1)), [0.3, 1.8, 4.0], [11.0, 6.0, 1.0])
-        return float(max(at_1080 * self.height / 1080, 0.75 * self.samples))
-
     def draw(self, frame: Frame, turn: float = 0.0) -> Picture:
         """The picture of one frame, [height, width, 3] sRGB; the camera turned by `turn` degrees about its
         target."""
@@ -239,7 +199,7 @@ class Renderer:
         planes = _towards(self.planes, view)
         cast = self._place(frame, view, planes)
         bare = _without(cast, [mask for _, mask in self._sheer])
-        shadow, sky = self._maps(bare)
+        shadow, sky = self._lamp().maps(bare, self.team)
         act = Act(view, planes, shadow, sky, bare, self._haze(viewpoint), self._lines(frame, view))
         out = self._paint(act)
         for share, mask in self._sheer:
@@ -309,7 +269,7 @@ class Renderer:
         if not dots:
             raster_balls(cast.sphere, cast.box, spheres, row0, view, None, seen)
         raster_triangles(cast.sphere, solids, n, cast.triangle_box, triangles, row0, view, seen)
-        base, least = n + len(solids.corner), self._least_tube
+        base, least = n + len(solids.corner), self.sizes.least_tube()
         raster_tubes(cast.sphere, solids, least, base, cast.tube_box, tubes, row0, view, seen)
         shade_samples(
             row0, view, self.light, act.shadow, act.sky, cast.sphere, cast.color, self.palette,
@@ -361,7 +321,7 @@ class Renderer:
         def piece(c: int) -> None:
             start, stop = c * CHUNK, min((c + 1) * CHUNK, n)
             bad[c] = project.to_scene(position, start, stop, self.center, self.scale, world)
-            project.to_view(world, radius, start, stop, view, planes, self.least, sphere, box)
+            project.to_view(world, radius, start, stop, view, planes, self.sizes.least(), sphere, box)
 
         self.team.each(piece, chunks)
         project.to_view(world, radius, n, every, view, planes, 0.0, sphere, box)
@@ -380,7 +340,7 @@ class Renderer:
         triangle_box, tube_box = (np.empty((len(s), 4), np.int32) for s in (solids.corner, solids.end))
         box_triangles(world, sphere, solids.corner, 0, len(triangle_box), view, planes, triangle_box)
         triangle_box[~whole] = NO_BOX
-        least = self._least_tube
+        least = self.sizes.least_tube()
         box_tubes(world, sphere, solids.end, 0, len(tube_box), view, planes, solids.radius, least, tube_box)
         return Cast(world, sphere, box, color, hidden, solids, whole, triangle_box, tube_box)
 
@@ -462,39 +422,19 @@ class Renderer:
             return self.bodies.strains(frame)
         return values_of(frame, self.coloring)
 
-    def _maps(self, cast: Cast) -> tuple[ShadowMap, SkyMap]:
-        """Depth seen from the light, and the blurred heights seen from above."""
-        flat = np.full((1, 1), np.inf, np.float32)
-        light = self.light
+    def _lamp(self) -> Lamp:
         # Nothing shows the shadows of dots alone.
         dots_alone = self.settings.look == "dots" and not len(self.planes.point) and not self._multisampled
-        if not self.settings.shadows or not len(cast.world) or dots_alone:
-            axes = _map_axes(light.direction)
-            return ShadowMap(flat, flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
-        reach = MAP_REACH * float(np.linalg.norm(self.scene.high - self.scene.low)) / (2 * self.scale)
-        reach = max(reach, 0.3) + 2 * self.radius / self.scale
-        typical = 0.01 if self.bodies else max(self.radius / self.scale, 1e-3)
-        size = 2048 if typical * 512 / reach < 2.5 and self.height > 600 else 1024
-        axes = _map_axes(light.direction)
-        depth = depth_map(cast, axes, size, reach, self.team)
-        shadow = ShadowMap(depth, raster.least_around(depth), axes, 0.5 * size / reach)
-        axes, scale = _map_axes(light.up), 0.5 * SKY_SIZE / reach
-        depth = depth_map(cast, axes, SKY_SIZE, reach, self.team)
-        blur = int(np.clip(round(1.2 * typical * scale), 2, 24))
-        mean, square = np.empty_like(depth), np.empty_like(depth)
-        base = self._lowest()
-        raster.sky_moments(depth, base, blur, mean, square)
-        return shadow, SkyMap(mean, square, axes, scale, base, max(2.0 * typical, 2.0 * blur / scale))
-
-    def _lowest(self) -> float:
-        """Height of the floor, or of the scene's bottom [scene units]."""
-        up = np.array(self.light.up)
-        heights = self.planes.point.astype(float) @ up
-        floors = heights[(self.planes.normal @ up) > 0.7]
-        return (
-            float(floors.max())
-            if len(floors)
-            else -float(np.abs(up) @ (self.scene.high - self.scene.low)) / (2 * self.scale)
+        radius = self.radius / self.scale
+        return Lamp(
+            self.light,
+            self.planes,
+            self.scene.high - self.scene.low,
+            self.scale,
+            radius,
+            0.01 if self.bodies else max(radius, 1e-3),
+            self.settings.shadows and not dots_alone,
+            self.height > 600,
         )
 
     def _lines(self, frame: Frame, view: View) -> tuple[Array, Array] | None:
@@ -531,8 +471,7 @@ def _without(cast: Cast, masks: list[Array]) -> Cast:
     """A cast without some of its triangles, each mask of shape [t]."""
     if not masks:
         return cast
-    gone = np.zeros(len(cast.whole), np.bool_)  # props stay
-    gone[: len(masks[0])] = np.logical_or.reduce(masks)
+    gone = np.logical_or.reduce(masks)
     whole, box = cast.whole & ~gone, cast.triangle_box.copy()
     box[~whole] = NO_BOX
     return replace(cast, whole=whole, triangle_box=box)
@@ -548,11 +487,3 @@ def _towards(planes: Planes, view: View) -> Planes:
     """The planes with those marked that have the camera on their legal side."""
     height = np.einsum("ij,ij->i", np.array(view.eye) - planes.point, planes.normal)
     return planes._replace(facing=height > 1e-6)
-
-
-def _map_axes(towards: Triple) -> Axes:
-    """Axes of a map seen from `towards`: right, up, and away from there."""
-    forward = -np.array(towards)
-    side = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    return axes_of([side, np.cross(side, forward), forward])

@@ -34,9 +34,14 @@ _PROBE = 1 << 20
 class Writer(Protocol):
     """`add` every picture, then `finish`; or `discard` at any moment."""
 
-    def add(self, picture: Picture) -> None: ...
-    def finish(self) -> tuple[Path, ...]: ...
-    def discard(self) -> None: ...
+    def add(self, picture: Picture) -> None:
+        """Take the next picture."""
+
+    def finish(self) -> tuple[Path, ...]:
+        """Complete what is written, and return the files."""
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
 
 
 def open_writer(out: Path, settings: RenderSettings, frames: int, overwrite: bool) -> Writer:
@@ -62,7 +67,7 @@ def numbered(out: Path, frames: int) -> list[Path]:
             names = [out.name % (k + 1) for k in range(frames)]
         except (TypeError, ValueError) as error:
             raise UsageError(
-                f"'{out.name}' is no pattern for file numbers",
+                f"'{out.name}' is not a pattern for file numbers",
                 "Use one such as 'frame-%04d.png', or a plain name.",
             ) from error
         if len(set(names)) != len(names):
@@ -108,7 +113,7 @@ def find_ffmpeg() -> str:
         ) from None
 
 
-class Mp4Writer:
+class Mp4Writer(Writer):
     """H.264 in MP4: yuv420p, limited range, BT.709 (tagged, or browsers show wrong colours), index at the
     front.
 
@@ -210,7 +215,7 @@ def is_whole_mp4(path: Path) -> bool:
     return place == end and {b"moov", b"mdat"} <= set(kinds) and kinds.index(b"moov") < kinds.index(b"mdat")
 
 
-class WebpWriter:
+class WebpWriter(Writer):
     """Animated WebP; frames are kept in memory as Pillow needs them all at the end, so it suits short
     clips."""
 
@@ -246,7 +251,7 @@ class WebpWriter:
         self.part.unlink(missing_ok=True)
 
 
-class PngWriter:
+class PngWriter(Writer):
     """One PNG file per frame; all appear together when the last is done."""
 
     def __init__(self, names: list[Path], overwrite: bool) -> None:

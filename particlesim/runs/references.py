@@ -34,7 +34,9 @@ def check_references(scenario: Scenario, output: Path | None, *, bless: bool) ->
             'Such as: quantity = "position", reference = "reference.vtkhdf", tolerance = 1e-9',
         )
     if bless and output is None:
-        raise UsageError("a reference is made of a trajectory, and none is written", "Give an output.")
+        raise UsageError(
+            "a reference is a copy of the trajectory, and no trajectory is written", "Give an output."
+        )
 
 
 def _check_beside(path: Path, scenario: Scenario) -> None:

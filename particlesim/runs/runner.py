@@ -145,7 +145,9 @@ def _check_arguments(
     if threads is not None and (isinstance(threads, bool) or not isinstance(threads, Integral)):
         raise TypeError(f"threads is a whole number or None, not {threads!r}")
     if threads is not None and threads < 1:
-        raise UsageError(f"{threads} threads cannot run anything", "Give 1 or more, or none for all cores.")
+        raise UsageError(
+            f"the number of threads must be 1 or more, got {threads}", "None, the default, takes all cores."
+        )
     if any(value is not None and not value > 0 for value in seconds):
         raise UsageError("times between checkpoints and the longest time of a run must be greater than 0 s")
     if not resume:
@@ -154,7 +156,8 @@ def _check_arguments(
         raise UsageError("there is nothing to resume without an output", "Give the trajectory to go on with.")
     if overwrite:
         raise UsageError(
-            "--resume goes on with a run and --force (overwrite=True) starts it anew", "Choose one of them."
+            "--resume continues a run, and --force (overwrite=True) starts it again from the beginning",
+            "Choose one of them.",
         )
     if bless:
         raise UsageError("a reference cannot come from a resumed run", "Leave out --resume or --bless.")
@@ -294,7 +297,7 @@ def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:
     """What to tell of a resumed run."""
     if found is not None:
         return found.notes
-    return ("there was no checkpoint to go on from: the run began anew",) if resume else ()
+    return ("there was no checkpoint to continue from: the run started from the beginning",) if resume else ()
 
 
 def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result:

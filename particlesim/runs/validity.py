@@ -17,7 +17,6 @@ from particlesim.engine.stability.limits import remedy
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
-from particlesim.laws.registry import velocity
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.scenario.reach import acts_on, collider_tables, has_extent
 from particlesim.scenario.scenario import Scenario
@@ -242,25 +241,19 @@ class Watch:
         self._largest: dict[str, tuple[float, float]] = {}
         self._overflowed: dict[str, float] = {}
         laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
-        self._laws = [
-            (label, force) for label, force in laws if force.type == "stokes_drag" and force.rho is not None
-        ]
+        self._laws = [(label, force) for label, force in laws if force.limited()]
 
     def look(self, world: World) -> None:
-        """Look at the present state: Reynolds numbers Re = 2 r ρ |v − w| / η of Stokes drag."""
+        """Look at the fastest particles of the present state."""
         for label, force in self._laws:
             for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
                     continue
                 speed2 = (state.v[:, : state.count].astype(float) ** 2).sum(axis=0)
-                flows = tuple(flow.record() for flow in force.flow)
                 for i in np.argsort(speed2)[-FASTEST:]:
-                    p = state.particle(int(i), world.time)
-                    wx, wy, wz = velocity(flows, p)
-                    relative = math.hypot(p.vx - wx, p.vy - wy, p.vz - wz)
-                    reynolds = 2 * p.r * (force.rho or 0) * relative / force.eta
-                    if reynolds > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
-                        self._largest[label] = (reynolds, world.time)
+                    excess = force.excess(state.particle(int(i), world.time))
+                    if excess > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
+                        self._largest[label] = (excess, world.time)
 
     def overflowed(self, field: str, time: float) -> None:
         """Take note of a field that the trajectory stores as infinite at a time [s], though it is not."""
@@ -272,7 +265,7 @@ class Watch:
 
     def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
         """Go on from a `state`."""
-        self._largest = {label: (reynolds, time) for label, (reynolds, time) in state["reynolds"].items()}
+        self._largest = {label: (excess, time) for label, (excess, time) in state["reynolds"].items()}
         self._overflowed = dict(state["overflowed"])
 
     @property
@@ -282,8 +275,7 @@ class Watch:
             f"{field}: from t = {time:.6g} s on, some are beyond {LARGEST:.2g} and stored as infinite; {STORED}"
             for field, time in self._overflowed.items()
         )
+        laws = dict(self._laws)
         return stored + tuple(
-            f"{label}: Stokes drag holds for Reynolds numbers below 1, and {reynolds:.3g} was reached at t = {time:.6g} s; "
-            'type = "drag" with coefficient = "schiller_naumann" holds further'
-            for label, (reynolds, time) in self._largest.items()
+            f"{label}: {laws[label].beyond(excess, time)}" for label, (excess, time) in self._largest.items()
         )

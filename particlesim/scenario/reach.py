@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, Rods, Springs
+from particlesim.bonds.base import Ties
 from particlesim.colliders import Collider
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
@@ -29,6 +30,7 @@ def acts_on(force: Force, group: Group) -> bool:
 
 
 def unfelt(force: Force, group: Group) -> str | None:
+    """Why a group cannot feel a force; None if it can."""
     if force.on_surfaces and not (isinstance(group, Particles) and group.layout.has_surface()):
         return "this force acts on surfaces; cloth, jelly and mesh have one"
     if group.dynamics.type == "tracer":
@@ -61,17 +63,12 @@ def _reached(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Gro
     return tuple(group for group in groups if not unmoved(interaction, group))
 
 
-def meets_bodies(interaction: PairInteraction) -> bool:
-    """Whether bodies take part in an interaction where it reaches them."""
-    return isinstance(interaction, Contact) and interaction.model == "impulse"
-
-
 def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
     """Which particles touch which bodies."""
     return tuple(
         Meeting(group.name, body.name, each.label, each.restitution, each.coefficients)
         for each in scenario.interactions
-        if isinstance(each, Contact) and meets_bodies(each)
+        if isinstance(each, Contact) and each.by_impulses
         for group in interacting(each, scenario.groups)
         for body in _reached(each, scenario.bodies)
     )
@@ -80,9 +77,9 @@ def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
 def unmoved(interaction: PairInteraction, group: Group) -> str | None:
     """Why a group cannot feel an interaction; None if it can."""
     if isinstance(group, Bodies):
-        if meets_bodies(interaction):
+        if interaction.by_impulses:
             return None
-        if isinstance(interaction, Contact):
+        if interaction.soft:
             return 'rigid bodies touch particles by impulses: model = "impulse"'
         return "interactions act between particles, and rigid bodies feel none but contact"
     if group.dynamics.type == "tracer":
@@ -101,9 +98,7 @@ def has_extent(group: Group) -> bool:
 
 def touches_by_surfaces(interaction: PairInteraction, groups: Iterable[Group]) -> bool:
     """Whether an interaction is a contact of triangles and edges, not of particles alone."""
-    if not isinstance(interaction, Contact) or not interaction.by_surfaces:
-        return False
-    return any(has_extent(group) for group in groups)
+    return interaction.by_surfaces and any(has_extent(group) for group in groups)
 
 
 def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
@@ -113,6 +108,11 @@ def pair_sets(scenario: Tables) -> tuple[PairSet, ...]:
         for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if each.between is None or len(interacting(each, scenario.groups)) == 2
     )
+
+
+def ties(scenario: Tables) -> tuple[Ties, ...]:
+    """All that joins particles of one group or of several, but for what acts on surfaces."""
+    return (*scenario.bonds, *scenario.rod_sets, *scenario.hinges, *pair_sets(scenario))
 
 
 def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rods]]:
@@ -131,7 +131,7 @@ def spins(scenario: Tables, group: Group) -> bool:
     """Whether the particles of a group turn: spheres do whose contacts with each other have friction; surfaces, strands and
     what touches these do not."""
     for each in scenario.interactions:
-        if isinstance(each, Contact) and each.rubs:
+        if each.rubs:
             groups = interacting(each, scenario.groups)
             if each.between is not None and len(groups) < 2:
                 continue  # with bodies alone
@@ -177,6 +177,7 @@ def may_break(scenario: Tables, bonds: BondSet) -> bool:
 
 
 def group_tables(scenario: Tables) -> Iterator[tuple[Path, Group]]:
+    """All groups, and where they are stated."""
     for k, particles in enumerate(scenario.particles):
         yield ("particles", k), particles
     for k, bodies in enumerate(scenario.bodies):

@@ -119,7 +119,9 @@ class RenderSettings(Model):
         description="Draw each particle's recent path; 'auto': when there are at most 64 particles and "
         "no springs.",
     )
-    ground: bool = Field(True, description="Draw the planes and the colliders that particles meet.")
+    ground: bool = Field(
+        True, description="Draw the planes and the colliders that particles meet, and surfaces of fluids."
+    )
     shadows: bool = Field(True, description="Cast shadows and darken corners.")
     light: Vector[Number] | None = Field(
         None, description="Direction towards the light. Left out: above the camera, to its left."
@@ -142,9 +144,15 @@ class RenderSettings(Model):
     def _values_make_sense(self) -> Self:
         if self.color_range != "auto" and not self.color_range[0] < self.color_range[1]:
             low, high = self.color_range
-            raise invalid(f"must rise, but {low:g} is not below {high:g}", at=("color_range",))
+            raise invalid(
+                f"the first value must be below the second, got {low:g} and {high:g}", at=("color_range",)
+            )
         if self.bounds is not None and not any(a < b for a, b in zip(*self.bounds, strict=True)):
-            raise invalid("the second corner is nowhere beyond the first", at=("bounds",), hint=_CORNERS)
+            raise invalid(
+                "this box is empty: the second corner is not beyond the first along any axis",
+                at=("bounds",),
+                hint=_CORNERS,
+            )
         if self.bounds is not None and any(a > b for a, b in zip(*self.bounds, strict=True)):
             raise invalid("the first corner has the smaller coordinates", at=("bounds",), hint=_CORNERS)
         if self.light is not None and not any(self.light):

@@ -20,7 +20,6 @@ from particlesim.groups.group import Group, Particles
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
 from particlesim.interactions import AnyInteraction
-from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Line, Model, Prose
 from particlesim.model.variants import Late
@@ -198,7 +197,7 @@ class Tables(Model):
     @property
     def has_spin(self) -> bool:
         """Whether some particles turn, as their contacts with each other have friction."""
-        return any(isinstance(each, Contact) and each.rubs for each in self.interactions)
+        return any(each.rubs for each in self.interactions)
 
     def recorded_fields(self) -> tuple[str, ...]:
         """Fields of the trajectory beside position and id."""

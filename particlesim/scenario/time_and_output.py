@@ -74,7 +74,7 @@ class Output(Model):
     ledger: bool = True
     """Energy, momentum and angular momentum at every frame."""
     checkpoint_every: Annotated[Seconds, Gt(0)] | None = None
-    """Simulated time between checkpoints, from which psim run --resume goes on; it does not matter unless given."""
+    """Simulated time between checkpoints, from which psim run --resume continues; it does not matter unless given."""
     checkpoint_wall: Annotated[Seconds, Gt(0)] | None = None
     """Wall-clock time between checkpoints. Left out: 1 s, then twice as long each time, up to 60 s, and longer where they
     would take more than 2 % of the run."""

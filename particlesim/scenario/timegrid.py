@@ -58,7 +58,7 @@ def time_grid(simulation: SimulationSettings, output: Output) -> TimeGrid | Inva
         dt = asked if fits and asked is not None else period / every
     ratio = simulation.duration / dt
     if not ratio <= MOST_STEPS:
-        return Invalid(f"{ratio:.3g} steps are more than can be counted", at=_step(simulation))
+        return Invalid(f"{ratio:.3g} steps are too many", at=_step(simulation))
     steps = round(ratio)
     if steps < 1 or not math.isclose(steps * dt, simulation.duration, rel_tol=TOLERANCE):
         return _not_reached(simulation, output, dt, every, ratio)

@@ -121,7 +121,7 @@ def _scheduler_there() -> Iterator[None]:
         yield
     except (OSError, TimeoutError, CancelledError) as error:
         raise InputOutputError(
-            "the scheduler is lost", "The runs that have ended are kept; the same command goes on."
+            "the scheduler is lost", "The runs that have ended are kept; the same command continues."
         ) from error
 
 
@@ -233,7 +233,7 @@ def _listen(address: str, timeout: float) -> None:
         return
     with socket.create_connection(parse_host_port(place), timeout) as connection:
         if not connection.recv(1):
-            raise OSError("it hangs up")
+            raise OSError("it closes the connection")
 
 
 def _ready(client: Client, place: str, timeout: float) -> DaskExecutor:

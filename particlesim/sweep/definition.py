@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool, StringConstraints, ValidationError
 
 from particlesim.model.base import Model
 from particlesim.scenario.text.diagnose import diagnose
+from particlesim.scenario.text.overrides import override_from_python
 from particlesim.scenario.text.source import Source, read_source
 from particlesim.sweep.axes import Listed, Sampled, parse_axis
 from particlesim.sweep.design import Method
@@ -27,9 +28,9 @@ class SweepFile(Model):
     set: dict[Key, Any] = Field(default_factory=dict)
     """Values of all runs by key, as --set."""
     zip: StrictBool = False
-    """Take lists side by side, not every combination."""
+    """Take the k-th values of all lists together, instead of every combination."""
     samples: Annotated[int, Field(ge=1, strict=True)] | None = None
-    """How many values uniform and loguniform draw."""
+    """Number of values that uniform and loguniform draw."""
     method: Method = "sobol"
     """How they are drawn."""
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
@@ -41,7 +42,7 @@ class SweepFile(Model):
     workers: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Worker processes; one per core unless given."""
     fail_fast: StrictBool = False
-    """Begin no run after one that did not end well."""
+    """Start no further run after one that failed."""
 
     def axes(self) -> tuple[Listed | Sampled, ...]:
         """What is varied. Raises UsageError or ScenarioError for values that make no sense."""
@@ -49,6 +50,11 @@ class SweepFile(Model):
             parse_axis(f"{key}={values}") if isinstance(values, str) else Listed(key, tuple(values))
             for key, values in self.vary.items()
         )
+
+    def settings(self) -> tuple[str, ...]:
+        """The values of all runs, as --set takes them."""
+        made = (override_from_python(key, value).text for key, value in self.set.items())
+        return tuple(text.removeprefix("override ") for text in made)
 
 
 def is_sweep(source: Source) -> bool:

@@ -68,7 +68,7 @@ class Design:
                 "there is nothing to draw samples of", "--vary 'forces.air.coefficient=uniform(0.1, 0.5)'"
             )
         if self.samples is not None and self.samples < 1:
-            raise UsageError(f"{self.samples} samples are none", "--samples takes 1 or more.")
+            raise UsageError(f"the number of samples must be 1 or more, got {self.samples}", "--samples 100")
         if self.samples is not None and self.samples > MOST_VALUES:
             raise UsageError(f"{self.samples:,} samples are more than {MOST_VALUES:,}", "Draw fewer.")
         if self.seed < 0:

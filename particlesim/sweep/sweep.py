@@ -266,7 +266,7 @@ class _Sitting:
         except OSError as error:
             raise InputOutputError(
                 f"{self._result.table} cannot be written: {error.strerror or error}",
-                "The runs are kept; the same command goes on.",
+                "The runs are kept; the same command continues.",
             ) from None
         now = time.perf_counter()
         self._table_due = now + max(TABLE_EVERY, 20 * (now - began))

@@ -51,10 +51,12 @@ class FrameData:
 
     @property
     def count(self) -> int:
+        """Particles in the frame."""
         return len(self.columns["id"])
 
     @property
     def nbytes(self) -> int:
+        """Bytes of its columns."""
         return sum(column.nbytes for column in self.columns.values())
 
 
@@ -67,6 +69,7 @@ class EventData:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the rows."""
         return self.rows.nbytes
 
 
@@ -80,6 +83,7 @@ class BreakData:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the times."""
         return self.times.nbytes
 
 

@@ -49,7 +49,7 @@ def check_contents(file: h5py.File, path: Path) -> None:
         if dataset is None:
             continue
         if not isinstance(dataset, h5py.Dataset):
-            raise damaged(path, f"/{name} is no dataset")
+            raise damaged(path, f"/{name} is not a dataset")
         if not fits(dataset.dtype):
             raise damaged(path, f"the dataset /{name} holds values of type {_type_name(dataset.dtype)}")
         if dataset.ndim != (0 if row is None else 1 + len(row)) or dataset.shape[1:] != (row or ()):

@@ -31,7 +31,7 @@ def kind_of(path: Path) -> str | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except ValueError as error:
-        raise UsageError(f"{str(path)!r} is no path: {error}") from error
+        raise UsageError(f"{str(path)!r} is not a path: {error}") from error
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             raise _too_long(path) from error

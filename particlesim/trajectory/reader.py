@@ -129,7 +129,7 @@ class Trajectory(Sequence[Frame]):
             raise damaged(self.path, "it has a periodic box and no images")
         self.provenance = {name: _plain(dataset) for name, dataset in entries(psim["provenance"])}
         if not isinstance(self.provenance.get("scenario", ""), str):
-            raise damaged(self.path, "its scenario is no text")
+            raise damaged(self.path, "its scenario is not text")
         self._bind()
 
     def _bind(self) -> None:

@@ -37,7 +37,9 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         folder = folder.parent  # what is missing will be made there
     check_name_length(path, folder)
     if kind != "folder":
-        raise UsageError(f"{folder} is no folder", "A file is in the way; choose another place to write to.")
+        raise UsageError(
+            f"{folder} is not a folder", "A file is in the way; choose another place to write to."
+        )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise _not_writable(folder)
     try:  # permissions do not tell all: some folders, such as /proc, are made by the system

@@ -150,7 +150,7 @@ WRONG = [
     ({"quantity": "speed", "max": 2}, "needs a statistic", None),
     ({"quantity": "energy", "statistic": "max", "max": 2}, "there is no statistic", None),
     ({"quantity": "energy", "group": "balls", "max": 2}, "sum over all groups", None),
-    ({"quantity": "speed", "statistic": "percentile", "max": 2}, "which percentile", None),
+    ({"quantity": "speed", "statistic": "percentile", "max": 2}, "a percentile needs", None),
     ({"quantity": "speed", "statistic": "max", "percentile": 5, "max": 2}, "needs statistic", None),
     ({"quantity": "count", "max": 2, "at": 1.5}, "after the end", None),
     ({"quantity": "count", "max": 2, "at": 0.3}, "no frame at 0.3 s", "0.25 s and 0.5 s"),

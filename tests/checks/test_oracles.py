@@ -333,5 +333,5 @@ def test_bless_writes_beside_the_scenario_only(file, tmp_path, place) -> None:
 def test_bless_without_a_reference(tmp_path) -> None:
     with pytest.raises(UsageError, match="no check of the scenario has a reference"):
         ps.run(scenario(), tmp_path / "out.vtkhdf", bless=True)
-    with pytest.raises(UsageError, match="none is written"):
+    with pytest.raises(UsageError, match="no trajectory is written"):
         ps.run(scenario(REFERENCE), bless=True)

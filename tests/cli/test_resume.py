@@ -11,7 +11,7 @@ def test_stopped_and_resumed(psim):
     stopped = psim("run", "tiny.toml", "-o", "a.vtkhdf", "--max-wall", "1e-6s", "--checkpoint-every", "0.02")
     assert stopped.code == 130
     assert "as asked" in stopped.err
-    assert "--resume goes on from there" in " ".join(stopped.err.split())
+    assert "--resume continues from there" in " ".join(stopped.err.split())
     assert Path("a.vtkhdf.checkpoint").exists()
     refused = psim("run", "tiny.toml", "-o", "a.vtkhdf", "--resume", "--set", "simulation.dt=0.005")
     assert refused.code == 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+from types import SimpleNamespace
 
 import pytest
 
@@ -70,7 +72,7 @@ def test_a_signal_after_the_subcommand_has_ended_keeps_its_exit_code(psim, monke
 
     ended = []
     monkeypatch.setattr(stop.os, "_exit", ended.append)
-    monkeypatch.setattr(app.gc, "freeze", end)
+    monkeypatch.setattr(app, "gc", SimpleNamespace(freeze=end, set_threshold=gc.set_threshold))
     assert psim("check", "tiny.toml").code == 0
     assert psim("check", "gone.toml").code == 2
     assert ended == [0, 2]

@@ -69,7 +69,7 @@ def test_ctrl_c_keeps_what_is_done() -> None:
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     assert "2 of 3" in err
-    assert "goes on from here" in err
+    assert "continues from here" in err
     assert len(Path("out/results.csv").read_text().splitlines()) == 3
     assert json.loads(Path("out/0001/result.json").read_text())["status"] == "done"
 

@@ -560,7 +560,7 @@ def test_a_folder_that_others_may_write_is_not_trusted(
 @pytest.mark.parametrize(
     ("place", "said"),
     [
-        ("file", "{place} is no folder"),
+        ("file", "{place} is not a folder"),
         ("file/in/it", "cannot be made: Not a directory"),
         ("linked", "is a link"),
     ],

@@ -10,6 +10,7 @@ import pytest
 from simulate import points, record
 
 import particlesim as ps
+from particlesim.analysis import structure
 from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
 from particlesim.analysis.orbits import orbital_elements
 from particlesim.analysis.structure import densest_place, density_profile, power_spectrum, radial_distribution
@@ -23,6 +24,13 @@ def test_an_ideal_gas_has_no_structure() -> None:
     # Pairs in a shell scatter by their root.
     assert (np.abs(g.y - 1) < 5 / np.sqrt(np.maximum(g.samples, 1)) + 1e-3).all()
     assert g.samples.sum() == pytest.approx(4000 * 3999 / 2 * 4 / 3 * math.pi / 8, rel=5e-3)
+
+
+def test_the_default_reach_of_many_particles_has_few_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(structure, "MANY", 1000)
+    g = radial_distribution(np.random.default_rng(1).uniform(0, 2, (2000, 3)), box=(2, 2, 2), bins=20)
+    # 60 of each within a sphere, each pair once; they scatter by their root
+    assert g.samples.sum() == pytest.approx(2000 * 60 / 2, rel=0.02)
 
 
 def test_a_lattice_has_its_shells() -> None:
@@ -81,6 +89,24 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
     with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
         t = trajectory.times
         assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_arrangements_of_a_recorded_frame_are_those_of_its_particles(tmp_path: Path) -> None:
+    """Densities are of masses where frames have them, else of numbers; a group's are of its particles alone."""
+    pytest.importorskip("matplotlib")
+    from particlesim.analysis.plot import arrangement, plot
+
+    x = np.random.default_rng(2).normal(size=(40, 3))
+    groups = [points(*half, name=name, mass=3.0) for name, half in (("a", x[:20]), ("b", x[20:]))]
+    for fields in ([], ["mass"]):
+        output = {"every": 1, "fields": fields}
+        path = tmp_path / f"{len(fields)}.vtkhdf"
+        with record(path, 1.0, 1.0, particles=groups, output=output) as trajectory:
+            found = arrangement(trajectory, "density_profile", "b")
+            expected = density_profile(x[20:], 3.0 if fields else 1.0)
+            np.testing.assert_allclose(found.curve.y, expected.y, rtol=1e-6)
+            assert found.unit == ("kg/m³" if fields else "1/m³")
+            plot(trajectory, "density_profile", tmp_path / f"{len(fields)}.png")
 
 
 def test_the_noise_of_uneven_masses_is_taken_off() -> None:

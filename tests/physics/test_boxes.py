@@ -378,8 +378,10 @@ def test_pictures_and_plots_know_the_box(tmp_path: Path) -> None:
     )
     assert result.path is not None
     with ps.open(result.path) as trajectory:
-        for quantity in ("rdf", "displacement", "pressure"):
+        for quantity in ("rdf", "displacement", "pressure", "power_spectrum"):
             plot(trajectory, quantity, tmp_path / f"{quantity}.png")
+        with pytest.raises(UsageError, match="no shells"):  # two particles are as far from the middle
+            plot(trajectory, "density_profile", tmp_path / "density_profile.png")
         trails = collect_trails(trajectory, lambda frame: np.zeros(len(frame.position), np.int32))
     assert trails.jumps is not None
     step = np.abs(np.diff(trails.points[..., 0], axis=0))

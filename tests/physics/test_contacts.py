@@ -342,7 +342,9 @@ def warned(dt: float = 1e-4, at: float = 0.5, **law: Any) -> str:
 def test_what_is_doubtful_is_told_before_the_run() -> None:
     assert warned() == ""
     assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
-    assert "kinetic friction 0.5 is above the static one" in warned(friction={"static": 0.3, "kinetic": 0.5})
+    assert "kinetic friction 0.5 is above static friction 0.3" in warned(
+        friction={"static": 0.3, "kinetic": 0.5}
+    )
     assert "1 pair of particles overlap at the start" in warned(at=0.196)
     assert "by 0.004 m" in warned(at=0.196)
     assert "1 pair of particles overlapped at the start" in warned(at=0.19)

@@ -130,7 +130,7 @@ BAD = {
     "itself": (emitter(on_impact={"of": ["sparks"]}), "the same"),
     "mirror": (
         {**SPARKS, "rate": 1.0, "shape": POINT, "direction": "mirrored"},
-        "nothing to mirror",
+        "mirrored directions need on_impact",
     ),
     "no shape": ({"name": "sparks", "rate": 1.0}, "shape"),
     "count": (emitter(on_impact={"count": 0}), "must be at least 1"),

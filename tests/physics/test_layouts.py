@@ -311,8 +311,8 @@ def test_edges_of_three_triangles_are_refused_only_where_triangles_count(tmp_pat
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [
-        ("a.obj", b"v 0 0\n", "line 1 is no vertex"),
-        ("a.obj", b"v 0 0 0\nf 1 1\n", "line 2 is no vertex and no face"),
+        ("a.obj", b"v 0 0\n", "line 1 is neither a vertex"),
+        ("a.obj", b"v 0 0 0\nf 1 1\n", "line 2 is neither a vertex nor a face"),
         ("a.obj", b"v 0 0 0\n", "no triangles"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 3\n", "no triangle with three different corners"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "names a vertex that does not exist"),

@@ -207,7 +207,7 @@ def test_groups_mix_by_lorentz_and_berthelot() -> None:
         ({"type": "gravity"}, "particle 1 of 'a' and particle 0 of 'b' are at the same place"),
         ({"type": "gravity", "shift": "force"}, "a shift needs a cutoff"),
         ({"type": "lennard_jones", "epsilon": {"a": 1}, "sigma": 1}, "epsilon of 'b' is missing"),
-        ({"type": "lennard_jones", "epsilon": {"a": 1, "b": 1, "c": 2}, "sigma": 1}, "'c' is no group"),
+        ({"type": "lennard_jones", "epsilon": {"a": 1, "b": 1, "c": 2}, "sigma": 1}, "'c' is not a group"),
         ({"type": "formula", "potential": "m1/r"}, "which of the two is the first"),
         ({"type": "formula", "potential": "x + r"}, "x"),
         ({"type": "flocking", "sight": 1, "distance": 2}, "beyond their sight"),

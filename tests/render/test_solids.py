@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import particlesim as ps
 from particlesim.errors import UsageError
 from particlesim.layouts import Cloth, Jelly
 from particlesim.process.threads import Team
 from particlesim.render import Camera, RenderSettings, render_frame
+from particlesim.render.film import mesh_shapes
 from particlesim.render.scene.bodies import Bodies
 from particlesim.render.scene.smooth_normals import is_closed, smooth_fans
 from particlesim.sampling.random_streams import Streams
@@ -380,3 +382,30 @@ def test_positions_that_are_no_numbers_leave_holes(plain):
     source = scene(position, Topology("s", triangles=SQUARE), springs([[0, 2]], [2.0]), groups=("s",))
     picture = render_frame(source, 0, plain(shadows=True), planes=FLOOR)
     assert picture[60, 96].sum() > 0
+
+
+def test_the_surface_of_a_fluid_is_as_large_as_the_scene_and_shows_what_is_below(plain):
+    # Two balls of which one is below the surface at y = 0.5: it is seen, dimmed; the other is as it was.
+    floating = {"type": "buoyancy", "fluid": "water", "surface": 0.5}
+    settings = plain(
+        camera=Camera(eye=(0, 10, 0.1), target=(0, 0, 0), fov=30), color_by="none", light=(0, 1, 0)
+    )
+    source = single([[-1, 0, 0], [1, 1, 0]], radius=[0.4, 0.4])
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 0.1},
+            "particles": [{"radius": 0.4, "layout": {"type": "points", "position": [[-1, 0, 0]]}}],
+            "forces": [floating],
+        }
+    )
+    (water,) = mesh_shapes(scenario)
+    sheet = water.spread(np.array([0.0, 3.0, 1.0]), 2.0)
+    assert sheet.corners.min(axis=0) == pytest.approx([-2, 0.5, -1])
+    assert sheet.corners.max(axis=0) == pytest.approx([2, 0.5, 3])
+    dry, wet = (render_frame(source, 0, settings, meshes=meshes).astype(int) for meshes in ((), (water,)))
+    change = np.abs(wet - dry).max(axis=2)
+    assert change[60, 100:110].max() < 12  # above the surface, in the middle of its ball
+    assert (change[60, 50:60] > 5).all()
+    seen = dry[60, 40:70] - dry[5, 5]
+    below = wet[60, 40:70] - wet[60, 80]
+    assert np.abs(below).max() > 0.25 * np.abs(seen).max()  # and still to be seen

@@ -50,7 +50,7 @@ def test_arguments_of_the_wrong_kind(file: Path) -> None:
     ):
         with pytest.raises(TypeError, match=r"takes|are a dict|whole number"):
             wrong()
-    with pytest.raises(ps.UsageError, match="0 threads"):
+    with pytest.raises(ps.UsageError, match="1 or more, got 0"):
         ps.run(scenario, threads=0)
 
 

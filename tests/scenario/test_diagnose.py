@@ -257,6 +257,17 @@ def test_one_mistake_is_told_once(key: str, value: object) -> None:
         assert sum(path.startswith(f"{owner}.{key}") for path in paths) == expected, paths
 
 
+@pytest.mark.parametrize(
+    "anchor", [[0, 0, float("nan")], [[0, 0, float("nan")]], [0, "a", 0], [[0, 0, 0], 1]]
+)
+def test_one_mistake_in_a_place_or_in_a_list_of_places_is_told_once(anchor: list[object]) -> None:
+    body = {"name": "a", "shape": {"type": "sphere", "radius": 0.1}}
+    joint = {"type": "ball", "between": ["a", "world"], "anchor": anchor}
+    with pytest.raises(ScenarioError) as caught:
+        ps.from_table({"simulation": {"duration": 1, "dt": 0.1}, "bodies": [body], "joints": [joint]})
+    assert len(caught.value.diagnostics) == 1, caught.value
+
+
 def test_wrong_elements_do_not_make_a_list_too_short() -> None:
     found = mistakes('[[0, "12 cm", 0]]', "[7]")
     assert [(d.message, marked(d)) for d in found] == [("expected a list, got 7", "7")]

@@ -34,7 +34,7 @@ MISTAKES = {
     "semicolons": ("x;y;z\n1;2;3\n", "columns are separated by commas"),
     "misspelt column": ("x,y,z,raduis\n1,2,3,4\n", 'did you mean "radius"?'),
     "missing column": ("x,y\n1,2\n", "no column 'z'"),
-    "a column twice": ("x,y,z,x\n1,2,3,4\n", "data.csv:1: the column 'x' stands there twice"),
+    "a column twice": ("x,y,z,x\n1,2,3,4\n", "data.csv:1: the column 'x' occurs twice"),
     "an endless line": ("x,y,z\n1,2,3" + " " * (1 << 16), "data.csv:2: a line of more than"),
     "no lines": ("x,y,z\n# none\n\n", "holds no particles"),
     "nothing": ("", "holds no particles"),
@@ -64,7 +64,7 @@ def test_mistakes_in_csv(tmp_path: Path, name: str) -> None:
 
 def test_mistakes_in_npy(tmp_path: Path) -> None:
     (tmp_path / "text.npy").write_text("no array")
-    assert "is no NPY file" in str(mistake(tmp_path, "text.npy"))
+    assert "is not an NPY file" in str(mistake(tmp_path, "text.npy"))
     np.save(tmp_path / "objects.npy", np.array([None]), allow_pickle=True)
     assert "Python objects" in str(mistake(tmp_path, "objects.npy"))
     np.save(tmp_path / "flat.npy", np.zeros(4))
@@ -73,7 +73,7 @@ def test_mistakes_in_npy(tmp_path: Path) -> None:
     assert "y of particle 1 is nan" in str(mistake(tmp_path, "nan.npy"))
     np.savez(tmp_path / "several.npz", np.zeros((4, 3)))
     (tmp_path / "several.npz").rename(tmp_path / "several.npy")
-    assert "is no NPY file" in str(mistake(tmp_path, "several.npy"))
+    assert "is not an NPY file" in str(mistake(tmp_path, "several.npy"))
 
 
 @pytest.mark.parametrize("shape", [(5, 3), (200_000_000_000, 3), (1 << 62, 1 << 62, 3)])
@@ -103,12 +103,12 @@ NO_ARRAYS = {
     "subarray": (npy(HEADER % ("[('x', '<f8', (2,)), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(32)), "in a column"),
     "nested": (npy(HEADER % ("[('x', [('a', '<f8')]), ('y', '<f8'), ('z', '<f8')]", "(1,)"), bytes(24)), "in a column"),
     "records in a table": (npy(HEADER % (f"[{XYZ}]", "(1, 1)"), bytes(24)), "records of shape [1, 1]"),
-    "a truth as length": (npy(HEADER % ("'<f8'", "(True, 3)"), bytes(24)), "is no NPY file"),
-    "a negative length": (npy(HEADER % ("'<f8'", "(-1, 3)"), bytes(24)), "is no NPY file"),
-    "brackets": (npy("(" * 4000), "is no NPY file"),
-    "spaces": (npy("{'descr': '<f8', \0" + " " * 9900), "is no NPY file"),
-    "minus signs": (npy("-" * 9000 + "1"), "is no NPY file"),
-    "a header without an end": (npy("", length=0xFFFFFFFF), "is no NPY file"),
+    "a truth as length": (npy(HEADER % ("'<f8'", "(True, 3)"), bytes(24)), "is not an NPY file"),
+    "a negative length": (npy(HEADER % ("'<f8'", "(-1, 3)"), bytes(24)), "is not an NPY file"),
+    "brackets": (npy("(" * 4000), "is not an NPY file"),
+    "spaces": (npy("{'descr': '<f8', \0" + " " * 9900), "is not an NPY file"),
+    "minus signs": (npy("-" * 9000 + "1"), "is not an NPY file"),
+    "a header without an end": (npy("", length=0xFFFFFFFF), "is not an NPY file"),
     "complex": (npy(HEADER % ("'<c16'", "(1, 3)"), bytes(48)), "type complex128"),
     "complex column": (npy(HEADER % (f"[{XYZ}, ('mass', '<c16')]", "(1,)"), bytes(40)), "complex128 in a column"),
     "dates": (npy(HEADER % ("'<M8[D]'", "(1, 3)"), bytes(24)), "type datetime64[D]"),

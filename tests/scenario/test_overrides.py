@@ -74,7 +74,7 @@ def test_a_name_comes_before_a_type_and_an_index() -> None:
         ("forces.2.x=1", "forces has no entry '2'", "gravity, air", None),
         ("forces.-1.x=1", "forces has no entry '-1'", "gravity, air", None),
         ("simulation.dt.x=1", "simulation.dt is 0.002, it has no 'x'", None, None),
-        ("a..b=1", "'a..b' is no key", None, "for example"),
+        ("a..b=1", "'a..b' is not a key", None, "for example"),
         ("simulation.dt=abc", "the value is not valid TOML", None, "--set 'simulation.dt=\"abc\"'"),
         ("simulation.dt=", "the value is not valid TOML", None, "give a value"),
         ("simulation.dt=1\nx = 2", "the value is not a single TOML value", None, None),

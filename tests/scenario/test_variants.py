@@ -114,6 +114,6 @@ def test_a_small_run_imports_what_it_needs_only() -> None:
         "print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    unneeded = ("colliders.mesh", "bodies.shape", "engine.rigid.kernel", "engine.coupled", "forces.drag")
+    unneeded = ("colliders.formula", "bodies.shape", "engine.rigid.kernel", "engine.coupled", "forces.drag")
     assert "particlesim.layouts.points" in done.stdout.split()
     assert not {f"particlesim.{name}" for name in unneeded} & set(done.stdout.split())

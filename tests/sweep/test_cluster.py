@@ -165,7 +165,7 @@ time.sleep(120)
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_scheduler_that_dies(tmp_path) -> None:
-    """What has ended is in the table, and the same command goes on."""
+    """What has ended is in the table, and the same command continues."""
     pytest.importorskip("distributed")
     file = tmp_path / "balls.toml"
     file.write_text(SCENARIO)
@@ -182,7 +182,7 @@ def test_a_scheduler_that_dies(tmp_path) -> None:
             with scheduler(address, timeout=3) as executor:
                 sweep.run(tmp_path / "out", executor=executor, progress=kill)
     assert caught.value.exit_code == 4
-    assert "the same command goes on" in str(caught.value.hint)
+    assert "the same command continues" in str(caught.value.hint)
     assert 5 <= len(rows(tmp_path / "out/results.csv")) < 2000
 
 

@@ -154,7 +154,7 @@ def _central(method: WisdomHolmanMethod, states: Sequence[GroupState], m: NDArra
             return first
         first += state.count
     raise UsageError(
-        f"the central body of whfast, {method.central!r}, is no group that gravity joins to the others"
+        f"the central body of whfast, {method.central!r}, is not a group that gravity joins to the others"
     )
 
 

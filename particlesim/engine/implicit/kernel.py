@@ -84,6 +84,7 @@ def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | Gene
 def evolve_implicit(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
+    """A step of an island: Newton iterations, each with a linear solve, until the residual is small; then its end."""
     s = work.system
     reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
     begin(method, parts, bonds, c, work, share, t, end, h)

@@ -34,18 +34,11 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.impacts import (
-    Simple,
-    crossings,
-    may_pass,
-    meet,
-    overlapped,
-    passable,
-    pushed,
-    rest,
-    tell,
-    trace,
-)
+from particlesim.engine.step.clearance import clearance, distance_of, keeps_clear
+from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
+from particlesim.engine.step.crossing import crossings, may_pass, passable
+from particlesim.engine.step.hits import tell
+from particlesim.engine.step.impacts import overlapped, rest, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
 
@@ -116,18 +109,41 @@ def mark(c: Any, condition: Any) -> Any:
 def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> bool:
     """The free step of all particles of a block; those that meet a collider are marked. Returns whether there are any."""
     found = False
+    clear = keeps_clear(program.contacts, c.memory)
     for i in range(c.x.size):
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        meets = overlapped(program.contacts, p, q, hi)
+        if clear:
+            room.clear[i] -= distance_of(p, q, hi)
+            meets = (not room.clear[i] > 0) | ends_inside(program.contacts, q)
+        else:
+            meets = overlapped(program.contacts, p, q, hi)
         meets &= hi > 0
         room.marks[i] = mark(c, meets)
         found |= meets
         save(room.before, i, p)
         store(c, i, chosen(still(c.clock, hi), p, q))
         remember(c.memory, i, not meets, memory)
-    return found
+    return _look(program, c, t, end, h, room) if clear and found else found
+
+
+def _look(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
+    """How far the marked particles were from colliders; those that were farther than they have gone are no longer marked.
+    Returns whether others are left."""
+    left = False
+    for i in range(c.x.size):
+        if room.marks[i] > 0:
+            begin, hi = span(c.clock, i, t, end, h)
+            q = fetch(c, i, end)
+            p = saved(room.before, i, q, begin)
+            way = distance_of(p, q, hi)
+            ahead = clearance(program.contacts, p, way) - way
+            meets = (not ahead > 0) | ends_inside(program.contacts, q)
+            room.clear[i] = type_of(way, 0) if meets else ahead
+            room.marks[i] = mark(c, meets)
+            left |= meets
+    return left
 
 
 def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
@@ -188,12 +204,13 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 
 class Room(NamedTuple):
     """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
-    present step marks [block], 1 or 0, and the beginning [6, block]."""
+    present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.floating[Any]]
     inverse: NDArray[np.floating[Any]]
     before: NDArray[np.floating[Any]]
+    clear: NDArray[np.floating[Any]]
 
 
 def new_room(columns: Columns, block: int) -> Room:
@@ -203,6 +220,7 @@ def new_room(columns: Columns, block: int) -> Room:
         np.empty(block, columns.x.dtype),
         np.empty(block, columns.m.dtype),
         np.empty((6, block), columns.x.dtype),
+        np.empty(block, columns.x.dtype),
     )
 
 
@@ -233,6 +251,7 @@ def step_range(
         for i in range(n):
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
+            room.clear[i] = type_of(c.m[i], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):
             begin, end = (first_step + s) * dt, (first_step + s + 1) * dt

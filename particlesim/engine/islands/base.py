@@ -157,7 +157,7 @@ class BaseIsland:
         return []
 
     def longest_step(self) -> float:
-        """The longest stable step under springs at bodies [s]."""
+        """The largest stable step under springs at bodies [s]."""
         return math.inf
 
     def longest_step_on_orbits(self) -> float:

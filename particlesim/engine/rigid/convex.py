@@ -109,6 +109,7 @@ def point(w: Any, k: Any) -> Any:
 
 
 def less(a: Any, c: Any) -> Any:
+    """a − c."""
     return a[0] - c[0], a[1] - c[1], a[2] - c[2]
 
 

@@ -5,35 +5,29 @@
 Without contact that is the leapfrog of position, of second order, symplectic and reversible. Forces and contacts are looked
 for at the same moment, so a body that rests is exactly at rest: what forces give, contact takes within the same step.
 
-Laws of forces act on six points on the principal axes of a body, a sixth each, at distances d with 2 d_k²/6 = ∫ x_k² dm/m:
-they have its mass, its centre and its moments of inertia, so that forces which grow linearly over the body are exact.
-Fluids act through its surface.
+What acts on bodies is in `acting`, which of them may touch in `broad`.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.engine.rigid.bodies import orientation, place, row
-from particlesim.engine.rigid.fluids import Swept, Wetted, Whole, act, stored
-from particlesim.engine.rigid.grains import find_guests, settle_guests
+from particlesim.compiler import kernel, outlined
+from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
+from particlesim.engine.rigid.bodies import orientation, row
+from particlesim.engine.rigid.broad import find_contacts
+from particlesim.engine.rigid.grains import settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
-from particlesim.engine.rigid.narrow import entry, plus, touch
+from particlesim.engine.rigid.narrow import entry
 from particlesim.engine.rigid.rotation import (
-    cross,
     dot,
-    matrix,
     normalised,
     turned_by,
     turned_freely,
 )
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
-from particlesim.engine.rigid.springs import pull, snap
-from particlesim.engine.rigid.stops import find_stops, motor_work
-from particlesim.engine.rigid.walls import touch_wall
+from particlesim.engine.rigid.springs import snap
+from particlesim.engine.rigid.stops import motor_work
 from particlesim.engine.rigid.work import (
     copy_velocities,
     damped_work,
@@ -41,10 +35,8 @@ from particlesim.engine.rigid.work import (
     stored_in,
     take_means,
 )
-from particlesim.laws.registry import Particle, force, potential
 from particlesim.model.quaternions import times
 
-POINTS = 6
 GOOD, WILD, FULL, UNHELD = 0, 1, 2, 3
 """How a step ended: well, with a number that is not finite, with more contacts than there was room for, with a joint that
 could not be held."""
@@ -83,85 +75,6 @@ class Scene(NamedTuple):
     partner_from: Any
     work: Any
     guests: Any = None
-
-
-def point_of(scene: Any, b: Any, i: Any, r: Any, now: Any, point: Any, t: Any) -> Any:
-    """One of the six points of a body as laws see it, with the whole body's mass and size; and its arm. `now` are its
-    velocity and angular velocity."""
-    axis = point // 2
-    size = scene.arms[axis, i] if point % 2 == 0 else -scene.arms[axis, i]
-    arm = (
-        size * (r[0] if axis == 0 else (r[1] if axis == 1 else r[2])),
-        size * (r[3] if axis == 0 else (r[4] if axis == 1 else r[5])),
-        size * (r[6] if axis == 0 else (r[7] if axis == 1 else r[8])),
-    )
-    return as_particle(scene, b, i, now, arm, t), arm
-
-
-def as_particle(scene: Any, b: Any, i: Any, now: Any, arm: Any, t: Any) -> Particle:
-    """A place of a body as laws see it, with the whole body's mass and size; `now` are its velocity and angular velocity."""
-    x, u = plus(place(b, i), 1.0, arm), cross((now[3], now[4], now[5]), arm)
-    m = scene.mass[i]
-    return Particle(
-        x[0],
-        x[1],
-        x[2],
-        now[0] + u[0],
-        now[1] + u[1],
-        now[2] + u[2],
-        m,
-        scene.radius[i],
-        0.0,
-        t,
-        1 / m,
-        *[0.0 if column is None else column[i] for column in scene.further],
-    )
-
-
-@outlined
-def add_forces(scene: Any, forces: Any, b: Any, motion: Any, i: Any, t: Any) -> None:
-    """Add the forces and torques of laws on body i to `pull`."""
-    r = matrix(orientation(b, i))
-    now = motion.now[i]
-    fx, fy, fz, gx, gy, gz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for point in range(POINTS):
-        p, arm = point_of(scene, b, i, r, now, point, t)
-        f = force(forces, p)
-        g = cross(arm, f)
-        fx, fy, fz, gx, gy, gz = fx + f[0], fy + f[1], fz + f[2], gx + g[0], gy + g[1], gz + g[2]
-    k, out = 1 / POINTS, motion.pull[i]
-    out[0], out[1], out[2] = out[0] + k * fx, out[1] + k * fy, out[2] + k * fz
-    out[3], out[4], out[5] = out[3] + k * gx, out[4] + k * gy, out[5] + k * gz
-
-
-@outlined
-def add_surface_forces(scene: Any, others: Any, b: Any, motion: Any, i: Any, t: Any) -> None:
-    """The same of what acts through the surface of body i."""
-    r, now, out = matrix(orientation(b, i)), motion.now[i], on_stack(1, 6, np.float64)
-    for part in range(6):
-        out[0, part] = 0.0
-    p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
-    for each in others:
-        act(each, p, r, (now[3], now[4], now[5]), out)
-    for part in range(6):
-        motion.pull[i, part] += out[0, part]
-
-
-@outlined
-def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
-    """Forces and torques on all bodies, as they are and move now, into `pull`."""
-    for i in range(b.w.size):
-        for axis in range(6):
-            motion.pull[i, axis] = 0.0
-    for stretch in scene.stretches:
-        if len(stretch.forces) > 0:
-            for i in range(stretch.first, stretch.last):
-                add_forces(scene, stretch.forces, b, motion, i, t)
-        if len(stretch.others) > 0:
-            for i in range(stretch.first, stretch.last):
-                add_surface_forces(scene, stretch.others, b, motion, i, t)
-    for springs in scene.springs:
-        pull(springs, b, motion.now, motion.pull)
 
 
 @outlined
@@ -234,39 +147,6 @@ def book_step(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
 
 
 @outlined
-def power(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
-    """Power of a law with the velocities `stage` on a body that moves as in `other` [W]."""
-    r, total = matrix(orientation(b, i)), 0.0
-    if isinstance(law, Whole | Wetted | Swept):
-        now, mean, out = motion.stage[i], motion.other[i], on_stack(1, 6, np.float64)
-        for part in range(6):
-            out[0, part] = 0.0
-        p = as_particle(scene, b, i, now, (0.0, 0.0, 0.0), t)
-        act(law, p, r, (now[3], now[4], now[5]), out)
-        for part in range(6):
-            total += out[0, part] * mean[part]
-        return total
-    for point in range(POINTS):
-        p, _ = point_of(scene, b, i, r, motion.stage[i], point, t)
-        q, _ = point_of(scene, b, i, r, motion.other[i], point, t)
-        f = force((law,), p)
-        total += f[0] * q.vx + f[1] * q.vy + f[2] * q.vz
-    return total / POINTS
-
-
-@outlined
-def potential_of(scene: Any, law: Any, b: Any, motion: Any, i: Any, t: Any) -> float:
-    """Potential energy of body i in a law [J]."""
-    r, m, total = matrix(orientation(b, i)), motion.now[i], 0.0
-    if isinstance(law, Whole | Wetted):
-        return float(stored(law, as_particle(scene, b, i, m, (0.0, 0.0, 0.0), t), r))
-    for point in range(POINTS):
-        p, _ = point_of(scene, b, i, r, m, point, t)
-        total += potential(law, p)
-    return total / POINTS
-
-
-@outlined
 def energy_of(scene: Any, b: Any, motion: Any, t: Any) -> float:
     """Kinetic energy with the velocities `now`, and potential energy of all bodies [J]."""
     total = kinetic(b, motion, own(scene, b))
@@ -307,129 +187,6 @@ def drift(scene: Any, b: Any, motion: Any, h: Any) -> bool:
         for component in range(scene.joints.next.size):
             held = drift_joined(scene.joints, b, motion, component, h) and held
     return held
-
-
-def are_joined(scene: Any, i: Any, j: Any) -> bool:
-    """Whether a joint holds two bodies together that do not touch each other."""
-    found = False
-    if scene.joints is not None:
-        for at in range(scene.partner_from[i], scene.partner_from[i + 1]):
-            found = found or scene.partners[at] == j
-    return found
-
-
-@outlined
-def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, h: Any) -> None:
-    """All contacts of bodies and colliders that a step may meet.
-
-    Bodies are sorted along x by where they begin, which changes little from step to step, and into strips across z that
-    are as wide as the largest of them: those of one strip or of neighbours whose balls overlap are looked at.
-    """
-    n = b.w.size if scene.guests is None else scene.guests.first
-    order, margin = memory.order, motion.margin
-    k.number[0] = k.number[1] = 0
-    for i in range(n):
-        m = motion.now[i]
-        speed = np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
-        turning = np.sqrt(m[3] * m[3] + m[4] * m[4] + m[5] * m[5])
-        margin[i] = h * (speed + turning * b.reach[i]) + 2 * scene.slop
-    for wall in scene.walls:
-        for i in range(n):
-            if wall.on[b.group[i]] > 0:
-                touch_wall(wall, b, k, i, margin[i], t, h)
-    for s in range(1, n):
-        i, at = order[s], s
-        begin = b.x[0, i] - b.reach[i] - margin[i]
-        while at > 0 and starts_after(b, margin, order[at - 1], begin, i):
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = i
-    find_pairs(scene, b, k, motion, order, n)
-    if scene.joints is not None:
-        find_stops(scene.stops, scene.joints, b, k, motion, h)
-    if scene.guests is not None:
-        find_guests(scene.guests, b, k, motion, scene.slop, h)
-
-
-def begins(b: Any, margin: Any, i: Any) -> Any:
-    """Where a body begins along x."""
-    return b.x[0, i] - b.reach[i] - margin[i]
-
-
-def ends(b: Any, margin: Any, i: Any) -> Any:
-    """Where it ends."""
-    return b.x[0, i] + b.reach[i] + margin[i]
-
-
-def meet(scene: Any, b: Any, k: Any, margin: Any, i: Any, j: Any) -> None:
-    """Look for contacts of two bodies if their balls overlap."""
-    if scene.surfaces.touch[b.group[i], b.group[j]] > 0:
-        dx, dy, dz = b.x[0, i] - b.x[0, j], b.x[1, i] - b.x[1, j], b.x[2, i] - b.x[2, j]
-        near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
-        if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
-            touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
-
-
-@outlined
-def find_pairs(scene: Any, b: Any, k: Any, motion: Any, order: Any, n: Any) -> None:
-    """Look at all pairs of bodies that may touch; `order` is that along x. Arrays of clusters serve for strips."""
-    margin, strip, listed, begin = motion.margin, motion.cluster, motion.bodies, motion.body_from
-    low, high, widest = np.inf, -np.inf, 0.0
-    for i in range(n):
-        low, high = min(low, b.x[2, i]), max(high, b.x[2, i])
-        widest = max(widest, b.reach[i] + margin[i])
-    width = max(
-        2.000001 * widest, (high - low) / n
-    )  # neighbours are in strips side by side, also after rounding
-    parts = (high - low) / width
-    number = int(parts) + 1 if parts < n - 1 else n
-    for s in range(number + 1):
-        begin[s] = 0
-    for i in range(n):
-        part = (b.x[2, i] - low) / width
-        strip[i] = min(int(part), number - 1) if part >= 0 and part < n else 0
-        begin[strip[i]] += 1
-    for s in range(1, number):
-        begin[s] += begin[s - 1]
-    begin[number] = n
-    for back in range(n):
-        i = order[n - 1 - back]
-        begin[strip[i]] -= 1
-        listed[begin[strip[i]]] = i
-    for s in range(number):
-        for at in range(begin[s], begin[s + 1]):
-            i, other = listed[at], at + 1
-            while other < begin[s + 1] and begins(b, margin, listed[other]) <= ends(b, margin, i):
-                meet(scene, b, k, margin, i, listed[other])
-                other += 1
-        if s + 1 < number:
-            across(scene, b, k, motion, s, s + 1, True)
-            across(scene, b, k, motion, s + 1, s, False)
-
-
-@outlined
-def across(scene: Any, b: Any, k: Any, motion: Any, s: Any, o: Any, together: Any) -> None:
-    """Look at bodies of strip s and those of strip o that begin while they last, or `together` with them."""
-    margin, listed, begin = motion.margin, motion.bodies, motion.body_from
-    near = begin[o]
-    for at in range(begin[s], begin[s + 1]):
-        i = listed[at]
-        mine = begins(b, margin, i)
-        while near < begin[o + 1] and (
-            begins(b, margin, listed[near]) < mine
-            or (not together and begins(b, margin, listed[near]) == mine)
-        ):
-            near += 1
-        other = near
-        while other < begin[o + 1] and begins(b, margin, listed[other]) <= ends(b, margin, i):
-            meet(scene, b, k, margin, i, listed[other])
-            other += 1
-
-
-def starts_after(b: Any, margin: Any, j: Any, begin: Any, i: Any) -> bool:
-    """Whether body j begins, along x, after a place; of equal ones the one with the higher number."""
-    mine = b.x[0, j] - b.reach[j] - margin[j]
-    return mine > begin or (mine == begin and j > i)
 
 
 @outlined

@@ -1,4 +1,4 @@
-"""The longest stable step under springs between points of bodies, as they are at one moment.
+"""The largest stable step under springs between points of bodies, as they are at one moment.
 
 With the rows J of all springs, directions and moments at both ends, the stretches obey s̈ = −J M⁻¹ Jᵀ (k s + c ṡ): its
 largest ω² and γ are those of the matrices with √(k_i k_j) and √(c_i c_j). The leapfrog with kicks by the midpoint rule stays
@@ -21,7 +21,7 @@ TURNS = 200
 
 
 def longest_step(springs: Sequence[BodySprings], b: Bodies) -> float:
-    """The longest stable step [s]; infinite without springs."""
+    """The largest stable step [s]; infinite without springs."""
     body, row = _rows(springs, b)
     k, c = (np.concatenate([np.zeros(0), *(getattr(each, key) for each in springs)]) for key in "kc")
     count = b.x.shape[1]

@@ -1,1 +1,1 @@
-"""The longest stable step: eigenvalues of the linearised motion."""
+"""The largest stable step: eigenvalues of the linearised motion."""

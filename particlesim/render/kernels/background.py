@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from particlesim.compiler import kernel, on_stack
+from particlesim.model.vectors import dot
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
     Array,
@@ -26,7 +27,6 @@ from particlesim.render.kernels.records import (
 )
 from particlesim.render.kernels.shade import (
     TILE,
-    dot,
     light_at,
     mix,
     row_of,
@@ -44,6 +44,7 @@ EDGE = 1e-3
 
 
 def clipped(x: float, low: float, high: float) -> float:
+    """x, brought into [low, high]."""
     return min(max(x, low), high)
 
 

@@ -25,6 +25,7 @@ _REACH = 7 / 16
 
 @kernel
 def clear_samples(samples: Samples) -> None:
+    """Begin a band in which nothing is seen."""
     samples.inverse[:] = 0.0
     samples.id[:] = -1
 

@@ -13,6 +13,7 @@ from particlesim.render.kernels.records import BLOCK, Array, Float32s, Ints, Lay
 
 @kernel
 def clear_layers(layers: Layers) -> None:
+    """Begin a band in which nothing is seen."""
     layers.near[:] = np.inf
     layers.near_id[:] = -1
     layers.far[:] = np.inf

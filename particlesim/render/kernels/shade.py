@@ -7,6 +7,7 @@ from math import floor, sqrt
 import numpy as np
 
 from particlesim.compiler import kernel, on_stack
+from particlesim.model.vectors import dot
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
     BLOCK,
@@ -33,6 +34,7 @@ def row_of(array: Float32s, k: int) -> Triple:
 
 
 def ball_of(sphere: Float32s, i: int) -> tuple[float, float, float, float]:
+    """Centre in camera axes and radius of sphere i."""
     return sphere[i, 0], sphere[i, 1], sphere[i, 2], sphere[i, 3]
 
 
@@ -44,10 +46,6 @@ def to_world(view: View, x: float, y: float, z: float) -> Triple:
         a[0][1] * x + a[1][1] * y + a[2][1] * z,
         a[0][2] * x + a[1][2] * y + a[2][2] * z,
     )
-
-
-def dot(a: Triple, b: Triple) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _on_map(map_: ShadowMap | SkyMap, size: int, x: float, y: float, z: float) -> Triple:
@@ -247,6 +245,7 @@ def shade_band(
 
 
 def mix(r: float, g: float, b: float, over: Triple, share: float) -> RGB:
+    """A colour with a share of another one over it."""
     return r + share * (over[0] - r), g + share * (over[1] - g), b + share * (over[2] - b)
 
 

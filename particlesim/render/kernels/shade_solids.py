@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from particlesim.compiler import kernel
+from particlesim.model.vectors import dot
 from particlesim.render.kernels.multisample import SUBSAMPLES
 from particlesim.render.kernels.project import BAND
 from particlesim.render.kernels.records import (
@@ -22,7 +23,6 @@ from particlesim.render.kernels.records import (
 from particlesim.render.kernels.shade import (
     RGB,
     ball_of,
-    dot,
     light_share,
     mix,
     open_sky,

@@ -41,6 +41,9 @@ PLAIN = (0.30, 0.74, 0.94)
 STONE = (0.56, 0.55, 0.53)
 """sRGB colour of spheres that particles collide with."""
 
+WATER = (0.25, 0.52, 0.72)
+"""sRGB colour of the surface of a fluid."""
+
 CLOTH = ((0.83, 0.78, 0.69), (0.72, 0.33, 0.27), (0.38, 0.51, 0.66), (0.56, 0.58, 0.38))
 """sRGB colours of surfaces that are coloured by nothing: linen, brick, slate and olive."""
 

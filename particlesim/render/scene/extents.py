@@ -38,6 +38,7 @@ class Survey:
 
     @property
     def center(self) -> Array:
+        """The middle of the scene [m], shape [3]."""
         return 0.5 * (self.low + self.high)
 
     def with_points(self, points: Array) -> Survey:

@@ -27,6 +27,7 @@ class Props:
             [np.empty((0, 3), np.int32)],
             [np.empty(0, np.bool_)],
         )
+        fluid = [np.empty(0, np.bool_)]
         first = row = 0
         for each, copies in zip(shapes, self._copies, strict=True):
             corners = np.ascontiguousarray(each.corners, float)
@@ -49,10 +50,13 @@ class Props:
                 first += len(corners)
                 row += len(normal)
             hollow.append(np.full(copies * len(triangles), each.hollow))
+            fluid.append(np.full(copies * len(triangles), each.fluid))
         self.faces: Array = np.concatenate(faces).astype(np.int32)
         self.shade: Array = np.concatenate(shade).astype(np.int32)
         self.closed: Array = np.ones(len(self.faces), np.bool_)
         self._hollow = np.concatenate(hollow)
+        self.fluid: Array = np.concatenate(fluid)
+        """Which triangles are the surface of a fluid, bool [t]."""
         self.number = first
         """How many corners there are."""
 
@@ -74,10 +78,13 @@ class Props:
         return np.concatenate(corners).astype(np.float32), np.concatenate(normals).astype(np.float32)
 
     def colors(self, frame: Frame, of_particles: Array, stone: int) -> Array:
-        """A palette index for every corner: that of the body that carries it, `stone` for other shapes."""
+        """A palette index for every corner: that of the body that carries it, `stone` for other shapes, the one before for
+        fluids."""
         parts = [np.empty(0, of_particles.dtype)]
         for shape, corner in zip(self._shapes, self._corners, strict=True):
-            own = np.array([stone]) if shape.group is None else of_particles[members(frame, shape.group)]
+            own = np.array([stone - shape.fluid])
+            if shape.group is not None:
+                own = of_particles[members(frame, shape.group)]
             parts.append(np.repeat(own, len(corner)).astype(of_particles.dtype))
         return np.concatenate(parts)
 

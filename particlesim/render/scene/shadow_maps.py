@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from particlesim.process.threads import Team
 from particlesim.render.kernels import project, raster
 from particlesim.render.kernels.multisample import depth_of_triangles, depth_of_tubes
 from particlesim.render.kernels.project import BAND
-from particlesim.render.kernels.records import Array, Axes, Ints
+from particlesim.render.kernels.records import (
+    Array,
+    Axes,
+    Ints,
+    Light,
+    Planes,
+    ShadowMap,
+    SkyMap,
+    Triple,
+    axes_of,
+)
 from particlesim.render.kernels.solids import box_on_map
 from particlesim.render.scene.draw_list import NO_BOX, Cast
 
 CHUNK = 1 << 16
 """Particles of one piece of work."""
+
+SKY_SIZE = 512
+MAP_REACH = 1.25
+"""Half width of shadow and sky map in half extents of the scene's diagonal."""
 
 THINNEST = 0.71
 """Radius [texels] of a tube that no texel misses."""
@@ -64,3 +80,52 @@ def _boxes(disc: Array, rows: Ints, margin: Array, size: int) -> Array:
 def _of_band(bins: tuple[Array, Array], b: int) -> Array:
     first, items = bins
     return items[first[b] : first[b + 1]]
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """What shadows and the light of the sky depend on in all frames alike: light, planes, extents of the scene [m] and what
+    a scene unit is [m], the drawn radius of particles and the size of what is typical [scene units]; whether there are
+    shadows at all, and whether their map is a fine one."""
+
+    light: Light
+    planes: Planes
+    extent: Array
+    scale: float
+    radius: float
+    typical: float
+    shadows: bool
+    fine: bool
+
+    def maps(self, cast: Cast, team: Team) -> tuple[ShadowMap, SkyMap]:
+        """Depth seen from the light, and the blurred heights seen from above."""
+        axes = _map_axes(self.light.direction)
+        if not self.shadows or not len(cast.world):
+            flat = np.full((1, 1), np.inf, np.float32)
+            return ShadowMap(flat, flat, axes, 1.0), SkyMap(flat, flat, axes, 1.0, 0.0, 1.0)
+        reach = MAP_REACH * float(np.linalg.norm(self.extent)) / (2 * self.scale)
+        reach = max(reach, 0.3) + 2 * self.radius
+        size = 2048 if self.typical * 512 / reach < 2.5 and self.fine else 1024
+        depth = depth_map(cast, axes, size, reach, team)
+        shadow = ShadowMap(depth, raster.least_around(depth), axes, 0.5 * size / reach)
+        axes, scale = _map_axes(self.light.up), 0.5 * SKY_SIZE / reach
+        depth = depth_map(cast, axes, SKY_SIZE, reach, team)
+        blur = int(np.clip(round(1.2 * self.typical * scale), 2, 24))
+        mean, square = np.empty_like(depth), np.empty_like(depth)
+        base = self._lowest()
+        raster.sky_moments(depth, base, blur, mean, square)
+        return shadow, SkyMap(mean, square, axes, scale, base, max(2.0 * self.typical, 2.0 * blur / scale))
+
+    def _lowest(self) -> float:
+        """Height of the floor, or of the scene's bottom [scene units]."""
+        up = np.array(self.light.up)
+        floors = (self.planes.point.astype(float) @ up)[(self.planes.normal @ up) > 0.7]
+        return float(floors.max()) if len(floors) else -float(np.abs(up) @ self.extent) / (2 * self.scale)
+
+
+def _map_axes(towards: Triple) -> Axes:
+    """Axes of a map seen from `towards`: right, up, and away from there."""
+    forward = -np.array(towards)
+    side = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    return axes_of([side, np.cross(side, forward), forward])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -38,6 +38,7 @@ class MeshShape:
 
     Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
     is at a time [s]. `group` is the number of a group of rigid bodies, each of which has this shape in its own frame.
+    The surface of a fluid (`fluid`) is a square that is drawn as large as the scene, and shows what is behind it.
     """
 
     corners: npt.NDArray[Any]
@@ -45,17 +46,33 @@ class MeshShape:
     hollow: bool = False
     pose: Callable[[float], Pose] | None = None
     group: int | None = None
+    fluid: bool = False
+
+    def spread(self, center: npt.NDArray[Any], half: float) -> MeshShape:
+        """The surface of a fluid about the place that is nearest to the centre of the scene, with sides of twice `half`."""
+        if not self.fluid:
+            return self
+        arms = self.corners - self.corners.mean(axis=0)
+        normal = np.cross(arms[0], arms[1])
+        away = (center - self.corners[0]) @ normal / (normal @ normal)
+        return replace(self, corners=center - away * normal + half * arms)
 
 
 class Frame(Protocol):
     """One recorded instant. `frame["velocity"]` is a recorded field, shape [n] or [n, 3]."""
 
     @property
-    def time(self) -> float: ...
+    def time(self) -> float:
+        """When it was recorded [s]."""
+
     @property
-    def position(self) -> npt.NDArray[Any]: ...
+    def position(self) -> npt.NDArray[Any]:
+        """Positions [m], shape [n, 3]."""
+
     @property
-    def id(self) -> npt.NDArray[Any]: ...
+    def id(self) -> npt.NDArray[Any]:
+        """Ids, shape [n]."""
+
     def __getitem__(self, name: str, /) -> npt.NDArray[Any]: ...
 
 
@@ -70,9 +87,13 @@ class FrameSource(Protocol):
     """
 
     @property
-    def times(self) -> npt.NDArray[Any]: ...
+    def times(self) -> npt.NDArray[Any]:
+        """Times of all frames [s], in rising order."""
+
     @property
-    def fields(self) -> tuple[str, ...]: ...
+    def fields(self) -> tuple[str, ...]:
+        """Names of the recorded fields."""
+
     def __len__(self) -> int: ...
     def __getitem__(self, index: int, /) -> Frame: ...
 

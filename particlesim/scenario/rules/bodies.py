@@ -10,7 +10,6 @@ from particlesim.bonds.pairs import SINGLE, WORLD
 from particlesim.colliders.friction import FallingRestitution
 from particlesim.emitters import Emitter
 from particlesim.groups.group import Group, Particles
-from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables, mortal
@@ -40,7 +39,7 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
         if motion.on is not None:
             yield ("motions", k, "on"), motion.on, "motions lead pinned particles and colliders"
     for k, each in enumerate(scenario.interactions):
-        if isinstance(each, Contact):
+        if each.is_contact:
             continue  # bodies touch particles
         for key in ("on", "between"):
             for j, name in enumerate(getattr(each, key) or ()):

@@ -34,7 +34,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             if path[0] == "bodies":
                 yield Invalid("impacts of rigid bodies give no births", (*here, "of", j), also)
             elif group.dynamics.type != "second_order":
-                yield Invalid("what has no inertia has no impacts", (*here, "of", j), also)
+                yield Invalid("particles without inertia have no impacts", (*here, "of", j), also)
             elif name in soft:
                 yield Invalid(
                     f"contacts of {soft[name].label} last, so that {name!r} has no moment of impact",

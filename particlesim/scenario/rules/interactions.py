@@ -8,7 +8,6 @@ from particlesim.colliders.friction import FallingRestitution
 from particlesim.groups.group import Group
 from particlesim.integrators import method_for
 from particlesim.interactions import PairInteraction
-from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import collider_tables, group_tables, held_back, interacting, spins, unmoved
 from particlesim.scenario.tables import Tables
@@ -36,7 +35,7 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
     for k, each in enumerate(scenario.interactions):
         groups = interacting(each, scenario.groups)
         for key, name in strangers(each, [group.name for group in groups]):
-            yield Invalid(f"{name!r} is no group of this interaction", ("interactions", k, key, name))
+            yield Invalid(f"{name!r} is not a group of this interaction", ("interactions", k, key, name))
         if not groups:
             hint = "rigid bodies touch each other without it" if scenario.bodies else None
             yield Invalid(f"no group of particles can feel {each.label}", ("interactions", k), hint=hint)
@@ -80,13 +79,13 @@ def turned(scenario: Tables) -> Iterator[Invalid]:
 def against_walls(scenario: Tables) -> Iterator[Invalid]:
     """What colliders say of impacts that soft contacts, which are not impacts, cannot do."""
     for k, each in enumerate(scenario.interactions):
-        if not isinstance(each, Contact) or not each.soft:
+        if not each.soft:
             continue
         names = [group.name for group in interacting(each, scenario.groups)]
         for path, collider in collider_tables(scenario):
             if collider.contact != "bounce" or not held_back(collider, names):
                 continue
-            here = ((("interactions", k), f"contacts of model {each.model} here"),)
+            here = ((("interactions", k), "soft contacts here"),)
             if isinstance(collider.restitution, FallingRestitution):
                 yield Invalid(
                     "restitution that falls with speed belongs to impacts, and soft contacts have none",
@@ -113,7 +112,7 @@ def against_walls(scenario: Tables) -> Iterator[Invalid]:
 def put_apart(scenario: Tables) -> Iterator[Invalid]:
     """What hangs on rods stays where they hold it."""
     for k, each in enumerate(scenario.interactions):
-        if isinstance(each, Contact) and each.overlap == "relax":
+        if each.must_part:
             names = {group.name for group in interacting(each, scenario.groups)}
             for rods in scenario.rod_sets:
                 if names & set(rods.groups):
@@ -152,8 +151,6 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
     """Contacts that look at the ends of steps need steps of one length: they cannot be undone."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, each in enumerate(scenario.interactions):
-        if not isinstance(each, Contact):
-            continue
         names = [group.name for group in interacting(each, scenario.groups)]
         walls = each.soft and any(
             collider.rubs and collider.contact == "bounce" and held_back(collider, names)
@@ -161,7 +158,7 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
         )
         if not (each.remembers() or walls):
             continue
-        why = "impulses are given" if each.model == "impulse" else "friction remembers where contacts began"
+        why = "impulses are given" if each.by_impulses else "friction remembers where contacts began"
         for group in interacting(each, scenario.groups):
             method = method_for(group.integrator or scenario.simulation.integrator)
             if method.adaptive:
@@ -172,14 +169,14 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
                     allowed="velocity_verlet, symplectic_euler, rk4 and others with steps of one length",
                 )
             rods = [rods.name for rods in scenario.rod_sets if group.name in rods.groups]
-            if each.model == "impulse" and rods:
+            if each.by_impulses and rods:
                 yield Invalid(
                     f"particles on rods, such as those of {rods[0]!r}, cannot touch by impulses: rods do not know of them",
                     ("interactions", k),
                     ((tables[group.name][0], "on rods"),),
                     hint='model = "linear" has forces, which rods hold against',
                 )
-        if each.model == "impulse" and scenario.output.work:
+        if each.by_impulses and scenario.output.work:
             yield Invalid(
                 f"the work of the impulses of {each.label} cannot be booked",
                 ("output", "work"),

@@ -8,7 +8,6 @@ from particlesim.bodies import Bodies
 from particlesim.emitters import Emitter
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import WisdomHolmanMethod, method_for
-from particlesim.interactions.contact import Contact
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back, interacting
@@ -112,9 +111,9 @@ def _acting(scenario: Tables, groups: list[tuple[Path, Group]], here: Path) -> I
     for k, each in enumerate(scenario.interactions):
         if not names & {group.name for group in interacting(each, scenario.groups)}:
             continue
-        if isinstance(each, Contact) or each.random() or each.needs_velocity():
+        if each.is_contact or each.random() or each.needs_velocity():
             yield Invalid(
-                f"{each.label} is no force of places alone, and whfast cannot split it off",
+                f"{each.label} depends on more than places, and whfast cannot split it off",
                 ("interactions", k),
                 marks,
                 allowed,

@@ -47,7 +47,7 @@ def format_of(source: Source) -> int:
     """
     version = source.raw.get("format", 1)
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise _refused(source, f"{shown(version)} is no version of the scenario format", None)
+        raise _refused(source, f"{shown(version)} is not a version of the scenario format", None)
     if version > CURRENT:
         message = f"format {version} is newer than this psim, which reads up to {CURRENT}"
         raise _refused(source, message, "install a newer particlesim")

@@ -56,6 +56,7 @@ def override_from_python(key: str, value: object) -> Override:
 
 
 def overrides_from_mapping(values: Mapping[str, object]) -> tuple[Override, ...]:
+    """The overrides {key: value, ...} of the Python interface."""
     return tuple(override_from_python(key, value) for key, value in values.items())
 
 
@@ -147,7 +148,7 @@ def _parts(dotted: str, text: Text, start: int) -> list[tuple[str, TextRange]]:
             span = text.span(TextRange(start + at, start + max(end, at + 1)))
             hint = "for example: simulation.dt, or forces.air.coefficient"
             raise ScenarioError(
-                [Diagnostic(f"{dotted!r} is no key", dotted, None, text.text, span, hint=hint)]
+                [Diagnostic(f"{dotted!r} is not a key", dotted, None, text.text, span, hint=hint)]
             )
         parts.append((name, TextRange(start + at, start + end)))
         if end == len(dotted):

@@ -74,6 +74,7 @@ class Source:
 
     @property
     def file(self) -> Path | None:
+        """The scenario's file; None where its text comes from elsewhere."""
         return self.main.file
 
     def text_of(self, path: KeyPath) -> Text:

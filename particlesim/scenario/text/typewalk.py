@@ -32,23 +32,28 @@ class Node:
 
     @property
     def unit(self) -> Unit | None:
+        """The unit of a quantity, None of other things."""
         return next((mark for mark in self.metadata if isinstance(mark, Unit)), None)
 
     @property
     def model(self) -> type[BaseModel] | None:
+        """The model of a table, None of other things."""
         kind = self.annotation
         return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
     @property
     def origin(self) -> Any:
+        """What the annotation is made of: `tuple` of tuple[int, ...]."""
         return get_origin(self.annotation) or self.annotation
 
     @property
     def is_union(self) -> bool:
+        """Whether it has alternatives."""
         return self.origin in (Union, types.UnionType)
 
     @property
     def is_list(self) -> bool:
+        """Whether it is a list."""
         return self.origin in (list, tuple, set, frozenset, Sequence)
 
 
@@ -76,7 +81,7 @@ def node(annotation: Any, metadata: Sequence[Any] = (), description: str | None 
 
 
 def _meant(annotation: Any, marks: Sequence[Any]) -> Any:
-    """The union that is meant where a mark says so."""
+    """The union that a mark says is meant; without one the annotation itself."""
     return next((mark.union_of(annotation) for mark in marks if isinstance(mark, Tagged)), annotation)
 
 

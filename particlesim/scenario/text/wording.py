@@ -45,6 +45,7 @@ class Words:
 
 
 def missing(key: str, kind: Node | None) -> Words:
+    """A key that the table lacks."""
     return Words(f"missing key {key!r}", _allowed(kind))
 
 
@@ -57,6 +58,7 @@ def unknown_key(key: str, table: Node | None, raw: Any, suggest: Suggest) -> Wor
 
 
 def unknown_tag(union: Node, raw: Any, suggest: Suggest) -> Words:
+    """A type that there is not."""
     key = typewalk.tag_key(union)
     tag = raw.get(key) if isinstance(raw, dict) else None
     known = typewalk.tags(union)
@@ -65,6 +67,7 @@ def unknown_tag(union: Node, raw: Any, suggest: Suggest) -> Words:
 
 
 def missing_tag(union: Node, raw: Any) -> Words:
+    """A table that does not say its type."""
     key, known = typewalk.tag_key(union), _quoted(typewalk.tags(union))
     if not isinstance(raw, dict):
         return Words(f"expected a table, got {shown(raw)}", f"a table with {key} = {known}")
@@ -86,6 +89,7 @@ def for_union(union: Node, raw: Any, suggest: Suggest) -> Words | None:
 
 
 def wrong_length(kind: Node | None, raw: Any) -> Words:
+    """A list of the wrong length."""
     arguments = get_args(kind.annotation) if kind is not None else ()
     return Words(f"expected {len(arguments)} elements, got {len(raw)}")
 
@@ -121,6 +125,9 @@ def is_label_of(branch: Node, label: str) -> bool:
     if branch.unit is not None:  # "function-plain" is a union whose models are built as they are named
         return label.startswith(("function-before", "function-after")) and "_validate" in label
     name = getattr(branch.origin, "__name__", "")
+    if branch.is_list and label.startswith(f"{name}["):  # a list of numbers, or of such lists
+        inner = typewalk.child(branch, 0, ())
+        return label.startswith(f"{name}[{name}[") == (inner is not None and inner.is_list)
     return label == name or label.startswith(("literal",) if branch.origin is Literal else (f"{name}[",))
 
 
