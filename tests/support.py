@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.state.columns import Clock, Columns
-from particlesim.engine.step.impacts import Careful, Simple
+from particlesim.engine.step.contacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import without_rebound

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +37,7 @@ from psim.sweep_options import (
 
 if TYPE_CHECKING:
     from particlesim.sweep import Executor, SweepResult
+    from particlesim.sweep.definition import SweepFile
 
 PLOT = "plot.png"
 
@@ -84,9 +84,10 @@ def sweep(
 
     quiet = quiet or as_json
     with reported(junit, scenario.stem, "sweep") as report:
-        told = _definition(scenario, vary or [])
+        told, axes = _definition(scenario, vary or [])
+        varied = scenario.parent / told.scenario
         design = Design(
-            told.axes,
+            axes,
             zipped or told.zip,
             told.samples if samples is None else samples,
             method or told.method,  # type: ignore[arg-type]  # it refuses other methods
@@ -95,13 +96,13 @@ def sweep(
         if len(design) > MANY and not yes:
             raise UsageError(f"these are {len(design):,} runs", "If that is meant: --yes")
         planned = Sweep(
-            told.scenario,
+            varied,
             design,
-            overrides=(*told.set, *(overrides or ())),
+            overrides=(*told.settings(), *(overrides or ())),
             quantities=quantities or told.quantities,
             record=record or told.record,
         )
-        folder = Path("outputs") / f"{told.scenario.stem}-sweep" if output is None else output
+        folder = Path("outputs") / f"{varied.stem}-sweep" if output is None else output
         report.keep_out_of(folder)
         columns = None if plot is None else _plotted(plot)
         if columns is not None:
@@ -168,53 +169,22 @@ def _executor(
     return clusters.slurm(workers or 1)
 
 
-@dataclass(frozen=True)
-class _Definition:
-    """What a sweep is: from its file, and the --vary of the command line."""
-
-    scenario: Path
-    axes: tuple[Any, ...]
-    set: tuple[str, ...] = ()
-    zip: bool = False
-    samples: int | None = None
-    method: str = "sobol"
-    seed: int = 0
-    quantities: tuple[str, ...] = ()
-    record: bool = False
-    workers: int | None = None
-    fail_fast: bool = False
-
-
-def _definition(path: Path, vary: list[str]) -> _Definition:
+def _definition(path: Path, vary: list[str]) -> tuple[SweepFile, tuple[Any, ...]]:
+    """What a sweep file says, or a scenario with nothing else said; and the axes of both the file and --vary."""
     from particlesim.errors import UsageError
-    from particlesim.scenario.text.overrides import override_from_python
     from particlesim.scenario.text.source import read_source
     from particlesim.sweep import parse_axis
-    from particlesim.sweep.definition import is_sweep, load_sweep
+    from particlesim.sweep.definition import SweepFile, is_sweep, load_sweep
 
     axes = {axis.key: axis for axis in (parse_axis(argument) for argument in vary)}
     if len(axes) < len(vary):
         raise UsageError("a key is varied twice", "Give all its values in one --vary.")
-    if not is_sweep(read_source(path)):
-        if not axes:
-            raise UsageError("there is nothing to vary", "Name a key: --vary simulation.dt=1e-3,2e-3")
-        return _Definition(path, tuple(axes.values()))
-    file = load_sweep(path)
-    both = {axis.key: axis for axis in file.axes()} | axes
-    settings = [override_from_python(key, value).text for key, value in file.set.items()]
-    return _Definition(
-        path.parent / file.scenario,
-        tuple(both.values()),
-        tuple(text.removeprefix("override ") for text in settings),
-        file.zip,
-        file.samples,
-        file.method,
-        file.seed,
-        file.quantities,
-        file.record,
-        file.workers,
-        file.fail_fast,
-    )
+    if is_sweep(read_source(path)):
+        file = load_sweep(path)
+        return file, tuple(({axis.key: axis for axis in file.axes()} | axes).values())
+    if not axes:
+        raise UsageError("there is nothing to vary", "Name a key: --vary simulation.dt=1e-3,2e-3")
+    return SweepFile.model_construct(scenario=path.name, vary={}), tuple(axes.values())
 
 
 def _plotted(words: tuple[str, str]) -> tuple[str, str]:

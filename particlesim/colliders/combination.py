@@ -17,18 +17,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from particlesim.colliders.box import Box
-from particlesim.colliders.capsule import Capsule
-from particlesim.colliders.cone import Cone
-from particlesim.colliders.cylinder import Cylinder
-from particlesim.colliders.distance_grid import DistanceGrid
-from particlesim.colliders.formula import Formula
 from particlesim.colliders.gaps import gaps_of
-from particlesim.colliders.height_field import HeightField
-from particlesim.colliders.mesh import Mesh
 from particlesim.colliders.solid import HollowConvexRecord, HollowRecord, Solid, SolidCollider
-from particlesim.colliders.sphere import Sphere
-from particlesim.colliders.torus import Torus
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
 from particlesim.colliders.way import lipschitz_apart, marched_contact
 from particlesim.laws.registry import (
@@ -41,12 +31,22 @@ from particlesim.laws.registry import (
     law,
     normal,
 )
-from particlesim.model.variants import Tagged
+from particlesim.model.variants import Family, Tagged
 
-AnySolid = Annotated[
-    Sphere | Box | Capsule | Cylinder | Cone | Torus | Mesh | HeightField | DistanceGrid | Formula,
-    Tagged("type"),
-]
+SOLIDS = Family[Solid](
+    "particlesim.colliders",
+    sphere="sphere.Sphere",
+    box="box.Box",
+    capsule="capsule.Capsule",
+    cylinder="cylinder.Cylinder",
+    cone="cone.Cone",
+    torus="torus.Torus",
+    mesh="mesh.Mesh",
+    height_field="height_field.HeightField",
+    distance_grid="distance_grid.DistanceGrid",
+    formula="formula.Formula",
+)
+AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
 
 FINE = 64
 """Triangles of a cut surface along the longest side of a part, at least."""

@@ -67,7 +67,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
-            *("_made", "_springs", "_order", "_scenario", "_particles"),
+            *("_made", "_springs", "_order", "_scenario", "_particles", "_party"),
             "kept_from",
             "impacts",
         )

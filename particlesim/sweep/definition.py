@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool, StringConstraints, ValidationError
 
 from particlesim.model.base import Model
 from particlesim.scenario.text.diagnose import diagnose
+from particlesim.scenario.text.overrides import override_from_python
 from particlesim.scenario.text.source import Source, read_source
 from particlesim.sweep.axes import Listed, Sampled, parse_axis
 from particlesim.sweep.design import Method
@@ -49,6 +50,11 @@ class SweepFile(Model):
             parse_axis(f"{key}={values}") if isinstance(values, str) else Listed(key, tuple(values))
             for key, values in self.vary.items()
         )
+
+    def settings(self) -> tuple[str, ...]:
+        """The values of all runs, as --set takes them."""
+        made = (override_from_python(key, value).text for key, value in self.set.items())
+        return tuple(text.removeprefix("override ") for text in made)
 
 
 def is_sweep(source: Source) -> bool:

@@ -122,7 +122,7 @@ def test_unusable_paths(psim, tmp_path):
     refused(psim("run", "huge.toml"), "100 MiB")
     refused(psim("run", "folder.toml"), "is a directory")
     refused(psim("run", "tiny.toml", "-o", "folder.toml"), "is a folder")
-    refused(psim("run", "tiny.toml", "-o", "tiny.toml/a.vtkhdf"), "is no folder")
+    refused(psim("run", "tiny.toml", "-o", "tiny.toml/a.vtkhdf"), "is not a folder")
     refused(psim("run", "tiny.toml", "-o", "video.mp4"), "--video")
     refused(psim("run", "tiny.toml", "-o", "data.bin"), "data.vtkhdf")
     assert files() == before
@@ -228,7 +228,7 @@ def test_bad_trajectories(psim):
         (("render", "--frames", "90:"), "no frame is chosen"),
         (("render", "--fps", "0"), "greater than 0"),
         (("render", "-o", "video.gif"), ".webp"),
-        (("render", "-o", "recorded.vtkhdf/video.mp4"), "is no folder"),
+        (("render", "-o", "recorded.vtkhdf/video.mp4"), "is not a folder"),
         (("plot", "enery"), "Did you mean 'energy'?"),
         (("plot", "x", "--ids", "one"), "Write them as --ids 0,5,7"),
         (("plot", "x", "--ids", "77"), "no particle has the id 77"),

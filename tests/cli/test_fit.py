@@ -68,7 +68,7 @@ def test_aim(data):
         (("m.csv",), "nothing to vary"),
         (("m.csv", "--aim", "ball", "--target", "1,0,0"), "aiming takes no data"),
         (("--aim", "ball"), "belong together"),
-        (("--aim", "ball", "--target", "1,0"), "is no point"),
+        (("--aim", "ball", "--target", "1,0"), "is not a point"),
         (("--aim", "ball", "--target", "99,0,0"), "out of range"),
         (("none.csv", "--vary", "a"), "does not exist"),
         (("m.csv", "--vary", "a", "--plot", "r.txt"), "unknown ending"),

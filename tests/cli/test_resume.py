@@ -33,7 +33,7 @@ def test_times_that_are_none(psim, text):
     for option in ("--max-wall", "--checkpoint-wall", "--checkpoint-every"):
         ended = psim("run", "tiny.toml", f"{option}={text}")
         assert ended.code == 2
-        assert "is no time" in ended.err
+        assert "is not a time" in ended.err
     assert files() == before
 
 

@@ -21,7 +21,8 @@ from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import ColliderRecord, ResponseRecord
 from particlesim.engine.independent.kernel import new_room, step_range
-from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS, Careful, Simple
+from particlesim.engine.step.contacts import Careful, Simple
+from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS
 from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity
 from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, force

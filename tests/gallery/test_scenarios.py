@@ -41,7 +41,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("rain_on_dome", "bouncing_box", "vortex", "harmonic_well", "rotating_habitat", "orbit"),
         *("hanging_cloth", "stiff_cloth", "rope", "pendulum_chain", "newtons_cradle"),
         *("slope", "stairs", "conveyor"),
-        *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair"),
+        *("jelly_drop", "trampoline", "bridge_collapse", "flag", "hair", "head_of_hair"),
         *("cold_collapse", "galaxies"),
         *("cloth_over_sphere", "folding_cloth", "balls_on_a_trampoline", "jelly_on_stairs"),
         *("tumbling_box", "dominoes", "wall_hit_by_a_ball", "balls_and_boxes"),

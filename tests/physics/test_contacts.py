@@ -92,7 +92,8 @@ def test_the_books_of_a_contact_balance_in_its_middle_too(law: dict[str, Any]) -
     assert start == pytest.approx(M / 2)
     assert stored.max() == pytest.approx(start / 2, rel=1e-3)
     assert kept["kinetic"] + stored == pytest.approx(np.full(len(stored), start), rel=1e-3)
-    lossy = {**law, "restitution": 0.5, "friction": 0.4}
+    # cohesion is in the potential alone
+    lossy = {**law, "restitution": 0.5, "friction": 0.4, "cohesion": 2.0}
     output = {"every": 5, "ledger": True, "work": True}
     books = meeting(lossy, 1e-5, duration=0.02, beside=0.8 * R, output=output).ledger
     lost = -books["work.contact"][-1]

@@ -243,8 +243,9 @@ def test_a_block_of_springs_slides_and_holds_as_a_rigid_one(integrator: str) -> 
         ).final
         moved = (final.position - body @ turn.T).mean(axis=0) @ downhill(angle)
         speed = final.velocity.mean(axis=0) @ downhill(angle)
-        # It sinks into its springs at the start: some 10 µm.
-        assert moved == pytest.approx(a * t * t / 2, abs=1e-4)
+        # It sinks into its springs at the start: some 10 µm. Backward Euler goes on with the speed at the end of a step.
+        first_order = a * t * dt if integrator == "backward_euler" else 0.0
+        assert moved == pytest.approx(a * t * t / 2, abs=1e-4 + first_order)
         assert speed == pytest.approx(a * t, abs=2e-3)
 
 

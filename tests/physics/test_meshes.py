@@ -16,6 +16,7 @@ import particlesim as ps
 from particlesim.colliders import DifferenceCollider, MeshCollider
 from particlesim.colliders.box import Box
 from particlesim.colliders.cylinder import Cylinder
+from particlesim.forces import Gravity
 from particlesim.laws.registry import Particle, gap
 
 
@@ -136,6 +137,28 @@ def test_nothing_passes_through_a_mesh(sheet: bool, speed: float) -> None:
         assert (np.linalg.norm(position(c), axis=1) > 2).all()  # all came back, and none went on as it was
         assert (np.linalg.norm(position(c) - x - 6 * way, axis=1) > 1e-3).all()
         np.testing.assert_allclose(np.linalg.norm(velocity(c), axis=1), speed, rtol=1e-12)
+
+
+def test_what_is_remembered_of_distances_changes_no_bit() -> None:
+    # Grains fall onto a ball and bounce. How far each is from it is remembered within an interval: of 60 steps, of 1, never.
+    mesh = MeshCollider(path="ball.ply", restitution=0.7)
+    ico = trimesh.creation.icosphere(subdivisions=2)
+    mesh.take((np.array(ico.vertices), np.array(ico.faces)))
+    rng = np.random.default_rng(6)
+    x = rng.uniform((-1, 1.1, -1), (1, 2, 1), (100, 3))
+    seen = careful(continuous=[mesh.record()], reach=1.0, tolerance=16 * EPS)
+    forces = (Gravity().record(),)
+    ends = []
+    for contacts, calls in ((seen._replace(one_by_one=()), 1), (seen._replace(one_by_one=()), 60), (seen, 1)):
+        c = columns(x, np.zeros_like(x), radius=0.02, method="velocity_verlet")
+        for k in range(calls):
+            run(
+                program("velocity_verlet", forces, contacts), c, 60 // calls, 0.01, first_step=k * 60 // calls
+            )
+        ends.append(position(c))
+    assert (ends[0][:, 1] > x[:, 1] - 1.5).any()  # some have bounced, others fall past it
+    np.testing.assert_array_equal(ends[0], ends[1])
+    np.testing.assert_array_equal(ends[0], ends[2])
 
 
 def test_a_hole_lets_through_what_fits() -> None:

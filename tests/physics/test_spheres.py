@@ -15,7 +15,7 @@ from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
 from particlesim.colliders import SphereCollider
-from particlesim.engine.step.impacts import Careful, Simple
+from particlesim.engine.step.contacts import Careful, Simple
 from particlesim.engine.step.records import contacts_record
 from particlesim.groups.group import Particles
 

@@ -128,5 +128,5 @@ def test_a_run_killed_in_its_first_minute_goes_on(tmp_path, resume, whole):
     killed = subprocess.run([sys.executable, "-c", script], timeout=120)
     assert killed.returncode == -9
     result = ps.run(ps.from_table(resume.kinds["memory"]), path, resume=True)
-    assert not any("began anew" in text for text in result.warnings)
+    assert not any("started from the beginning" in text for text in result.warnings)
     resume.same(path, whole("memory"))

@@ -105,7 +105,7 @@ def test_a_trajectory_that_is_shorter_than_its_checkpoint_is_refused(stopped):
 
 
 def test_options_that_contradict(stopped):
-    refuse(stopped, "goes on", overwrite=True)
+    refuse(stopped, "continues a run", overwrite=True)
     with pytest.raises(ps.UsageError, match="without an output"):
         ps.run(changed(), resume=True)
     for name in ("max_wall", "checkpoint_wall", "checkpoint_every"):
@@ -129,7 +129,7 @@ def test_a_run_without_a_checkpoint_begins_anew(stopped, tmp_path, resume):
     for path in (checkpoint_path(stopped), previous_path(stopped)):
         path.unlink()
     result = ps.run(changed(), stopped, resume=True)
-    assert "began anew" in result.warnings[0]
+    assert "started from the beginning" in result.warnings[0]
     ps.run(changed(), tmp_path / "whole.vtkhdf")
     resume.same(stopped, tmp_path / "whole.vtkhdf")
 

@@ -106,7 +106,7 @@ def test_families_name_their_models_as_files_do(family: Family[Any]) -> None:
 
 
 def test_a_small_run_imports_what_it_needs_only() -> None:
-    """A scenario without colliders, bodies, springs and pairs starts without their models and kernels."""
+    """A scenario without bodies, springs and pairs starts without their models and kernels."""
     program = (
         "import sys, particlesim as ps\n"
         "ps.run(ps.from_table({'simulation': {'duration': 1.0, 'dt': 1.0},"
@@ -114,6 +114,6 @@ def test_a_small_run_imports_what_it_needs_only() -> None:
         "print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    unneeded = ("colliders.mesh", "bodies.shape", "engine.rigid.kernel", "engine.coupled", "forces.drag")
+    unneeded = ("bodies.shape", "engine.rigid.kernel", "engine.coupled", "forces.drag")
     assert "particlesim.layouts.points" in done.stdout.split()
     assert not {f"particlesim.{name}" for name in unneeded} & set(done.stdout.split())

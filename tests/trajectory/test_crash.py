@@ -78,7 +78,7 @@ def test_reading_while_another_process_writes(tmp_path, synthetic, start_writer)
         trajectory.refresh()
         assert trajectory.status == "complete"
         synthetic.check(trajectory, counts_of_victim(120, 100))
-    assert len(set(seen)) > 3
+    assert len(set(seen)) > 1, "it should be read while it grows"
     assert seen == sorted(seen)
 
 

@@ -55,7 +55,7 @@ def test_folders_are_made_and_bad_places_refused(tmp_path, synthetic, monkeypatc
     with pytest.raises(UsageError, match="is a folder"):
         synthetic.open_writer(tmp_path / "new", overwrite=True)
     (tmp_path / "file").touch()
-    with pytest.raises(UsageError, match="is no folder"):
+    with pytest.raises(UsageError, match="is not a folder"):
         synthetic.open_writer(tmp_path / "file" / "a.vtkhdf")
     monkeypatch.setattr(target.os, "access", lambda *_: False)  # root may write anywhere
     with pytest.raises(InputOutputError, match="cannot write into"):

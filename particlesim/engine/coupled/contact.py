@@ -2,40 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from particlesim.colliders.response import crossable
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
-from particlesim.engine.step.impacts import (
-    Careful,
-    Simple,
-    crossings,
-    nearest,
-    overlapped,
-    passable,
-    pushed,
-    respond,
-    tell,
-    trace,
-)
-from particlesim.engine.step.particle_step import Newtonian
+from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
+from particlesim.engine.step.crossing import crossings, passable
+from particlesim.engine.step.hits import tell
+from particlesim.engine.step.impacts import overlapped, respond, trace
+from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
-from particlesim.integrators.base import CompositionRecord
-from particlesim.laws.registry import Particle, Vector, force, further, law, moved_to
-
-
-class FrozenRecord(NamedTuple):
-    """A force that stays the same over a step [N]."""
-
-    x: float
-    y: float
-    z: float
-
-
-@law(force, FrozenRecord)
-def frozen_force(f: FrozenRecord, p: Particle) -> Vector:
-    return f.x, f.y, f.z
+from particlesim.laws.registry import Particle, further, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
@@ -47,7 +25,8 @@ def forget(memory: Any, i: Any) -> None:
 def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
     """Contacts at the end of a step.
 
-    A particle that ends inside a collider is followed from impact to impact under the mean force of the step.
+    A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
+    to where its method has led it. Another way would let what lies on a collider swing with growing amplitude.
     """
     for part in parts:
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
@@ -75,6 +54,14 @@ def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any
     return moved_to(
         q, before[0, i], before[1, i], before[2, i], before[3, i], before[4, i], before[5, i], begin
     )
+
+
+def way_between(p: Any, q: Any, h: Any) -> BentRecord:
+    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly."""
+    k = type_of(h, 1) / h
+    turn = k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz)
+    bend = k * (k * (q.x - p.x) - p.vx), k * (k * (q.y - p.y) - p.vy), k * (k * (q.z - p.z) - p.vz)
+    return BentRecord(turn, bend)
 
 
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
@@ -111,11 +98,7 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                k = q.m / hi
-                mean = FrozenRecord(k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz))
-                half, whole = type_of(h, 0.5), type_of(h, 1)
-                parabola = CompositionRecord((half, half), (whole, None))
-                r, _, outcome, hit = trace(parabola, Newtonian(), (mean,), contacts, p, hi, ())
+                r, _, outcome, hit = trace(way_between(p, q, hi), Newtonian(), (), contacts, p, hi, ())
                 forget(c.memory, i)
                 tell(c.hit, i, hit)
             else:

@@ -34,19 +34,11 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.clearance import clearance, distance_of, ends_inside, keeps_clear
-from particlesim.engine.step.impacts import (
-    Simple,
-    crossings,
-    may_pass,
-    meet,
-    overlapped,
-    passable,
-    pushed,
-    rest,
-    tell,
-    trace,
-)
+from particlesim.engine.step.clearance import clearance, distance_of, keeps_clear
+from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
+from particlesim.engine.step.crossing import crossings, may_pass, passable
+from particlesim.engine.step.hits import tell
+from particlesim.engine.step.impacts import overlapped, rest, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 
 

@@ -36,7 +36,7 @@ from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import fetch, held, type_of
-from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.rubbing import rub
 from particlesim.interactions import PairSet
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to

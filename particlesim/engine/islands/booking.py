@@ -16,7 +16,7 @@ from particlesim.engine.islands.stepping import Stepper
 from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
 from particlesim.engine.ledger.work import Books, moved
 from particlesim.engine.state.columns import Columns
-from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.contacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta
 from particlesim.model.arrays import Floats

@@ -17,7 +17,7 @@ from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks,
 from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
-from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.newton import unsolved
 from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import group_program

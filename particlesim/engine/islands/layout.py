@@ -17,7 +17,7 @@ from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.table import SPIN
-from particlesim.engine.step.impacts import Simple
+from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group

@@ -57,7 +57,7 @@ from particlesim.engine.rigid.spring_layout import Laid, body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
-from particlesim.engine.rigid.visit import Left, Visitors, guests_of, joined, left
+from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
@@ -116,6 +116,7 @@ class RigidIsland(BaseIsland):
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
+        self._party: tuple[Bodies, Scene, Motion] | None = None
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.left: Left
@@ -163,13 +164,8 @@ class RigidIsland(BaseIsland):
         """A step with particles among the bodies."""
         b = self.bodies()
         n, report = b.w.size, np.zeros(2)
-        whole, guests = joined(b, visitors), guests_of(visitors, b.w.size)
-        scene, motion = self._booking()._replace(guests=guests), new_motion(whole.w.size)
-        scene = scene._replace(springs=(*scene.springs, *self.ties.springs(visitors, n)))
-        if scene.joints is not None:
-            scene = scene._replace(
-                joined=np.append(scene.joined, np.zeros(whole.w.size - n, scene.joined.dtype))
-            )
+        whole, scene, motion = self._received(b, visitors)
+        guests = scene.guests
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] != FULL:
                 return self._fault(step, opened=report[0] == UNHELD)
@@ -179,6 +175,24 @@ class RigidIsland(BaseIsland):
             mine[:] = after[:, :n]
         self.left = left(whole, guests, visitors, self.dt)
         return None
+
+    def _received(self, b: Bodies, visitors: Visitors) -> tuple[Bodies, Scene, Motion]:
+        """Bodies with visitors, what acts on them, and room for what they do: what there was in the last step, if the same
+        are there again, filled anew."""
+        party = self._party
+        if party is not None and np.array_equal(party[1].guests.id, visitors.id):
+            whole, scene, motion = party
+            fill(whole, b, visitors)
+            scene.guests.lean[:] = visitors.lean
+            return whole, scene, motion
+        whole, booking = joined(b, visitors), self._booking()
+        springs = (*booking.springs, *self.ties.springs(visitors, b.w.size))
+        scene = booking._replace(guests=guests_of(visitors, b.w.size), springs=springs)
+        if scene.joints is not None:
+            strangers = np.zeros(len(visitors.w), scene.joined.dtype)
+            scene = scene._replace(joined=np.append(scene.joined, strangers))
+        self._party = whole, scene, new_motion(whole.w.size)
+        return self._party
 
     def _booking(self) -> Scene:
         """What acts on the bodies, and the books of it."""

@@ -70,25 +70,31 @@ def guests_of(visitors: Visitors, bodies: int) -> Guests:
     n = len(visitors.w)
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
-    return Guests(bodies, visitors.kind, visitors.radius, visitors.id, *tables, *scratch, visitors.lean)
+    columns = (visitors.kind, visitors.radius, visitors.id, *tables)
+    return Guests._make([bodies, *(each.copy() for each in columns), *scratch, visitors.lean.copy()])
 
 
 def joined(b: Bodies, visitors: Visitors) -> Bodies:
     """Bodies with visitors after them, all of them copies."""
-    n = len(visitors.w)
-    turn = np.zeros((4, n))
-    turn[0] = 1.0
-    return Bodies(
-        np.concatenate([b.x, visitors.x], axis=1),
-        np.concatenate([b.v, visitors.v], axis=1),
-        np.concatenate([b.turn, turn], axis=1),
-        np.concatenate([b.spin, visitors.spin], axis=1),
-        np.concatenate([b.w, visitors.w]),
-        np.concatenate([b.inertia, np.broadcast_to(visitors.inertia, (3, n))], axis=1),
-        np.concatenate([b.reach, visitors.radius]),
-        np.concatenate([b.group, np.zeros(n, np.int64)]),
-        b.pieces,
-    )
+    n = b.w.size + len(visitors.w)
+    columns = (np.empty((*each.shape[:-1], n), each.dtype) for each in b[:-1])
+    whole = Bodies._make([*columns, b.pieces])
+    fill(whole, b, visitors)
+    return whole
+
+
+def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
+    """Put bodies and visitors as they are now into what `joined` has made of as many."""
+    n = b.w.size
+    for mine, each in zip(whole[:-1], b[:-1], strict=True):
+        mine[..., :n] = each
+    whole.turn[:, n:] = np.array([[1.0], [0.0], [0.0], [0.0]])
+    whole.group[n:] = 0
+    given = (visitors.x, visitors.v, visitors.spin, visitors.w, visitors.inertia, visitors.radius)
+    for mine, each in zip(
+        (whole.x, whole.v, whole.spin, whole.w, whole.inertia, whole.reach), given, strict=True
+    ):
+        mine[..., n:] = each
 
 
 def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:

@@ -19,7 +19,7 @@ from particlesim.colliders.pose import ShiftedRecord, TurnedRecord, seen_from
 from particlesim.colliders.response import crossable
 from particlesim.colliders.way import longest, way_of
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.impacts import Simple, inside, nowhere
+from particlesim.engine.step.contacts import Simple
 from particlesim.laws.registry import gap
 
 SURE = 1e-5
@@ -37,12 +37,6 @@ def keeps_clear(contacts: Any, memory: Any) -> bool:
 def distance_of(p: Any, q: Any, h: Any) -> Any:
     """How far a particle may go in a step from p to q, at least [m]."""
     return type_of(h, 1 + SURE) * longest(way_of(p, q, h))
-
-
-def ends_inside(contacts: Any, q: Any) -> Any:
-    """Whether a step ends inside of a collider that no way crosses: a plane, or a discrete one."""
-    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
-    return inside(colliders, nowhere(colliders), q)
 
 
 def clearance(contacts: Any, p: Any, need: Any) -> Any:

@@ -14,23 +14,30 @@ its beginning to its end (`particlesim.colliders.way`).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.moving import MovingRecord, alight, ride
-from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.colliders.response import along, crossable, opposite, yielded
-from particlesim.colliders.way import place_on, way_of
+from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.contacts import (
+    Simple,
+    ahead,
+    ends_inside,
+    farther,
+    inside,
+    loose,
+    meet,
+    nearest,
+    nowhere,
+    rounding,
+    rounding_of_step,
+    sunk,
+)
+from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
+from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.particle_step import advance, restart
 from particlesim.engine.step.resting import borne, settled, wedged
-from particlesim.laws.registry import PASS, apart, contact, first_contact, gap, moved_to, normal
-
-EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
-"""The rounding error of 1 in each precision."""
+from particlesim.laws.registry import PASS, moved_to
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
@@ -48,269 +55,13 @@ LIVELY, CALM, SURE = 0, 1, 2
 """What a particle that touches does: rebound; lie, if its hops are shorter than the step; lie in any case."""
 
 
-class Simple(NamedTuple):
-    """Colliders met once after each step: none, one, or several that are perpendicular or parallel; and those that yield."""
-
-    colliders: tuple[Any, ...]
-    soft: tuple[Any, ...] = ()
-
-
-class Careful(NamedTuple):
-    """Colliders that need more: a time of impact (continuous), or several passes in a corner.
-
-    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach`
-    the size of the numbers beside it that gaps are made of [m].
-    """
-
-    continuous: tuple[Any, ...]
-    resting: tuple[Any, ...]
-    discrete: tuple[Any, ...]
-    tolerance: float
-    reach: float
-    one_by_one: tuple[()] | None = None
-    """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
-    soft: tuple[Any, ...] = ()
-
-
-def meet(colliders: Any, p: Any) -> Any:
-    """The particle after every collider in turn, and the strongest outcome."""
-    if len(colliders) == 0:
-        return p, PASS
-    if len(colliders) == 1:
-        return contact(colliders[0], p)
-    q, first = contact(colliders[0], p)
-    r, rest = meet(colliders[1:], q)
-    return r, max(first, rest)
-
-
-def pushed(colliders: Any, p: Any, h: Any) -> Any:
-    """The particle after a step of h, with what colliders that yield do to it."""
-    for c in colliders:
-        p = yielded(c, p, h)
-    return p
-
-
-def nearest(colliders: Any, p: Any) -> Any:
-    """The smallest gap to any collider [m]; positive where there are none."""
-    if len(colliders) == 0:
-        return 1.0
-    if len(colliders) == 1:
-        return gap(colliders[0], p)
-    return min(gap(colliders[0], p), nearest(colliders[1:], p))
-
-
-def ahead(colliders: Any, on: Any, p: Any) -> Any:
-    """The smallest gap to colliders other than those on which the particle lies [m]; positive where there are none."""
-    if len(colliders) == 0:
-        return type_of(p.x, 1)
-    free = type_of(p.x, 1) if on[0] else gap(colliders[0], p)
-    return min(free, ahead(colliders[1:], on[1:], p))
-
-
-def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
-    """Whether the particle is deeper than `slack` in a collider on which it lies."""
-    if len(colliders) == 0:
-        return False
-    return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
-
-
-def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
-    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as another moved it."""
-    if len(colliders) == 0:
-        return False
-    return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
-
-
-def inside(colliders: Any, on: Any, p: Any) -> Any:
-    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
-    if len(colliders) == 0:
-        return False
-    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
-
-
-def nowhere(colliders: Any) -> Any:
-    """That the particle lies on none of some colliders."""
-    return tuple(False for _ in colliders)
-
-
-def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies."""
-    if len(colliders) == 0:
-        return True
-    others = all_apart(colliders[1:], on[1:], p, q, h, slack)
-    return others & (apart(colliders[0], p, q, h, slack) | on[0]) if crossable(colliders[0]) else others
-
-
-def first_crossing(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end,
-    and the particle there. What a particle lies on it does not cross."""
-    if len(colliders) == 0:
-        return type_of(p.x, 1), q
-    first, there = first_crossing(colliders[1:], on[1:], p, q, h, slack)
-    if not crossable(colliders[0]):
-        return first, there
-    s = type_of(p.x, 1)
-    if not on[0]:
-        s = min(first_contact(colliders[0], p, q, h, slack), s)
-    place = met(colliders[0], p, q, h, s)
-    sooner = s < first
-    there = moved_to(
-        q,
-        place.x if sooner else there.x,
-        place.y if sooner else there.y,
-        place.z if sooner else there.z,
-        q.vx,
-        q.vy,
-        q.vz,
-        q.t,
-    )
-    return min(s, first), there
-
-
-def met(c: Any, p: Any, q: Any, h: Any, s: Any) -> Any:
-    """The particle after the part s of the way on which it meets a collider: its parabola in the frame of that."""
-    if isinstance(c.shape, MovingRecord):
-        local = ride(c.shape, p)
-        there = place_on(way_of(local, ride(c.shape, q), h), local, s)
-        there = moved_to(there, there.x, there.y, there.z, there.vx, there.vy, there.vz, p.t + h * s)
-        return alight(c.shape, there)
-    return place_on(way_of(p, q, h), p, s)
-
-
-def turned_away(colliders: Any, p: Any, q: Any) -> Any:
-    """Whether p and q, which are close to each other, are on different sides of a thin collider that q is inside of."""
-    if len(colliders) == 0:
-        return False
-    others = turned_away(colliders[1:], p, q)
-    if not crossable(colliders[0]):
-        return others
-    return others | ((gap(colliders[0], q) < 0) & opposite(colliders[0], p, q))
-
-
-def straight(p: Any, q: Any, h: Any) -> Any:
-    """The particle p with the velocity that leads straight to q in a time h: the way of what glides."""
-    k = type_of(h, 1) / h
-    return moved_to(p, p.x, p.y, p.z, k * (q.x - p.x), k * (q.y - p.y), k * (q.z - p.z), p.t)
-
-
-# What discrete detection does not see
-
-
-def passable(contacts: Any) -> Any:
-    """The colliders that a particle may pass within a step without being seen: their ends alone are looked at."""
-    discrete = contacts.colliders if isinstance(contacts, Simple) else contacts.discrete
-    return tuple(c for c in discrete + contacts.soft if crossable(c))
-
-
-def _noise(p: Any, q: Any, h: Any) -> Any:
-    """Gaps that are nothing but rounding errors in a step from p to q, whose end is a place as good as its beginning [m]."""
-    here, there = abs(p.x) + abs(p.y) + abs(p.z), abs(q.x) + abs(q.y) + abs(q.z)
-    return type_of(h, 64 * EPSILON[type(h)]) * (max(here, there) + p.r)
-
-
-def _seen_way(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """The particle p with the velocity of the way that a step of h to q is taken to go: its parabola, or, where impacts
-    may have bent it, the straight line."""
-    if isinstance(contacts, Careful) and len(contacts.continuous) > 0:
-        return straight(p, q, h)
-    return p
-
-
-def may_pass(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """Whether the way of a step of h from p to q may lead through a collider that does not see it: a quick look."""
-    colliders = passable(contacts)
-    return not all_apart(colliders, nowhere(colliders), _seen_way(contacts, p, q, h), q, h, _noise(p, q, h))
-
-
-@outlined
-def crossings(contacts: Any, p: Any, q: Any, h: Any) -> int:
-    """How many colliders a step of h from p to q has led through: from outside to outside without a touch, or to the far
-    side of what it was found in at its end, from where it was put out there."""
-    number = 0
-    slack, begin = _noise(p, q, h), _seen_way(contacts, p, q, h)
-    for c in passable(contacts):
-        near = gap(c, p) >= -slack and not apart(c, begin, q, h, slack)
-        through = near and first_contact(c, begin, q, h, slack) < 1
-        if through and (gap(c, q) > slack or opposite(c, p, q)):
-            number += 1
-    return number
-
-
-# What others hear of
-
-
-class Hit(NamedTuple):
-    """An impact: the number of the collider, and the speed along its normal relative to it, 0 for none; the particle before
-    it, with its time, and the normal."""
-
-    collider: Any
-    speed: Any
-    p: Any
-    x: Any
-    y: Any
-    z: Any
-
-
-def silence(colliders: Any, p: Any) -> Any:
-    """No impact; None where nobody would hear of one."""
-    if all(isinstance(c, BoundsRecord) or c.response.heard is None for c in colliders):
-        return None
-    zero = p.x - p.x
-    return Hit(-1, zero, p, zero, zero, zero)
-
-
-def hear(colliders: Any, p: Any, hit: Any) -> Any:
-    """An impact of a particle that is inside of colliders, unless there has been one before it in the step."""
-    if hit is None:
-        return None
-    for c in colliders:
-        if not isinstance(c, BoundsRecord) and c.response.heard is not None:
-            local, shape = p, c.shape
-            if isinstance(c.shape, MovingRecord):
-                local, shape = ride(c.shape, p), c.shape.shape
-            speed = -along(normal(shape, local), local)
-            zero = p.x - p.x
-            n = tuple(zero if axis is None else axis for axis in normal(c.shape, p))
-            new = (gap(c, p) < 0) & (speed > 0) & (not hit.speed > 0)
-            hit = Hit(
-                c.response.heard if new else hit.collider,
-                speed if new else hit.speed,
-                moved_to(
-                    p,
-                    p.x if new else hit.p.x,
-                    p.y if new else hit.p.y,
-                    p.z if new else hit.p.z,
-                    p.vx if new else hit.p.vx,
-                    p.vy if new else hit.p.vy,
-                    p.vz if new else hit.p.vz,
-                    p.t if new else hit.p.t,
-                ),
-                n[0] if new else hit.x,
-                n[1] if new else hit.y,
-                n[2] if new else hit.z,
-            )
-    return hit
-
-
-def tell(rows: Any, i: Any, hit: Any) -> None:
-    """Write the impact of particle i down, in the order of `state.table.HIT`, if there was one and it is the first."""
-    if hit is None or len(rows) == 0:
-        return
-    if hit.speed > 0 and not rows[2][i] > 0:
-        rows[0][i], rows[1][i], rows[2][i] = hit.p.t, hit.collider, hit.speed
-        rows[3][i], rows[4][i], rows[5][i] = hit.p.x, hit.p.y, hit.p.z
-        rows[6][i], rows[7][i], rows[8][i] = hit.x, hit.y, hit.z
-        rows[9][i], rows[10][i], rows[11][i] = hit.p.vx, hit.p.vy, hit.p.vz
-
-
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
     # What a way may cross tells by one look whether the way is free, with its end.
-    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
-    met = inside(colliders, nowhere(colliders), q)
-    if len(colliders) == len(contacts.continuous) + len(contacts.discrete):
+    met = ends_inside(contacts, q)
+    if not any(crossable(c) for c in contacts.continuous):
         return met
     nothing = nowhere(contacts.continuous)
     return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
@@ -337,35 +88,6 @@ def respond(contacts: Any, p: Any) -> Any:
     if isinstance(contacts, Simple):
         return meet(contacts.colliders, p)
     return p, PASS
-
-
-def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
-    """|x| + |y| + |z|, without the coordinates that no gap depends on: those along planes whose normal is an axis."""
-    total = type_of(x, 0)
-    for v, along_it in ((x, (PlaneYRecord, PlaneZRecord)), (y, (PlaneZRecord, PlaneXRecord)), (z, FLAT)):
-        if not all(isinstance(c.shape, along_it) for c in contacts.continuous):
-            total = total + abs(v)
-    return total
-
-
-FLAT = (PlaneXRecord, PlaneYRecord)
-"""Planes along the z axis."""
-
-
-def rounding(contacts: Any, p: Any) -> Any:
-    """Gaps that are nothing but rounding errors [m]."""
-    return contacts.tolerance * (extent(contacts, p.x, p.y, p.z) + p.r + contacts.reach)
-
-
-def rounding_of_step(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """Gaps that are nothing but rounding errors in a step from p to q [m]."""
-    way = extent(contacts, p.vx, p.vy, p.vz) + extent(contacts, q.vx, q.vy, q.vz)
-    return rounding(contacts, p) + contacts.tolerance * h * way
-
-
-def farther(contacts: Any, p: Any, q: Any) -> Any:
-    """Rounding errors of gaps along the way from p to q [m]."""
-    return max(rounding(contacts, p), rounding(contacts, q))
 
 
 @outlined
@@ -482,17 +204,6 @@ def _time_of_impact(
     return late
 
 
-def _crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
-    """When a step of h from p to q first crosses a collider, h where it does not, and where that is."""
-    if not any(crossable(c) for c in contacts.continuous):
-        return h, q
-    chord = straight(p, q, h)
-    if not any(on):
-        chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
-    s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
-    return h * s, place
-
-
 @outlined
 def _reached(
     method: Any,
@@ -529,7 +240,7 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         part = part * half
         q, _, on, turn = _glide(method, dynamics, forces, contacts, p, part, memory, SURE)
         if any(on) and turn >= 1 and ahead(contacts.continuous, on, q) >= 0:
-            late, _ = _crossing(contacts, on, p, q, part)
+            late, _ = crossing(contacts, on, p, q, part)
             if late >= part:
                 found, r = part, q
                 break
@@ -573,7 +284,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 left = left - tau
                 impacts += 1
                 continue
-            late, place = _crossing(contacts, on, p, q, left)
+            late, place = crossing(contacts, on, p, q, left)
             if not (late < left or ahead(contacts.continuous, on, q) < 0):
                 p, memory = q, after
                 break

@@ -196,11 +196,27 @@ def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
     return q, (ux, uy, uz, h)
 
 
+class BentRecord(NamedTuple):
+    """A way that another method has led: the velocity changes by `turn` in a unit of time [m/s²], and the place at a time s
+    after the beginning is s² `bend` [m/s²] beside the straight line."""
+
+    turn: Any
+    bend: Any
+
+
+def bent(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A part of a way that is known."""
+    (x, y, z), (ax, ay, az) = method.bend, method.turn
+    place = p.x + h * (p.vx + h * x), p.y + h * (p.vy + h * y), p.z + h * (p.vz + h * z)
+    return moved_to(p, *place, p.vx + h * ax, p.vy + h * ay, p.vz + h * az, p.t + h), memory
+
+
 STEPS: dict[type, Callable[..., Any]] = {
     CompositionRecord: composition,
     RungeKuttaRecord: runge_kutta,
     EmbeddedRecord: runge_kutta,
     VerletRecord: verlet,
+    BentRecord: bent,
 }
 """For each kind of method its step, a function of (method, dynamics, forces, p, h, memory)."""
 

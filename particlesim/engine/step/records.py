@@ -11,7 +11,7 @@ from particlesim.bodies import Bodies
 from particlesim.colliders import BoundsRecord, Collider, Plane
 from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.emitters import Emitter
-from particlesim.engine.step.impacts import Careful, Simple
+from particlesim.engine.step.contacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
 from particlesim.engine.step.program import Program
 from particlesim.forces import Force

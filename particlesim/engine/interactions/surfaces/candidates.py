@@ -22,6 +22,7 @@ from particlesim.engine.interactions.surfaces.record import (
     AGE,
     BUILDS,
     COURSE,
+    CROWDED,
     DRIFT,
     EDGES,
     FACES,
@@ -189,7 +190,7 @@ def _write(pairs: Any, report: Any, sort: Any, one: Any, other: Any, f: Any) -> 
         pairs.rows[0, n], pairs.rows[1, n], pairs.rows[2, n], pairs.rows[3, n] = f.i, f.j, f.k, f.m
         report[sort] = n + 1
     else:
-        report[LOST] = 1
+        report[LOST] = max(report[LOST], 1)
 
 
 def _choose(each: Any, face: Any, kept: Any, most: Any) -> Any:
@@ -213,7 +214,7 @@ def pair_up(s: Any, found: Any, x: Any, r: Any, before: Any, report: Any, tune: 
     report[BUILDS] += 1
     for g in range(near.begin.size):
         if near.count[g] == NO_ROOM:
-            report[LOST] = 1
+            report[LOST] = CROWDED
         else:
             first, last = near.begin[g], near.begin[g] + near.count[g]
             for place in range(GROUP * g, GROUP * g + GROUP):

@@ -24,6 +24,8 @@ STALE, FACES, EDGES, CONTACTS, LOST, BUILDS, ZONED, AGE = range(8)
 """In `report`: whether candidates have to be found anew; how many of a vertex and a triangle, and of two edges; contacts of
 the step; whether there was no room; how often candidates were found; how many particles had to move as one, and in which
 step candidates are, the one in which they were found being 0."""
+CROWDED = 2
+"""In `report[LOST]`, where lists of simplices had no room."""
 SKIN, HORIZON, REACH, THIN, FASTEST, TURNED, COURSE, WAY, DRIFT = range(9)
 """In `tune` [m]: how far vertices may leave their course before candidates are found anew, and for how many steps these are;
 the length by which skins are measured; the least thickness; how far a particle has come in the step, and how much that

@@ -37,7 +37,7 @@ from particlesim.engine.interactions.surfaces.sieve import sift
 from particlesim.engine.state.columns import held, presence
 
 GENTLY = 0.02
-"""Part of its thickness by which a contact that is too close is widened in a step."""
+"""Part of its thickness by which a contact that is too close is widened in a step, and a particle moved by that, at most."""
 CORE = 0.2
 """Part of its thickness that a contact must keep on the way of a step, or of half of what it has if that is less."""
 TURNS, MORE_TURNS = 12, 20
@@ -66,6 +66,16 @@ def movable(desk: Any, f: Any) -> Any:
     """Whether all four are there, and one of them can be moved."""
     a, b, c, d = desk.inverse[f.i], desk.inverse[f.j], desk.inverse[f.k], desk.inverse[f.m]
     return (min(a, b, c, d) >= 0) & (max(a, b, c, d) > 0)
+
+
+def leverage(desk: Any, f: Any, c: Any) -> Any:
+    """By how much two closest points come apart where no particle moves by more than 1, at most 1: little where those that
+    can move are far from them, as at the roots of hair."""
+    whole = most = 0.0
+    for i, w in zip(f, (c.w0, c.w1, c.w2, c.w3), strict=True):
+        part = abs(w) * desk.inverse[i]
+        whole, most = whole + abs(w) * part, max(most, part)
+    return min(whole / most, 1.0) if most > 0 else 0.0
 
 
 def is_own(s: Any, found: Any, face: Any, q: Any, c: Any) -> Any:
@@ -103,7 +113,7 @@ def append(
     """Write down a contact that begins after some part of the step."""
     n = report[CONTACTS]
     if n >= touches.rows.shape[1]:
-        report[LOST] = 1
+        report[LOST] = max(report[LOST], 1)
         return
     by = 1.0 / c.distance if c.distance > 0 else 0.0
     nx, ny, nz = by * c.x, by * c.y if by > 0 else 1.0, by * c.z
@@ -154,7 +164,7 @@ def look_at(
                 at = closest_points(face, x, before, f.i, f.j, f.k, f.m, part) if part > 0.0 else now
                 goal = thickness(r, f, at)
                 if part == 0.0:
-                    goal = min(goal, max(now.distance, 0.0) + GENTLY * goal)
+                    goal = min(goal, max(now.distance, 0.0) + GENTLY * goal * leverage(desk, f, at))
                 if is_own(s, found, face, q, at):
                     append(s, touches, report, tune, face, f, at, goal, x, before, part)
 

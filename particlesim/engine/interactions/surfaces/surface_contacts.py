@@ -17,10 +17,11 @@ from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.element_tensors import CornerTensors
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
-from particlesim.engine.interactions.neighbours.record import enlarged
+from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.record import (
     CONTACTS,
+    CROWDED,
     DRIFT,
     EDGES,
     FACES,
@@ -112,16 +113,19 @@ class SurfaceContacts(Interaction, SurfaceColumns):
         return bool(self.report[LOST])
 
     def renewed(self) -> Self:
-        near, found, touches = enlarged(self.found.near), self.found, self.touches
         self.report[STALE] = 1
-        if self.report[LOST]:
-            self.report[LOST] = 0
-            room = ROOMIER * touches.rows.shape[1]
-            found = new_candidates(self.simplices, self.desk.mark.size, room)._replace(near=near)
-            touches = new_touches(room)
-        elif near is self.found.near:
+        if not self.cramped:
             return self
-        return self._replace(found=found._replace(near=near), touches=touches)
+        found, touches = self.found, self.touches
+        if self.report[LOST] == CROWDED:
+            found.near.report[OVERFLOW] = 1
+            found = found._replace(near=enlarged(found.near))
+        else:
+            room = ROOMIER * touches.rows.shape[1]
+            found = new_candidates(self.simplices, self.desk.mark.size, room)._replace(near=found.near)
+            touches = new_touches(room)
+        self.report[LOST] = 0
+        return self._replace(found=found, touches=touches)
 
     def after(self, before: Interaction, place: Ints) -> Self:
         # surfaces and strands as they were, without the dead; single particles as they are now

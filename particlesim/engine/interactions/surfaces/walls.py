@@ -52,7 +52,7 @@ def _add_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last
             if g < type_of(g, NEAR) * p.r:
                 k = report[CONTACTS]
                 if k >= touches.rows.shape[1]:
-                    report[LOST] = 1
+                    report[LOST] = max(report[LOST], 1)
                 else:
                     axes = whole(n, g)
                     wx, wy, wz = velocity_of(collider, p)

@@ -1,0 +1,130 @@
+"""What colliders particles may touch, and what is asked of all of them: gaps, and what in them is rounding."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.colliders.response import crossable, yielded
+from particlesim.engine.state.columns import type_of
+from particlesim.laws.registry import PASS, contact, gap
+
+
+class Simple(NamedTuple):
+    """Colliders met once after each step: none, one, or several that are perpendicular or parallel; and those that yield."""
+
+    colliders: tuple[Any, ...]
+    soft: tuple[Any, ...] = ()
+
+
+class Careful(NamedTuple):
+    """Colliders that need more: a time of impact (continuous), or several passes in a corner.
+
+    `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach`
+    the size of the numbers beside it that gaps are made of [m].
+    """
+
+    continuous: tuple[Any, ...]
+    resting: tuple[Any, ...]
+    discrete: tuple[Any, ...]
+    tolerance: float
+    reach: float
+    one_by_one: tuple[()] | None = None
+    """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
+    soft: tuple[Any, ...] = ()
+
+
+def meet(colliders: Any, p: Any) -> Any:
+    """The particle after every collider in turn, and the strongest outcome."""
+    if len(colliders) == 0:
+        return p, PASS
+    if len(colliders) == 1:
+        return contact(colliders[0], p)
+    q, first = contact(colliders[0], p)
+    r, rest = meet(colliders[1:], q)
+    return r, max(first, rest)
+
+
+def pushed(colliders: Any, p: Any, h: Any) -> Any:
+    """The particle after a step of h, with what colliders that yield do to it."""
+    for c in colliders:
+        p = yielded(c, p, h)
+    return p
+
+
+def nearest(colliders: Any, p: Any) -> Any:
+    """The smallest gap to any collider [m]; positive where there are none."""
+    if len(colliders) == 0:
+        return 1.0
+    if len(colliders) == 1:
+        return gap(colliders[0], p)
+    return min(gap(colliders[0], p), nearest(colliders[1:], p))
+
+
+def ahead(colliders: Any, on: Any, p: Any) -> Any:
+    """The smallest gap to colliders other than those on which the particle lies [m]; positive where there are none."""
+    if len(colliders) == 0:
+        return type_of(p.x, 1)
+    free = type_of(p.x, 1) if on[0] else gap(colliders[0], p)
+    return min(free, ahead(colliders[1:], on[1:], p))
+
+
+def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether the particle is deeper than `slack` in a collider on which it lies."""
+    if len(colliders) == 0:
+        return False
+    return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
+
+
+def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as another moved it."""
+    if len(colliders) == 0:
+        return False
+    return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
+
+
+def inside(colliders: Any, on: Any, p: Any) -> Any:
+    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
+    if len(colliders) == 0:
+        return False
+    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
+
+
+def nowhere(colliders: Any) -> Any:
+    """That the particle lies on none of some colliders."""
+    return tuple(False for _ in colliders)
+
+
+def ends_inside(contacts: Any, q: Any) -> Any:
+    """Whether a step ends inside of a collider that no way crosses: a plane, or a discrete one."""
+    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
+    return inside(colliders, nowhere(colliders), q)
+
+
+def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
+    """|x| + |y| + |z|, without the coordinates that no gap depends on: those along planes whose normal is an axis."""
+    total = type_of(x, 0)
+    for v, along_it in ((x, (PlaneYRecord, PlaneZRecord)), (y, (PlaneZRecord, PlaneXRecord)), (z, FLAT)):
+        if not all(isinstance(c.shape, along_it) for c in contacts.continuous):
+            total = total + abs(v)
+    return total
+
+
+FLAT = (PlaneXRecord, PlaneYRecord)
+"""Planes along the z axis."""
+
+
+def rounding(contacts: Any, p: Any) -> Any:
+    """Gaps that are nothing but rounding errors [m]."""
+    return contacts.tolerance * (extent(contacts, p.x, p.y, p.z) + p.r + contacts.reach)
+
+
+def rounding_of_step(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """Gaps that are nothing but rounding errors in a step from p to q [m]."""
+    way = extent(contacts, p.vx, p.vy, p.vz) + extent(contacts, q.vx, q.vy, q.vz)
+    return rounding(contacts, p) + contacts.tolerance * h * way
+
+
+def farther(contacts: Any, p: Any, q: Any) -> Any:
+    """Rounding errors of gaps along the way from p to q [m]."""
+    return max(rounding(contacts, p), rounding(contacts, q))

@@ -1,0 +1,132 @@
+"""Whether the way of a step crosses a collider, such as a ball or a thin sheet: on a parabola, or the chord of a glide."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.response import crossable, opposite
+from particlesim.colliders.way import place_on, way_of
+from particlesim.compiler import outlined
+from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.contacts import Careful, Simple, farther, nowhere
+from particlesim.laws.registry import apart, first_contact, gap, moved_to
+
+EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
+"""The rounding error of 1 in each precision."""
+
+
+def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies."""
+    if len(colliders) == 0:
+        return True
+    others = all_apart(colliders[1:], on[1:], p, q, h, slack)
+    return others & (apart(colliders[0], p, q, h, slack) | on[0]) if crossable(colliders[0]) else others
+
+
+def first_crossing(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """The part of a step of h from p to q after which it first is inside of a collider, 1 where it is not before its end,
+    and the particle there. What a particle lies on it does not cross."""
+    if len(colliders) == 0:
+        return type_of(p.x, 1), q
+    first, there = first_crossing(colliders[1:], on[1:], p, q, h, slack)
+    if not crossable(colliders[0]):
+        return first, there
+    s = type_of(p.x, 1)
+    if not on[0]:
+        s = min(first_contact(colliders[0], p, q, h, slack), s)
+    place = met(colliders[0], p, q, h, s)
+    sooner = s < first
+    there = moved_to(
+        q,
+        place.x if sooner else there.x,
+        place.y if sooner else there.y,
+        place.z if sooner else there.z,
+        q.vx,
+        q.vy,
+        q.vz,
+        q.t,
+    )
+    return min(s, first), there
+
+
+def met(c: Any, p: Any, q: Any, h: Any, s: Any) -> Any:
+    """The particle after the part s of the way on which it meets a collider: its parabola in the frame of that."""
+    if isinstance(c.shape, MovingRecord):
+        local = ride(c.shape, p)
+        there = place_on(way_of(local, ride(c.shape, q), h), local, s)
+        there = moved_to(there, there.x, there.y, there.z, there.vx, there.vy, there.vz, p.t + h * s)
+        return alight(c.shape, there)
+    return place_on(way_of(p, q, h), p, s)
+
+
+def turned_away(colliders: Any, p: Any, q: Any) -> Any:
+    """Whether p and q, which are close to each other, are on different sides of a thin collider that q is inside of."""
+    if len(colliders) == 0:
+        return False
+    others = turned_away(colliders[1:], p, q)
+    if not crossable(colliders[0]):
+        return others
+    return others | ((gap(colliders[0], q) < 0) & opposite(colliders[0], p, q))
+
+
+def straight(p: Any, q: Any, h: Any) -> Any:
+    """The particle p with the velocity that leads straight to q in a time h: the way of what glides."""
+    k = type_of(h, 1) / h
+    return moved_to(p, p.x, p.y, p.z, k * (q.x - p.x), k * (q.y - p.y), k * (q.z - p.z), p.t)
+
+
+# What discrete detection does not see
+
+
+def passable(contacts: Any) -> Any:
+    """The colliders that a particle may pass within a step without being seen: their ends alone are looked at."""
+    discrete = contacts.colliders if isinstance(contacts, Simple) else contacts.discrete
+    return tuple(c for c in discrete + contacts.soft if crossable(c))
+
+
+def _noise(p: Any, q: Any, h: Any) -> Any:
+    """Gaps that are nothing but rounding errors in a step from p to q, whose end is a place as good as its beginning [m]."""
+    here, there = abs(p.x) + abs(p.y) + abs(p.z), abs(q.x) + abs(q.y) + abs(q.z)
+    return type_of(h, 64 * EPSILON[type(h)]) * (max(here, there) + p.r)
+
+
+def _seen_way(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """The particle p with the velocity of the way that a step of h to q is taken to go: its parabola, or, where impacts
+    may have bent it, the straight line."""
+    if isinstance(contacts, Careful) and len(contacts.continuous) > 0:
+        return straight(p, q, h)
+    return p
+
+
+def may_pass(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """Whether the way of a step of h from p to q may lead through a collider that does not see it: a quick look."""
+    colliders = passable(contacts)
+    return not all_apart(colliders, nowhere(colliders), _seen_way(contacts, p, q, h), q, h, _noise(p, q, h))
+
+
+@outlined
+def crossings(contacts: Any, p: Any, q: Any, h: Any) -> int:
+    """How many colliders a step of h from p to q has led through: from outside to outside without a touch, or to the far
+    side of what it was found in at its end, from where it was put out there."""
+    number = 0
+    slack, begin = _noise(p, q, h), _seen_way(contacts, p, q, h)
+    for c in passable(contacts):
+        near = gap(c, p) >= -slack and not apart(c, begin, q, h, slack)
+        through = near and first_contact(c, begin, q, h, slack) < 1
+        if through and (gap(c, q) > slack or opposite(c, p, q)):
+            number += 1
+    return number
+
+
+def crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
+    """When a step of h from p to q first crosses a collider, h where it does not, and where that is."""
+    if not any(crossable(c) for c in contacts.continuous):
+        return h, q
+    chord = straight(p, q, h)
+    if not any(on):
+        chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
+    s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
+    return h * s, place
