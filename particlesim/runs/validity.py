@@ -77,8 +77,9 @@ def _extremes(world: World) -> str:
 
 
 def misplaced(world: World) -> tuple[str, ...]:
-    """A sentence for every group and collider with particles that are inside of it at the start."""
-    found = []
+    """A sentence for every group and collider with particles that are inside of it at the start, and for every group with
+    particles that are outside of a periodic box."""
+    found = _outside(world)
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
         if intrusions := island.intrusions():
             found.append(_intruding(world, intrusions))
@@ -94,6 +95,25 @@ def misplaced(world: World) -> tuple[str, ...]:
                 "surface, which changes their energy"
             )
     return tuple(found)
+
+
+def _outside(world: World) -> list[str]:
+    """Which groups have particles outside of the periodic box."""
+    box = world.scenario.simulation.box
+    if box is None:
+        return []
+    axes = np.flatnonzero(box.periodic)
+    low = np.array(box.origin)[axes, None]
+    high = low + np.array(box.size)[axes, None]
+    found = []
+    for state in world.states:
+        x = state.x[axes, : state.count]
+        if number := int(((x < low) | (x > high)).any(axis=0).sum()):
+            found.append(
+                f"{number:,} of {state.count:,} particles of {state.name!r} start outside of the periodic box: they are "
+                "taken for their images inside of it"
+            )
+    return found
 
 
 def _intruding(world: World, intrusions: list[Intrusion]) -> str:
