@@ -14,6 +14,7 @@ import numpy as np
 from particlesim.compiler import compiling_seconds
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.state.group_state import CAUSES
+from particlesim.engine.state.table import ROTATION, SPIN
 from particlesim.errors import Interrupted
 from particlesim.process.signals import Held
 from particlesim.runs.checks import Checks
@@ -99,7 +100,8 @@ class Course:
     def summary(self) -> dict[str, int | str]:
         """What the trajectory tells of the whole run; results of checks as JSON."""
         # A frame keeps what it has made, so each column is that of another one.
-        self.state = columns_digest(lambda field: frame_of(self.simulation, 0)[field])
+        turns = any({ROTATION, SPIN} & set(state.parts) for state in self.simulation.states)
+        self.state = columns_digest(lambda field: frame_of(self.simulation, 0)[field], turns=turns)
         told: dict[str, int | str] = {
             "state": self.state,
             "steps": self.simulation.step,

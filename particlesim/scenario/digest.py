@@ -59,10 +59,12 @@ def state_digest(final: Frame) -> str:
     return columns_digest(final.__getitem__)
 
 
-def columns_digest(column: Callable[[str], NDArray[Any]]) -> str:
-    """The same of `column(field)`, of which one is in memory at a time."""
+def columns_digest(column: Callable[[str], NDArray[Any]], *, turns: bool = True) -> str:
+    """The same of `column(field)`, of which one is in memory at a time; `turns`: whether anything can be turned or turn."""
     digest = hashlib.sha256()
     for field, idle in MOVES.items():
+        if idle is not None and not turns:
+            continue
         values = np.ascontiguousarray(column(field))
         if idle is None or not (values == idle).all():
             digest.update(values.reshape(-1).view(np.uint8).data)

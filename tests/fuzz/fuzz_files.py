@@ -301,9 +301,10 @@ def read_sweep(path: Path) -> None:
     from psim.sweep import _definition
 
     path.with_name("run.toml").write_text(RUN)
-    told = _definition(path, [])
-    design = Design(told.axes, told.zip, told.samples, told.method, told.seed)  # type: ignore[arg-type]
-    Sweep(told.scenario, design, overrides=told.set, quantities=told.quantities, record=told.record)
+    told, axes = _definition(path, [])
+    design = Design(axes, told.zip, told.samples, told.method, told.seed)  # type: ignore[arg-type]
+    overrides = told.settings()
+    Sweep(path.parent / told.scenario, design, overrides=overrides, quantities=told.quantities, record=told.record)
 
 
 def read_scenario(path: Path) -> None:

@@ -126,7 +126,7 @@ def test_large_designs_are_counted_not_made() -> None:
         ({"axes": (A, B), "zipped": True}, "same length: a has 2, b has 3"),
         ({"axes": (U,)}, "how often"),
         ({"axes": (A,), "samples": 3}, "nothing to draw"),
-        ({"axes": (U,), "samples": 0}, "are none"),
+        ({"axes": (U,), "samples": 0}, "must be 1 or more"),
         ({"axes": (U,), "samples": 10**7 + 1}, "samples are more than"),
         ({"axes": (U,), "samples": 2**70}, "samples are more than"),
         ({"axes": tuple(Listed(f"k{k}", (0,) * 10**4) for k in range(5))}, "these are 1e+20 runs"),
