@@ -63,9 +63,11 @@ def columns_digest(column: Callable[[str], NDArray[Any]], *, turns: bool = True)
     """The same of `column(field)`, of which one is in memory at a time; `turns`: whether anything can be turned or turn."""
     digest = hashlib.sha256()
     for field, idle in MOVES.items():
-        if idle is not None and not turns:
-            continue
-        values = np.ascontiguousarray(column(field))
-        if idle is None or not (values == idle).all():
-            digest.update(values.reshape(-1).view(np.uint8).data)
+        if idle is None or turns:
+            _add(digest, np.ascontiguousarray(column(field)), idle)
     return digest.hexdigest()
+
+
+def _add(digest: Any, values: NDArray[Any], idle: tuple[float, ...] | None) -> None:
+    if idle is None or not (values == idle).all():
+        digest.update(values.reshape(-1).view(np.uint8).data)

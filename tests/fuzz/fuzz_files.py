@@ -304,7 +304,13 @@ def read_sweep(path: Path) -> None:
     told, axes = _definition(path, [])
     design = Design(axes, told.zip, told.samples, told.method, told.seed)  # type: ignore[arg-type]
     overrides = told.settings()
-    Sweep(path.parent / told.scenario, design, overrides=overrides, quantities=told.quantities, record=told.record)
+    Sweep(
+        path.parent / told.scenario,
+        design,
+        overrides=overrides,
+        quantities=told.quantities,
+        record=told.record,
+    )
 
 
 def read_scenario(path: Path) -> None:
