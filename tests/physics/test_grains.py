@@ -298,11 +298,11 @@ def test_spin_has_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
     scenario = ps.from_table(drum(1200))
     one, two, other = (Simulation(scenario, threads=k) for k in (1, 2, 2))
-    one.advance_to(250)
-    two.advance_to(250)
+    one.advance_to(80)
+    two.advance_to(80)
     restore(other, snapshot(one))
     for each in (one, two, other):
-        each.advance_to(500)
+        each.advance_to(160)
     found = [
         b"".join(getattr(each.states[0], name).tobytes() for name in ("x", "v", "angular_velocity"))
         for each in (one, two, other)
