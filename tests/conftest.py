@@ -12,6 +12,7 @@ import shutil
 import signal
 import tempfile
 
+import pytest
 from hypothesis import settings
 
 if "PSIM_CACHE_DIR" not in os.environ:
@@ -26,6 +27,20 @@ if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_I
 
 settings.register_profile("psim", database=None, deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("psim")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--slow", action="store_true", help="also tests marked slow: more cases of what others show"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--slow"):
+        return
+    slow = [each for each in items if each.get_closest_marker("slow")]
+    config.hook.pytest_deselected(items=slow)
+    items[:] = [each for each in items if not each.get_closest_marker("slow")]
 
 
 def pytest_collection_finish() -> None:

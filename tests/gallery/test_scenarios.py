@@ -78,7 +78,18 @@ FEWER = {
 """Still enough for trees on several threads: all of the bodies take seconds."""
 
 
-@pytest.mark.parametrize("name", NAMES)
+ONE_OF_EACH_KIND = (
+    *("fountain", "sparks", "rain_on_hills", "conveyor", "solar_system", "pendulum_chain"),
+    *("hanging_cloth", "stiff_cloth", "flag", "bridge_collapse", "cloth_over_sphere", "crate_on_a_rope"),
+    *("galaxies", "argon_melt", "structure_formation", "sand_pile", "pool_break"),
+)
+"""Of all ways to step; the others take as long, nearly all of it for compiling."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in ONE_OF_EACH_KIND else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
+)
 def test_a_scenario_has_the_same_bits_for_any_number_of_threads(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -82,8 +82,13 @@ def bits(simulation: Simulation) -> bytes:
     return b"".join(state.x.tobytes() + state.v.tobytes() for state in simulation.states)
 
 
-@pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("precision", ["double", "single"])
+SINGLE = [
+    pytest.param(name, "single", marks=() if name in ("lennard_jones", "charges") else pytest.mark.slow)
+    for name in LAWS
+]
+
+
+@pytest.mark.parametrize(("name", "precision"), [*((name, "double") for name in LAWS), *SINGLE])
 def test_forces_and_energies_are_those_of_direct_sums(name: str, precision: str) -> None:
     found = []
     for method, kind in (("direct", DirectPairs), ("neighbours", NearPairs)):
