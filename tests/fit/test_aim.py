@@ -38,7 +38,14 @@ def ball(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("target", [(20.0, 0.0, 0.0), (8.0, 3.0, 6.0), (10.0, -5.0, 0.0)])
+@pytest.mark.parametrize(
+    "target",
+    [
+        (8.0, 3.0, 6.0),
+        pytest.param((20.0, 0.0, 0.0), marks=pytest.mark.slow),
+        pytest.param((10.0, -5.0, 0.0), marks=pytest.mark.slow),
+    ],
+)
 def test_without_air_both_angles_are_those_of_the_parabola(ball, target):
     """tan θ = (v² ± √(v⁴ − g (g d² + 2 h v²)))/(g d)."""
     distance, height, g = math.hypot(target[0], target[2]), target[1], 10.0
@@ -70,8 +77,8 @@ STEEP = {"simulation.duration": 3.2, "particles.ball.layout.velocity": [[0, 5, 0
     [
         # tan θ = (v² ± √(v⁴ − g (g d² + 2 h v²)))/(g d) with v = 5 m/s
         ((0.1, 1.0, 0.0), [85.556, 88.418]),
-        ((0.0, 1.0, 0.01), [89.5563, 89.842]),
-        ((0.1, -1.0, 0.0), [-83.315, 89.037]),
+        pytest.param((0.0, 1.0, 0.01), [89.5563, 89.842], marks=pytest.mark.slow),
+        pytest.param((0.1, -1.0, 0.0), [-83.315, 89.037], marks=pytest.mark.slow),
         ((0.0, 1.0, 0.0), [90.0]),
         ((0.0, -3.0, 0.0), [-90.0, 90.0]),
     ],

@@ -87,6 +87,7 @@ def test_exact_data_give_back_their_parameters(ball, tmp_path):
     assert np.nanmax(np.abs(found.residuals)) < 1e-7
 
 
+@pytest.mark.slow
 def test_stated_errors_are_the_scatter_of_many_fits(ball, tmp_path):
     """64 data sets of 6 numbers with σ = 0.01 and 2 parameters, each fitted with σ known and not: 4 degrees of freedom.
 

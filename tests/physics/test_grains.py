@@ -59,7 +59,11 @@ def test_a_ball_rolls_down_a_slope_with_five_sevenths_of_its_pull(law: dict[str,
 
 
 @pytest.mark.parametrize(
-    "method", ["velocity_verlet", "yoshida4", "rk4", "stormer_verlet", "implicit_midpoint", "bdf2"]
+    "method",
+    [
+        *("velocity_verlet", "stormer_verlet", "implicit_midpoint"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("yoshida4", "rk4", "bdf2")),
+    ],
 )
 def test_every_method_of_fixed_steps_carries_spin(method: str) -> None:
     angle = math.radians(25)

@@ -85,11 +85,13 @@ def test_methods_have_their_order(name: str) -> None:
     [
         ("orbit", {"mercury": 4, "venus": 4, "earth": 4}, {"duration": "120 d"}),
         ("harmonic_well", {"cube": 4}, {"duration": 2.0}),
-        ("vortex", {"tracers": 4, "grains": 4}, {"duration": 2.0}),
-        ("projectile_drag", {"table_tennis": 4}, {"duration": 1.0, "dt": 0.05}),
-        ("terminal_velocity", {"r4mm": 4}, {"duration": 1.0, "dt": 0.1}),
+        pytest.param("vortex", {"tracers": 4, "grains": 4}, {"duration": 2.0}, marks=pytest.mark.slow),
+        pytest.param(
+            "projectile_drag", {"table_tennis": 4}, {"duration": 1.0, "dt": 0.05}, marks=pytest.mark.slow
+        ),
+        pytest.param("terminal_velocity", {"r4mm": 4}, {"duration": 1.0, "dt": 0.1}, marks=pytest.mark.slow),
         ("buoyant_ball", {"ice": 4}, {"duration": 0.5, "dt": 0.05}),
-        ("rotating_habitat", {"crew": 4}, {"duration": 4.0, "dt": 0.25}),
+        pytest.param("rotating_habitat", {"crew": 4}, {"duration": 4.0, "dt": 0.25}, marks=pytest.mark.slow),
         ("pendulum_chain", {"chain": 4, "twin": 4}, {"duration": 0.48, "dt": 8e-3}),
         ("hanging_cloth", {"cloth": 1}, {"duration": 0.1}),
     ],
