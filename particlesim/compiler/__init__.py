@@ -11,6 +11,7 @@ from particlesim.compiler.intrinsics import (
     let_others_run,
     on_stack,
     outlined,
+    prefetch,
     shared,
 )
 from particlesim.compiler.kernel import (
@@ -36,6 +37,7 @@ __all__ = [
     "much",
     "on_stack",
     "outlined",
+    "prefetch",
     "shared",
     "told_of_compiling",
     "uncompiled",
