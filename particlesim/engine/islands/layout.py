@@ -83,6 +83,14 @@ class Layout:
             self.work = self.work._replace(system=system)
             self._shares.clear()
 
+    @property
+    def movable(self) -> bool:
+        """Whether its particles can be stepped in another order (`in_space`)."""
+        work = self.work
+        plain = self.constraint is None and not self.driven and bool(self.interactions)
+        plain = plain and all(each.movable for each in self.interactions)
+        return plain and work.system is None and work.radau is None and work.orbits is None
+
     def renew(self) -> None:
         """Let interactions begin an interval anew, so that it does not depend on those before."""
         self.take(tuple(each.renewed() for each in self.interactions))
