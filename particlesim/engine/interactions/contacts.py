@@ -172,6 +172,10 @@ class Contacts(NearLists, ContactColumns):
             return self
         return self._replace(near=near, lists=lists, draft=draft)
 
+    @property
+    def lasts(self) -> bool:
+        return bool(self.lists.report[WANTED] <= self.lists.first.size)
+
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Contacts)
         near, lists, draft, marks = self.near, self.lists, self.draft, self.marks

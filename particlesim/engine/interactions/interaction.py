@@ -149,6 +149,11 @@ class Interaction:
         return self
 
     @property
+    def lasts(self) -> bool:
+        """Whether what it has found out is of use in an interval after the next, though others move particles meanwhile."""
+        return False
+
+    @property
     def cramped(self) -> bool:
         """Whether something found no room in this interval, which is then done again with more (`renewed`)."""
         return False

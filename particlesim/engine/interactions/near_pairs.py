@@ -108,6 +108,10 @@ class NearLists(Interaction):
         take_over(self.near, renumbered(there.near, place, rows))
 
     @property
+    def lasts(self) -> bool:
+        return True
+
+    @property
     def number(self) -> int:
         return int(self.near.count.sum()) * GROUP // 2
 

@@ -174,7 +174,7 @@ class IndependentIsland(BaseIsland):
             room = new_room(columns, block)
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
 
-    def keep(self, first: int) -> None:
+    def keep(self, first: int, *, fresh: bool = True) -> None:
         """Nothing: where something goes wrong, single blocks are looked at."""
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:
