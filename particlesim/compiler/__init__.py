@@ -19,6 +19,7 @@ from particlesim.compiler.kernel import (
     compiling_seconds,
     kernel,
     much,
+    quickly,
     told_of_compiling,
     uncompiled,
 )
@@ -36,6 +37,7 @@ __all__ = [
     "much",
     "on_stack",
     "outlined",
+    "quickly",
     "shared",
     "told_of_compiling",
     "uncompiled",
