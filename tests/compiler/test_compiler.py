@@ -303,6 +303,25 @@ def test_integers_of_all_sizes_come_and_go() -> None:
         assert back.tolist() == (x.astype(float) + 1).astype(dtype).tolist()
 
 
+def test_tuples_that_come_again_are_those_that_they_are_now() -> None:
+    @kernel
+    def total(p: Any) -> float:
+        return p.a[0] + p.b
+
+    pairs = [Pair(np.full(3, x), b) for x in (1.0, 2.0) for b in (10.0, 20.0, np.float32(0.5), 3)]
+    for _ in range(2):
+        assert [total(p) for p in pairs] == [p.a[0] + p.b for p in pairs]
+    pairs[0].a[0] = 5.0
+    assert total(pairs[0]) == 15.0
+    # Whatever has the place in memory of one that is gone is another one.
+    assert [total(Pair(np.full(1, x), 0.5)) for x in range(200)] == [x + 0.5 for x in range(200)]
+    large = np.zeros(1 << 18)
+    before = sys.getrefcount(large)
+    assert total(Pair(large, 1.0)) == 1.0
+    assert total(Pair(large[:2], 1.0)) == 1.0
+    assert sys.getrefcount(large) == before
+
+
 def test_a_loop_over_parts_of_a_tuple_by_number_is_unrolled() -> None:
     @kernel
     def total(parts: Any) -> float:
