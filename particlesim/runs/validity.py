@@ -18,7 +18,7 @@ from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
 from particlesim.layouts.mesh import STRUCTURAL
-from particlesim.scenario.reach import acts_on, collider_tables, has_extent
+from particlesim.scenario.reach import acts_on, collider_tables, has_extent, meetings_of
 from particlesim.scenario.scenario import Scenario
 
 ROUND = ("sphere", "capsule", "cylinder")
@@ -76,6 +76,20 @@ def _extremes(world: World) -> str:
     return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
 
 
+def doubtful(world: World) -> tuple[str, ...]:
+    """A sentence for everything in the first state that is doubtful."""
+    return (
+        *misplaced(world),
+        *embedded(world),
+        *squeezed(world),
+        *stiff(world),
+        *knotted(world),
+        *chords(world),
+        *flat_triangles(world.scenario),
+        *shapes_of_bodies(world.scenario),
+    )
+
+
 def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start, and for every group with
     particles that are outside of a periodic box."""
@@ -129,6 +143,25 @@ def _intruding(world: World, intrusions: list[Intrusion]) -> str:
         f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
         f"{depth:.3g} m; the first steps push them apart, which may change their energy"
     )
+
+
+def embedded(world: World) -> tuple[str, ...]:
+    """A sentence for every group with particles that begin inside of rigid bodies which they touch."""
+    if not (meetings := meetings_of(world.scenario)):
+        return ()
+    from particlesim.engine.diagnosis.embedding import embedding
+
+    found = []
+    for each in meetings:
+        number, deepest, body, depth = embedding(world, each.particles, each.bodies)
+        if number:
+            what, begin = ("particle", "begins") if number == 1 else ("particles", "begin")
+            found.append(
+                f"{each.label}: {number:,} {what} of {each.particles!r} {begin} inside of rigid bodies, the deepest "
+                f"(id {deepest}) in body {body} of {each.bodies!r} by {depth:.3g} m; the first steps push them apart, which "
+                "may change their energy"
+            )
+    return tuple(found)
 
 
 def stiff(world: World) -> tuple[str, ...]:

@@ -53,6 +53,8 @@ def test_walls_that_overlap_are_refused() -> None:
     low, high = {"point": [0, 1, 0]}, {"normal": [0, -2, 0], "point": [0, 0.5, 0]}
     with pytest.raises(ps.ScenarioError, match=r"overlap by 0\.5 m"):
         ps.from_table(table(1, 0.01, planes=[low, high], **GRAIN))
+    with pytest.raises(ps.ScenarioError, match=r"0\.06 m apart, and particles of 'grain' 0\.1 m thick"):
+        ps.from_table(table(1, 0.01, planes=[low, {**high, "point": [0, 1.06, 0]}], **GRAIN))
     # those that hold different particles may, and walls that touch are a closed door
     both = [points((0, 2, 0), name="up"), points((0, 0, 0), name="down")]
     ps.from_table(table(1, 0.01, planes=[{**low, "on": ["up"]}, {**high, "on": ["down"]}], particles=both))
