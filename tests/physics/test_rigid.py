@@ -462,6 +462,12 @@ def test_bodies_that_start_inside_of_others_are_told_with_their_depth() -> None:
     assert any("0.03 m" in warning and "'a'" in warning for warning in result.warnings)
 
 
+@pytest.mark.parametrize("radius", [1e-70, 1e70])
+def test_sizes_that_no_inertia_has_are_refused(radius: float) -> None:
+    with pytest.raises(ps.UsageError, match="no number holds"):
+        simulate(0.01, 1e-3, bodies=[body({"type": "sphere", "radius": radius})])
+
+
 def test_a_force_that_is_not_a_number_ends_the_run() -> None:
     bad = {"type": "field", "force": ["sqrt(0.5 - t)", "0", "0"]}
     with pytest.raises(ps.DivergenceError, match="body"):
