@@ -11,6 +11,7 @@ from particlesim.compiler.intrinsics import (
     let_others_run,
     on_stack,
     outlined,
+    prefetch,
     shared,
 )
 from particlesim.compiler.kernel import (
@@ -37,6 +38,7 @@ __all__ = [
     "much",
     "on_stack",
     "outlined",
+    "prefetch",
     "quickly",
     "shared",
     "told_of_compiling",
