@@ -20,6 +20,7 @@ from particlesim.compiler.kernel import (
     compiling_seconds,
     kernel,
     much,
+    quickly,
     told_of_compiling,
     uncompiled,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "on_stack",
     "outlined",
     "prefetch",
+    "quickly",
     "shared",
     "told_of_compiling",
     "uncompiled",
