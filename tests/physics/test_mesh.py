@@ -363,7 +363,7 @@ def test_an_accuracy_is_given_up_only_after_a_much_finer_cut() -> None:
         return calibration.calibrated(task, 1e-3, sample, 40.0, lambda plan: errors.pop(0))[1]
 
     assert found([1.2e-3, 1.1e-3, 8e-5]) == 8e-5
-    with pytest.raises(UsageError, match="1.1e-03 is reached"):
+    with pytest.raises(UsageError, match=r"1\.1e-03 is reached"):
         found([1.2e-3, 1.1e-3, 1.1e-3])
 
 
