@@ -45,8 +45,8 @@ FORGETS = 20.0
 
 
 class StagedGaussRadau(NamedTuple):
-    """Nodes, 1 over their differences, tables of `integrators.ias15`, weights of b in v and x, binomials, (5040 ε)^(1/7), the
-    shortest step [s]."""
+    """Nodes, 1 over their differences, tables of `integrators.ias15`, weights of b in v and x, binomials, (5040 ε)^(1/7),
+    the shortest step [s]."""
 
     nodes: NDArray[np.float64]
     over: NDArray[np.float64]
