@@ -30,6 +30,10 @@ PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
 
 
+RENEWAL = 64
+"""Steps after which interactions forget what they have found out, and a run may be resumed, where intervals are of one."""
+
+
 @dataclass
 class Events:
     """Births and deaths since they were last taken."""
@@ -78,27 +82,30 @@ class Simulation(World):
         Raises DivergenceError when a number stops being finite; the particles concerned are then back at the beginning of
         the interval.
         """
+        fresh = True
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
             last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
-            if self._meetings or self._heard:  # births of impacts are in the same step
+            singly = bool(self._meetings or self._heard)  # births of impacts are in the same step
+            if singly:
                 last = self.step + 1
             for number in self._order:
                 if self._meetings.concern(self.islands[number]):
                     self._meetings.invite()
-                    self._advance(number, self.step, last)
+                    self._advance(number, self.step, last, fresh)
                     self._meetings.dismiss()
                 else:
-                    self._advance(number, self.step, last)
+                    self._advance(number, self.step, last, fresh)
             self.step = last
-            if between is not None and last < step:
+            fresh = not singly or last % RENEWAL == 0
+            if between is not None and last < step and fresh:
                 between()
 
-    def _advance(self, number: int, first: int, last: int) -> None:
+    def _advance(self, number: int, first: int, last: int, fresh: bool) -> None:
         island = self.islands[number]
         island.begin(self.team)
-        island.keep(first)
+        island.keep(first, fresh=fresh)
         if island.listens_to:
             found = {name: each for other in self.islands for name, each in other.impacts.items()}
             island.hear(found, self._numbers)

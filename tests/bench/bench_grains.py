@@ -1,10 +1,11 @@
 """Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package; growth of time with number.
 
-    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--growth]
+    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--settled FILE] [--growth]
 
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
 same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
-environment with the package lammps. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
+environment with the package lammps, `--settled` a data file of LAMMPS to go on from, which is written if it is not there:
+to settle takes much longer than to measure. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import particlesim as ps
+from particlesim.engine.interactions.contact_lists import contacts_in
 from particlesim.engine.simulation import Simulation
 
 RADIUS, DENSITY, DT = 0.0015, 2500.0, 1e-5
@@ -150,34 +152,31 @@ def timed(one: Simulation, steps: int) -> float:
     return time.process_time() - start
 
 
-def against_lammps(number: int, rounds: int, venv: str) -> None:
+def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> None:
     """CPU time for each grain and step of both."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        start = (given or folder / "settled.data").absolute()
         x, edge = loose(number)
-        write(folder / "loose.data", x, edge)
-        runs = f"run {SETTLING}\nwrite_data {folder / 'settled.data'} nocoeff"
-        by_lammps(venv, folder, folder / "loose.data", edge, runs)
-        x = settled(folder / "settled.data")
+        if not start.exists():
+            write(folder / "loose.data", x, edge)
+            runs = f"run {SETTLING}\nwrite_data {start} nocoeff"
+            by_lammps(venv, folder, folder / "loose.data", edge, runs)
+        x = settled(start)
         one = simulation(x, edge)
         one.advance_to(WARM)
         steps = max(20_000_000 // number, 100)
         mine, theirs = [], []
         for _ in range(rounds):
-            spent = [
-                by_lammps(venv, folder, folder / "settled.data", edge, f"run {WARM}\nrun {last}")
-                for last in (0, steps)
-            ]
+            spent = [by_lammps(venv, folder, start, edge, f"run {WARM}\nrun {last}") for last in (0, steps)]
             theirs.append((spent[1] - spent[0]) / steps / number)
             mine.append(timed(one, steps) / steps / number)
             print(
                 f"  psim {mine[-1] * 1e9:6.1f} ns, LAMMPS {theirs[-1] * 1e9:6.1f} ns, for each grain and step",
                 flush=True,
             )
-        lists = one.islands[0].interactions[0].lists
-        print(
-            f"{number} grains, {2 * (lists.memory.state > 0).sum() / number:.1f} contacts each (those of two chunks twice)"
-        )
+        found = len(contacts_in(one.islands[0].interactions[0].lists)[0])
+        print(f"{number} grains, {2 * found / number:.1f} contacts each (those of two chunks twice)")
         print(f"LAMMPS takes {min(theirs) / min(mine):.2f} times as long")
 
 
@@ -215,10 +214,11 @@ def main() -> None:
     parser.add_argument("--grains", type=int, default=100_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--lammps")
+    parser.add_argument("--settled", type=Path)
     parser.add_argument("--growth", action="store_true")
     given = parser.parse_args()
     if given.lammps:
-        against_lammps(given.grains, given.rounds, given.lammps)
+        against_lammps(given.grains, given.rounds, given.lammps, given.settled)
     if given.growth:
         growth(given.rounds)
 

@@ -11,7 +11,8 @@ from simulate import EPS, simulate, table
 
 import particlesim as ps
 from particlesim.compiler import uncompiled
-from particlesim.engine.simulation import Simulation
+from particlesim.engine.interactions.neighbours.record import BUILDS
+from particlesim.engine.simulation import RENEWAL, Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
 from particlesim.runs.validity import embedded
@@ -182,25 +183,29 @@ def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:
 
 
 def test_the_same_bits_after_a_stop_and_for_any_number_of_threads() -> None:
+    heap = [[0.019 * i + 0.1, 0.019 * j + 0.21, 0.1] for i in range(3) for j in range(5)]
+    soft = {"type": "contact", "on": ["grains"], "model": "linear", "stiffness": 1e4}
     scenario = ps.from_table(
         table(
-            0.3,
+            0.2,
             1e-3,
-            particles=[grains([[0.1, 0.3, 0.1]], [[0, 0, 0]])],
+            particles=[grains(heap, [[0, 0, 0]] * len(heap))],
             bodies=[body(position=[0, 0.1, 0])],
             forces=[{"type": "gravity"}],
             planes=[{"normal": [0, 1, 0], "restitution": 0.0, "friction": 0.5}],
-            interactions=[TOUCH],
+            interactions=[TOUCH, soft],
         )
     )
     one, two = (ps.run(scenario, threads=n) for n in (1, 2))
     assert one.state == two.state
     whole, half, rest = (Simulation(scenario) for _ in range(3))
-    half.advance_to(150)
+    half.advance_to(2 * RENEWAL)
     restore(rest, snapshot(half))
-    rest.step = 150
+    rest.step = 2 * RENEWAL
     for simulation in (whole, rest):
-        simulation.advance_to(300)
+        simulation.advance_to(200)
+    lists = next(each for island in whole.islands for each in island.interactions)
+    assert lists.near.report[BUILDS] < 40  # they are not made anew in every step
     for mine, other in zip(whole.states, rest.states, strict=True):
         assert mine.x.tobytes() == other.x.tobytes()
         assert mine.v.tobytes() == other.v.tobytes()

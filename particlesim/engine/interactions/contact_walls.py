@@ -36,6 +36,10 @@ class Marks(NamedTuple):
     anchor: Any
     rolled: Any
 
+    def of_rows(self, rows: Any) -> Marks:
+        """What some rows remember."""
+        return Marks(*(None if each is None else np.take(each, rows, axis=-1) for each in self))
+
 
 ENDLESS = 1e30
 """The radius of a wall [m], beside which that of a grain is nothing, also in single precision."""

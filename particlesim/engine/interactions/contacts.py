@@ -69,7 +69,16 @@ from particlesim.engine.interactions.contact_walls import (
 )
 from particlesim.engine.interactions.interaction import Interaction, Ints, Site, lone
 from particlesim.engine.interactions.near_pairs import NearLists, NearPairs, bring_up, near_pairs_of
-from particlesim.engine.interactions.neighbours.record import DUE, FAR, GROUP, Neighbours, enlarged, forget
+from particlesim.engine.interactions.neighbours.record import (
+    DUE,
+    FAR,
+    GROUP,
+    Neighbours,
+    enlarged,
+    forget,
+    renumbered,
+    take_over,
+)
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.state.columns import in_step
 from particlesim.engine.state.table import SPIN
@@ -163,6 +172,10 @@ class Contacts(NearLists, ContactColumns):
             return self
         return self._replace(near=near, lists=lists, draft=draft)
 
+    @property
+    def lasts(self) -> bool:
+        return bool(self.lists.report[WANTED] <= self.lists.first.size)
+
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Contacts)
         near, lists, draft, marks = self.near, self.lists, self.draft, self.marks
@@ -182,6 +195,22 @@ class Contacts(NearLists, ContactColumns):
                 if now is not None:
                     now[..., place[there]] = then[..., there]
         return self._replace(lists=lists, draft=draft, marks=marks)
+
+    def among(self, rows: Ints, place: Ints) -> Self:
+        walls = tuple(
+            wall if wall.members is None else wall._replace(members=wall.members[rows]) for wall in self.walls
+        )
+        marks = tuple(each and each.of_rows(rows) for each in self.marks)
+        lists = renumbered(self.lists, rows, place)
+        return super().among(rows, place)._replace(lists=lists, walls=walls, marks=marks)
+
+    def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
+        super().bring_back(there, rows, place)
+        take_over(self.lists, renumbered(there.lists, place, rows))
+        for mine, theirs in zip(self.marks, there.marks, strict=True):
+            for now, then in zip(mine or (), (theirs and theirs.of_rows(place)) or (), strict=True):
+                if now is not None:
+                    now[:] = then
 
     def energy(self, c: Any) -> float:
         return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), 0.0, Energies()))

@@ -81,6 +81,8 @@ class Interaction:
     prepares: ClassVar[bool] = False
     """Whether it has something to find out before every sum of forces (`prepare`)."""
 
+    movable: ClassVar[bool] = False
+    """Whether it can be `among` particles in another order."""
     settled: ClassVar[bool] = False
     """Whether `add_forces` reads of other particles only what `prepare` has found out: particles may then move as soon as
     the forces on them are known."""
@@ -147,6 +149,11 @@ class Interaction:
         return self
 
     @property
+    def lasts(self) -> bool:
+        """Whether what it has found out is of use in an interval after the next, though others move particles meanwhile."""
+        return False
+
+    @property
     def cramped(self) -> bool:
         """Whether something found no room in this interval, which is then done again with more (`renewed`)."""
         return False
@@ -193,6 +200,14 @@ class Interaction:
     def virial(self, c: Any, t: float) -> Floats | None:
         """Σ l ⊗ f over its pairs at time t [J], shape [3, 3]; None of what is no sum over pairs."""
         return None
+
+    def among(self, rows: Ints, place: Ints) -> Self | None:
+        """The same among particles in another order, whose row k is row `rows[k]` of the present one and row `place[k]` of
+        which is k, for steps; what is known by places of its own is shared. None for a kind that cannot."""
+        return None
+
+    def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
+        """Take over what has changed in the same `among` particles in another order."""
 
     def energy(self, c: Any) -> float | None:
         """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""

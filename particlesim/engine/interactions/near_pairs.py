@@ -11,7 +11,7 @@ A group whose list has no room finds its candidates at every sum, in the same or
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ from particlesim.engine.interactions.neighbours.record import (
     enlarged,
     forget,
     new_neighbours,
+    renumbered,
+    take_over,
 )
 from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import BATCH, search, sieve
@@ -78,7 +80,11 @@ class NearLists(Interaction):
     __slots__ = ()
     prepares: ClassVar[bool] = True
     settled: ClassVar[bool] = True
+    movable: ClassVar[bool] = True
     law: Any
+    a: Any
+    b: Any
+    ids: Any
     near: Neighbours
     pull: Any
 
@@ -90,6 +96,20 @@ class NearLists(Interaction):
                 total[0, i] += pull[k, 0]
                 total[1, i] += pull[k, 1]
                 total[2, i] += pull[k, 2]
+
+    def among(self, rows: Ints, place: Ints) -> Self:
+        each: Any = self
+        near = renumbered(self.near, rows, place)
+        near = near._replace(members=place[near.members])
+        a, b, ids = (None if each is None else each[rows] for each in (self.a, self.b, self.ids))
+        return cast("Self", each._replace(near=near, a=a, b=b, ids=ids))
+
+    def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
+        take_over(self.near, renumbered(there.near, place, rows))
+
+    @property
+    def lasts(self) -> bool:
+        return True
 
     @property
     def number(self) -> int:

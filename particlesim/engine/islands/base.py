@@ -197,8 +197,9 @@ class BaseIsland:
         """What a trajectory keeps of what joins its particles."""
         raise NotImplementedError
 
-    def keep(self, first: int) -> None:
-        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it."""
+    def keep(self, first: int, *, fresh: bool = True) -> None:
+        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it. Where it
+        is `fresh`, a run may be resumed."""
         raise NotImplementedError
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:

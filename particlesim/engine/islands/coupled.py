@@ -23,6 +23,7 @@ from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.booking import Bookkeeper
+from particlesim.engine.islands.in_space import InSpace
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
@@ -198,8 +199,12 @@ class CoupledIsland(BaseIsland):
         opened = books.open(self._now(), first) if books is not None and pace is None else None
         if layout.constraint is not None:
             layout.constraint.begin()
-        work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
+        columns = self.island_columns()
+        there = InSpace.of(layout, columns, steps) if pace is None else None
+        work = stepper.work(layout, columns, first, steps, done, pace, there)
         team.each(work, len(done))
+        if there is not None:
+            there.bring_back(layout, columns)
         while books is not None and pace is not None and done[0] < steps and not pace.stuck:
             leg = books.open_leg(self._now(), pace)
             team.each(work, len(done))
@@ -252,8 +257,8 @@ class CoupledIsland(BaseIsland):
 
     # ---- back to the beginning of an interval
 
-    def keep(self, first: int) -> None:
-        self.layout.renew()
+    def keep(self, first: int, *, fresh: bool = True) -> None:
+        self.layout.renew(fresh=fresh)
         self.kept_from = first
         now = self._now().arrays()
         sizes = [[column.shape for column in columns] for columns in (self._kept, now)]

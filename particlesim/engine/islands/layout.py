@@ -83,9 +83,17 @@ class Layout:
             self.work = self.work._replace(system=system)
             self._shares.clear()
 
-    def renew(self) -> None:
-        """Let interactions begin an interval anew, so that it does not depend on those before."""
-        self.take(tuple(each.renewed() for each in self.interactions))
+    @property
+    def movable(self) -> bool:
+        """Whether its particles can be stepped in another order (`in_space`)."""
+        work = self.work
+        plain = self.constraint is None and not self.driven and bool(self.interactions)
+        plain = plain and all(each.movable for each in self.interactions)
+        return plain and work.system is None and work.radau is None and work.orbits is None
+
+    def renew(self, *, fresh: bool = True) -> None:
+        """Let interactions begin an interval anew: all, so that it does not depend on those before, or those that must."""
+        self.take(tuple(each.renewed() if fresh or not each.lasts else each for each in self.interactions))
 
     def take(self, interactions: Interactions) -> None:
         """Have the same interactions with other arrays."""

@@ -241,7 +241,7 @@ class RigidIsland(BaseIsland):
                 found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(ids[j])), depth))
         return list(found.values())
 
-    def keep(self, first: int) -> None:
+    def keep(self, first: int, *, fresh: bool = True) -> None:
         self.kept_from = first
         self._kept = [array.copy() for array in self._changing()]
         self._kept_memory = copy_of(self.memory)

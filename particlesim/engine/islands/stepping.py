@@ -16,6 +16,7 @@ from particlesim.engine.coupled.workspace import Part, staged
 from particlesim.engine.implicit.kernel import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.implicit.krylov import INDEFINITE, General, Symmetric
 from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS
+from particlesim.engine.islands.in_space import InSpace
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.group_state import GroupState
@@ -50,10 +51,21 @@ class Stepper:
         return team.threads if worth else 1
 
     def work(
-        self, layout: Layout, columns: Columns, first: int, steps: int, done: list[int], pace: Pace | None
+        self,
+        layout: Layout,
+        columns: Columns,
+        first: int,
+        steps: int,
+        done: list[int],
+        pace: Pace | None,
+        there: InSpace | None = None,
     ) -> Callable[[int], None]:
-        """What each of as many threads as `done` has places is to do: steps from `first` on, of which some are done."""
+        """What each of as many threads as `done` has places is to do: steps from `first` on, of which some are done, of
+        particles in another order where there is one."""
         shares = layout.shares(len(done))
+        if there is not None:
+            columns = there.columns
+            shares = [(bonds, work, there.share(share)) for bonds, work, share in shares]
 
         def work(k: int) -> None:
             bonds, scratch, share = shares[k]

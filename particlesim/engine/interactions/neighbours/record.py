@@ -209,6 +209,18 @@ def candidates_of(near: Neighbours, g: int) -> tuple[Ints, Ints]:
     return entries & MOST - 1, entries >> IMAGE_SHIFT
 
 
+def renumbered(each: Any, rows: Ints, place: Ints) -> Any:
+    """What knows rows in `order` and places of rows in `place`, among particles in another order, whose row k is row
+    `rows[k]` of the present one and row `place[k]` of which is k."""
+    order = np.where(each.order < 0, each.order, place[each.order]).astype(each.order.dtype)
+    return each._replace(order=order, place=each.place[rows])
+
+
+def take_over(each: Any, other: Any) -> None:
+    """Give one the rows and places of another."""
+    each.order[:], each.place[:] = other.order, other.place
+
+
 def forget(near: Neighbours) -> None:
     """Have the lists built anew at their next use."""
     near.report[STALE] = 1

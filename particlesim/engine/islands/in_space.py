@@ -1,0 +1,72 @@
+"""Particles in an order in which neighbours in space are neighbours in memory, for the steps of an interval.
+
+Whatever looks at particles from place to place reads lines of memory with eight of them, seven of which are of no use where
+neighbours in space are anywhere in memory, as after grains have been poured or stirred. So for many steps of many particles
+all columns are copied in the order of a curve, stepped there, and copied back. Interactions know their particles by other
+rows meanwhile (`Interaction.among`), and do the same in the same order: the bits are those of steps without it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from particlesim.engine.coupled.workspace import Share
+from particlesim.engine.islands.layout import Interactions, Layout
+from particlesim.engine.state.columns import Columns, changing, mapped
+from particlesim.model.arrays import Ints
+
+WORTH_PARTICLES, WORTH_STEPS = 16_384, 64
+"""Particles that no longer fit into the cache of a core, and steps that make up for what copies take."""
+NEAR, DISORDERED = 64, 0.1
+"""Places apart at which two rows still share what is in the cache, and the part of rows that may be further apart."""
+
+
+class InSpace(NamedTuple):
+    """Columns and interactions in another order: row k is row `rows[k]` of the island, whose row i is row `place[i]`."""
+
+    rows: Ints
+    place: Ints
+    columns: Columns
+    elements: Interactions
+
+    @classmethod
+    def of(cls, layout: Layout, columns: Columns, steps: int) -> Self | None:
+        """What is worth it for some steps of an island: None where the order is good, or nobody knows a better one."""
+        if layout.count < WORTH_PARTICLES or steps < WORTH_STEPS or not layout.movable:
+            return None
+        rows = rows_in_space(layout)
+        if rows is None:
+            return None
+        place = np.empty_like(rows)
+        place[rows] = np.arange(len(rows))
+        elements = tuple(each.among(rows, place) for each in layout.interactions)
+        return cls(rows, place, mapped(lambda x: x[rows], columns), elements)
+
+    def share(self, share: Share) -> Share:
+        """The share of a thread in this order."""
+        return share._replace(elements=self.elements)
+
+    def bring_back(self, layout: Layout, columns: Columns) -> None:
+        """Give the island what steps have changed."""
+        for mine, theirs in zip(changing(columns), changing(self.columns), strict=True):
+            mine[self.rows] = theirs
+        for each, there in zip(layout.interactions, self.elements, strict=True):
+            each.bring_back(there, self.rows, self.place)
+
+
+def rows_in_space(layout: Layout) -> Ints | None:
+    """Rows of an island in the order in which its largest interaction had them last, group by group; None where they are
+    near that already, or it has not looked at them yet."""
+    near = max((each.near for each in layout.interactions), key=lambda each: each.members.size)
+    known = near.place >= 0
+    if not known.any() or (np.abs(np.diff(near.place[known])) > NEAR).mean() < DISORDERED:
+        return None
+    last = np.where(known, near.place, near.order.size)
+    return np.concatenate(
+        [
+            a + np.argsort(last[a:b], kind="stable")
+            for a, b in zip(layout.bounds, layout.bounds[1:], strict=False)
+        ]
+    )
