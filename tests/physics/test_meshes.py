@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from contract.cases import opened
 from numpy.typing import NDArray
 from simulate import EPS, G, points
 from support import careful, columns, position, program, run, velocity
@@ -17,7 +19,7 @@ from particlesim.colliders import DifferenceCollider, MeshCollider
 from particlesim.colliders.box import Box
 from particlesim.colliders.cylinder import Cylinder
 from particlesim.forces import Gravity
-from particlesim.laws.registry import Particle, gap
+from particlesim.laws.registry import Particle, first_contact, gap
 
 
 def ball(path: Path, change: Any = None) -> None:
@@ -175,3 +177,16 @@ def test_a_hole_lets_through_what_fits() -> None:
     for k in range(6):
         p = Particle(c.x[k], c.y[k], c.z[k], 0, 0, 0, 1, 0.05, 0, 0)
         assert gap(plate.shape(), p) >= -1e-12
+
+
+def test_what_slides_exactly_along_a_sheet_meets_the_sheets_across_its_way() -> None:
+    # A cube of sheets, 2 m wide between them. A ball that touches the floor to rounding and moves along it, over the
+    # diagonal between two triangles, meets the wall after x of its way, or after y at the other, and never the floor.
+    cube = opened(MeshCollider(path="cube.obj", scale=2.02, thickness=0.02)).record()
+    radius, half = 0.05, 1.0
+    for u, v in ((400.0, 0.0), (300.0, 123.0), (-7.0, 5.0)):
+        p = Particle(0.25, half * -1 + radius, 0.06, u, 0.0, v, 1.0, radius, 0.0, 0.0)
+        q = p._replace(x=p.x + u, z=p.z + v)
+        wall = min((math.copysign(half - radius, w) - at) / w for w, at in ((u, p.x), (v, p.z)) if w)
+        slack = 16 * EPS * (abs(q.x) + abs(q.z) + 2)
+        assert first_contact(cube, p, q, 1.0, slack) == pytest.approx(wall, abs=4 * slack / math.hypot(u, v))
