@@ -88,13 +88,13 @@ def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[st
     from particlesim.compiler import much, uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import misplaced, squeezed, stiff
+    from particlesim.runs.validity import doubtful
 
     crowded = scenario.interactions and particles > MOST_IN_PYTHON
     with uncompiled(), much(bool(crowded)):
         world = World(scenario)
         found = stability(world)
-        return found, (*found.warnings, *misplaced(world), *squeezed(world), *stiff(world))
+        return found, (*found.warnings, *doubtful(world))
 
 
 def show_plan(name: str, planned: dict[str, Any]) -> None:

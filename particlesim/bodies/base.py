@@ -10,6 +10,7 @@ from pydantic import PrivateAttr
 from particlesim.bodies.mass import Solidity, enclosed_by, principal
 from particlesim.bodies.pieces import BOX, Piece
 from particlesim.colliders.triangulation import Triangles
+from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.vectors import Vector3
@@ -61,9 +62,20 @@ class BodyShape(Model):
     # ---- of its own
 
     def frame(self) -> Frame:
-        """Its centre and its principal axes, found once."""
+        """Its centre and its principal axes, found once. Raises UsageError where numbers do not hold them."""
         if self._frame is None:
-            solid = self.solid()
+            try:
+                solid = self.solid()
+                tensor = solid.second * np.eye(3)
+                numbers = np.array([solid.volume, *(np.trace(tensor) - np.diag(tensor))])
+                held = bool((np.isfinite(numbers) & (numbers > 0)).all())
+            except OverflowError:
+                held = False
+            if not held:
+                raise UsageError(
+                    f"{self.words()}: no number holds its volume or its moments of inertia",
+                    "sizes from 1e-60 m to 1e60 m have them",
+                )
             spread, axes = principal(solid.second)
             self._frame = Frame(solid.volume, solid.center, spread, axes)
         return self._frame

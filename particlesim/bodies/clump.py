@@ -5,7 +5,6 @@ Where parts overlap, what is there counts once: parts that do not overlap are su
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,8 +12,8 @@ from pydantic import Field
 
 from particlesim.bodies.base import BodyShape
 from particlesim.bodies.mass import Solidity, together
-from particlesim.bodies.mesh import MeshBody
-from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, HULL, Piece, union_of
+from particlesim.bodies.mesh import CONVEX, SHARED, MeshBody
+from particlesim.bodies.pieces import Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED as STRAIGHT
 from particlesim.bodies.shape import (
     BallBody,
@@ -30,13 +29,6 @@ from particlesim.model.arrays import Floats
 from particlesim.model.base import Model
 from particlesim.model.units import Metres, Vector
 from particlesim.model.variants import Tagged
-
-TOUCHING = 1e-9
-"""Overlap of two parts that counts as none, in units of the smaller one."""
-SHARED = 1e-3
-"""Part of the volume that parts share which is told."""
-CONVEX = 0.999
-"""Part of its hull that a mesh without dents fills at least."""
 
 
 class Placed(Model):
@@ -100,26 +92,17 @@ class ClumpBody(BodyShape):
     def pieces(self) -> tuple[Piece, ...]:
         return tuple(piece for pieces in self.placed_pieces() for piece in pieces)
 
-    def overlapping(self) -> list[tuple[int, int]]:
-        """Pairs of parts that overlap, or may do so."""
-        pieces = self.placed_pieces()
-        return [
-            (i, j)
-            for i, j in combinations(range(len(pieces)), 2)
-            if any(not apart(one, two) for one in pieces[i] for two in pieces[j])
-        ]
-
     def solid(self) -> Solidity:
         """Raises UsageError where a mesh with dents overlaps another part."""
-        overlapping = self.overlapping()
-        for i in sorted({k for pair in overlapping for k in pair}):
+        pairs = overlapping(self.placed_pieces())
+        for i in sorted({k for pair in pairs for k in pair}):
             part = self.parts[i]
             if isinstance(part, MeshBody) and part.filled() < CONVEX:
                 raise UsageError(
                     f"part {i} of a clump, {part.path}, has dents and overlaps another part",
                     "only parts without dents may overlap: what they share is counted once",
                 )
-        if overlapping:
+        if pairs:
             return union_of(list(self.pieces()))
         return together(self._solids())
 
@@ -142,45 +125,3 @@ class ClumpBody(BodyShape):
         if shared > SHARED:
             found.append(f"parts of a clump share {shared:.1%} of their volume, which counts once")
         return tuple(dict.fromkeys(found))
-
-
-def apart(one: Piece, two: Piece) -> bool:
-    """Whether two pieces are apart along a direction that is likely to separate them."""
-    line = two.at - one.at
-    if np.linalg.norm(line) > one.ball() + two.ball():
-        return True
-    directions = [*_normals(one), *_normals(two), line, *_between_axes(one, two)]
-    slack = TOUCHING * min(one.ball(), two.ball())
-    for direction in directions:
-        size = float(np.linalg.norm(direction))
-        if size > 0:
-            (a, b), (c, d) = one.extent(direction / size), two.extent(direction / size)
-            if c >= b - slack or a >= d - slack:
-                return True
-    return False
-
-
-def _normals(piece: Piece) -> list[Floats]:
-    """Normals of its flat sides."""
-    if piece.kind == BOX:
-        return list(piece.rotation.T)
-    if piece.kind in (CYLINDER, CONE):
-        return [piece.rotation[:, 2]]
-    if piece.kind == HULL:
-        assert piece.hull is not None
-        return list(piece.hull.planes[:, :3] @ piece.rotation.T)
-    return []
-
-
-def _between_axes(one: Piece, two: Piece) -> list[Floats]:
-    """From the nearest place of the axis of one to that of the other, and across both."""
-    u, w = (
-        piece.rotation[:, 2] * (piece.size[1] if piece.kind in (CAPSULE, CYLINDER) else 0.0)
-        for piece in (one, two)
-    )
-    line = two.at - one.at
-    s = t = 0.0
-    for _ in range(20):
-        s = float(np.clip((line + t * w) @ u / (u @ u), -1, 1)) if u @ u > 0 else 0.0
-        t = float(np.clip((s * u - line) @ w / (w @ w), -1, 1)) if w @ w > 0 else 0.0
-    return [line + t * w - s * u, np.cross(u, w)]

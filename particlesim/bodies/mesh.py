@@ -1,7 +1,8 @@
 """Bodies whose surface is the triangles of a file.
 
 Mass, centre and moments of inertia are those of what the triangles enclose; what touches is the convex hull of each closed
-surface in the file. So a shape with dents may be cut into convex parts by another program, and is one file still.
+surface in the file. So a shape with dents may be cut into convex parts by another program, and is one file still. Where
+convex parts overlap, what is there counts once.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pydantic import PrivateAttr
 from particlesim.bodies.base import BodyShape
 from particlesim.bodies.hull import Hull, hull_of
 from particlesim.bodies.mass import Solidity, enclosed_by
-from particlesim.bodies.pieces import HULL, Piece
+from particlesim.bodies.pieces import HULL, Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
 from particlesim.colliders.mesh import require_solid, without_flat
@@ -30,6 +31,10 @@ MOST_CORNERS = 4096
 """Corners of a hull at most."""
 MOST_PARTS = 256
 """Parts at most."""
+CONVEX = 0.999
+"""Part of its hulls that a mesh without dents fills at least."""
+SHARED = 1e-3
+"""Part of the volume that parts share which is told."""
 NO_SIZE = (0.0, 0.0, 0.0)
 
 
@@ -61,7 +66,10 @@ class MeshBody(FromFile, BodyShape):
         if len(solid) == 0:
             raise UsageError(f"{self.path}: none of its triangles has an area", "a rigid body has a volume")
         require_solid(
-            corners, faces, self.path, "a rigid body is closed: every edge of its surface has two triangles"
+            corners,
+            faces,
+            self.path,
+            "a rigid body has a volume, and every edge of its surface two triangles",
         )
         hulls = tuple(hull_of(corners[part], self.path) for part in convex_parts(corners, solid))
         if len(hulls) > MOST_PARTS:
@@ -87,6 +95,9 @@ class MeshBody(FromFile, BodyShape):
         return self._surface
 
     def solid(self) -> Solidity:
+        pieces = self.pieces()
+        if self.filled() >= CONVEX and overlapping([(piece,) for piece in pieces]):
+            return union_of(list(pieces))
         return enclosed_by(*self.surface())
 
     def pieces(self) -> tuple[Piece, ...]:
@@ -97,7 +108,7 @@ class MeshBody(FromFile, BodyShape):
 
     def filled(self) -> float:
         """Part of its hulls that it fills."""
-        return self.solid().volume / sum(map(hull_volume, self.hulls()))
+        return enclosed_by(*self.surface()).volume / sum(map(hull_volume, self.hulls()))
 
     def dent(self) -> float:
         """How deep a place of its surface is below its hulls, at most [m]."""
@@ -117,6 +128,9 @@ class MeshBody(FromFile, BodyShape):
                 f"with dents {self.dent():.3g} m deep; a file of several closed convex parts, or a shape of type "
                 '"clump" of meshes and other shapes, touches with each of them'
             )
+        shared = 1 - self.volume() / enclosed_by(*self.surface()).volume
+        if shared > SHARED:
+            found.append(f"{self.path}: its parts share {shared:.1%} of their volume, which counts once")
         return tuple(found)
 
 

@@ -6,6 +6,8 @@ exact, and a grid of lines is summed (midpoint rule across, exact along).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,8 @@ from particlesim.model.vectors import Vector3
 SPHERE, BOX, CAPSULE, CYLINDER, CONE, HULL = range(6)
 """Kinds of pieces, for kernels."""
 
+TOUCHING = 1e-9
+"""Overlap of two parts that counts as none, in units of the smaller one."""
 LINES = 256
 """Lines along each side of the box about pieces that overlap."""
 
@@ -220,3 +224,54 @@ def _row(pieces: list[Piece], points: Floats) -> Floats:
         total += [float(each.sum()) for each in moments]
         reached[there] = b
     return total
+
+
+def overlapping(parts: Sequence[Sequence[Piece]]) -> list[tuple[int, int]]:
+    """Pairs of parts, each of some pieces, that overlap, or may do so."""
+    return [
+        (i, j)
+        for i, j in combinations(range(len(parts)), 2)
+        if any(not apart(one, two) for one in parts[i] for two in parts[j])
+    ]
+
+
+def apart(one: Piece, two: Piece) -> bool:
+    """Whether two pieces are apart along a direction that is likely to separate them."""
+    line = two.at - one.at
+    if np.linalg.norm(line) > one.ball() + two.ball():
+        return True
+    directions = [*_normals(one), *_normals(two), line, *_between_axes(one, two)]
+    slack = TOUCHING * min(one.ball(), two.ball())
+    for direction in directions:
+        size = float(np.linalg.norm(direction))
+        if size > 0:
+            (a, b), (c, d) = one.extent(direction / size), two.extent(direction / size)
+            if c >= b - slack or a >= d - slack:
+                return True
+    return False
+
+
+def _normals(piece: Piece) -> list[Floats]:
+    """Normals of its flat sides."""
+    if piece.kind == BOX:
+        return list(piece.rotation.T)
+    if piece.kind in (CYLINDER, CONE):
+        return [piece.rotation[:, 2]]
+    if piece.kind == HULL:
+        assert piece.hull is not None
+        return list(piece.hull.planes[:, :3] @ piece.rotation.T)
+    return []
+
+
+def _between_axes(one: Piece, two: Piece) -> list[Floats]:
+    """From the nearest place of the axis of one to that of the other, and across both."""
+    u, w = (
+        piece.rotation[:, 2] * (piece.size[1] if piece.kind in (CAPSULE, CYLINDER) else 0.0)
+        for piece in (one, two)
+    )
+    line = two.at - one.at
+    s = t = 0.0
+    for _ in range(20):
+        s = float(np.clip((line + t * w) @ u / (u @ u), -1, 1)) if u @ u > 0 else 0.0
+        t = float(np.clip((s * u - line) @ w / (w @ w), -1, 1)) if w @ w > 0 else 0.0
+    return [line + t * w - s * u, np.cross(u, w)]

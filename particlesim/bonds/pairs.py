@@ -14,7 +14,7 @@ Pairs = tuple[tuple[Index, Index], ...]
 WORLD = "world"
 """What stands for the world where groups of bodies are named."""
 SINGLE: Pairs = ((0, 0),)
-"""The first body of both groups."""
+"""The first of both groups."""
 
 
 def joined_groups(on: str | None, between: tuple[str, str] | None) -> tuple[str, str]:

@@ -43,7 +43,7 @@ class Rods(Model):
     between: tuple[Name, Name] | None = None
     """Two groups instead of one: the first index of a pair is in the first, the second in the second."""
     pairs: Pairs | None = Field(default=None, min_length=1)
-    """Indices of the joined particles, a pair for every rod."""
+    """Indices of the joined particles, a pair for every rod; needless between two groups of one particle."""
     points: tuple[Vector[Metres], Vector[Metres]] | None = None
     """Rods at rigid bodies: where both ends are, from the centres of their bodies along the axes that these have before they
     are turned, and for "world", which may be the second of `between`, the place. The centres unless given. With points,
@@ -55,11 +55,16 @@ class Rods(Model):
     @model_validator(mode="after")
     def _joins(self) -> Rods:
         first, second = self.groups()
-        if self.pairs is None and self.points is None:
+        if self.lists_none and first == second:
             raise invalid("which particles are joined?", allowed="pairs = [[0, 1]]")
         check_pairs(self.pairs or (), inside=first == second)
         check_points(self.points, self.groups(), self.pairs)
         return self
+
+    @property
+    def lists_none(self) -> bool:
+        """Whether nothing says which particles are joined: of groups of one particle they are those."""
+        return self.pairs is None and self.points is None
 
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
@@ -71,7 +76,7 @@ class Rods(Model):
 
     def rods(self, label: str, at: Path) -> RodSet:
         """The rods as the engine takes them; `at` is their place in the scenario."""
-        listed = np.array(self.pairs or (), dtype=np.int64)
+        listed = np.array(self.pairs or SINGLE, dtype=np.int64)
         return RodSet(label, self.groups(), self.length, len(listed), partial(_listed, listed), at)
 
 

@@ -44,7 +44,7 @@ class Springs(Model):
     between: tuple[Name, Name] | None = None
     """Two groups instead of one: the first index of a pair is in the first, the second in the second."""
     pairs: Pairs | None = Field(default=None, min_length=1)
-    """Indices of the joined particles, a pair for every spring."""
+    """Indices of the joined particles, a pair for every spring; needless between two groups of one particle."""
     within: Annotated[Metres, Gt(0)] | None = None
     """Instead of `pairs`: join all that are at most this far apart at the start."""
     points: tuple[Vector[Metres], Vector[Metres]] | None = None
@@ -73,7 +73,7 @@ class Springs(Model):
     @model_validator(mode="after")
     def _joins(self) -> Springs:
         first, second = self.groups()
-        if self.pairs is None and self.within is None and self.points is None:
+        if self.lists_none and first == second:
             raise invalid("which particles are joined?", allowed="pairs = [[0, 1]], or within = 0.1 (m)")
         if self.pairs is not None and self.within is not None:
             raise invalid("pairs are listed already", at=("within",), also=[(("pairs",), "here")])
@@ -110,6 +110,11 @@ class Springs(Model):
                 raise invalid(f"a strut {says}", at=(key,), also=[(("compression_only",), "a strut")])
         return self
 
+    @property
+    def lists_none(self) -> bool:
+        """Whether nothing says which particles are joined: of groups of one particle they are those."""
+        return self.pairs is None and self.within is None and self.points is None
+
     def groups(self) -> tuple[Name, Name]:
         """Groups of the first and second ends."""
         return joined_groups(self.on, self.between)
@@ -134,10 +139,9 @@ class Springs(Model):
 
     def bonds(self, label: str) -> BondSet:
         """The springs as the engine takes them. `find` raises UsageError when nothing is near enough to be joined."""
-        if self.pairs is not None:
-            listed = np.array(self.pairs, dtype=np.int64)
+        if self.within is None:
+            listed = np.array(self.pairs or SINGLE, dtype=np.int64)
             return BondSet(label, self.groups(), self.spring_law(), len(listed), partial(_listed, listed))
-        assert self.within is not None
         inside = self.groups()[0] == self.groups()[1]
         find = partial(near_pairs, self.within, inside, label)
         return BondSet(label, self.groups(), self.spring_law(), None, find)

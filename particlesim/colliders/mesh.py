@@ -159,7 +159,10 @@ def require_solid(corners: Floats, faces: Ints, name: str, hint: str = SHEET) ->
             f"{name}: {int((times > 1).sum())} of its edges have more than two triangles, or two that are wound differently",
             hint,
         )
-    if enclosed(corners, faces) < 0:
+    volume = enclosed(corners, faces)
+    if abs(volume) <= FLAT * float(np.ptp(corners, axis=0).max()) * area(corners, faces):
+        raise UsageError(f"{name} has no volume: its triangles lie back to back", hint)
+    if volume < 0:
         raise UsageError(
             f"{name} is inside out: its triangles turn their fronts inwards",
             "wind the corners of its triangles the other way round; a container is inside = true",
@@ -172,8 +175,15 @@ def enclosed(corners: Floats, faces: Ints) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
+def area(corners: Floats, faces: Ints) -> float:
+    """Area of all triangles [m²]."""
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
 FLAT = 2e-7
-"""Height of a triangle in parts of the size of its mesh, up to which it has no area."""
+"""Height of a triangle in parts of the size of its mesh, up to which it has no area; a solid that is half as thick
+has no volume."""
 
 
 class MeshRecord(NamedTuple):

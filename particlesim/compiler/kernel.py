@@ -283,7 +283,7 @@ class Kernel:
             arguments = bound.args
         if PLAIN:
             return self._in_python(arguments)
-        key: list[Any] = []
+        key: list[Any] = [_quick]
         numbers: list[Any] = []
         for each in arguments:
             if isinstance(each, tuple):
@@ -334,7 +334,7 @@ def _compiled(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Compi
     key: list[Any] = []
     for each in arguments:
         _take(each, key, [])
-    entry = None if CHECKED else store.entry(function, tuple(key), machine.identity())
+    entry = None if CHECKED else store.entry(function, tuple(key), machine.identity(_quick))
     kept = store.read(entry)
     if kept is None and not _compiling.get():
         if _much.get():
@@ -343,7 +343,7 @@ def _compiled(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Compi
     if kept is None:
         text, form, unit = write(function, arguments)
         shared = [_shared(part.text) for part in unit.parts.values()]
-        code = machine.object_code(text)
+        code = machine.object_code(text, _quick)
         store.write(entry, code, form, unit, [path for path, _ in shared])
         codes = [*(made for _, made in shared), code]
     else:
@@ -358,11 +358,11 @@ def _shared(text: str) -> tuple[Any, bytes]:
     """The code of a shared function, and where it is kept: on disk from another kernel that calls it, or made now."""
     from particlesim.compiler import machine
 
-    path = None if CHECKED else store.shared(text, machine.identity())
+    path = None if CHECKED else store.shared(text, machine.identity(_quick))
     kept = store.read_code(path)
     if kept is not None:
         return path, kept[1]
-    code = machine.object_code(text)
+    code = machine.object_code(text, _quick)
     store.write_code(path, {}, code)
     return path, code
 
@@ -377,14 +377,17 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 _MODE = os.environ.get("PSIM_KERNELS", "")
-if _MODE not in ("", "python", "checked"):
+if _MODE not in ("", "python", "checked", "quick"):
     raise UsageError(
-        f"PSIM_KERNELS is {_MODE!r}", hint="python runs kernels uncompiled, checked looks at every index"
+        f"PSIM_KERNELS is {_MODE!r}",
+        hint="python runs kernels uncompiled, checked looks at every index, quick compiles sooner what runs slower",
     )
 PLAIN = _MODE == "python"
 """Whether kernels run as plain Python: slow, for finding mistakes."""
 CHECKED = _MODE == "checked"
 """Whether kernels look at every index (`bounds`)."""
+_quick = _MODE == "quick"
+"""Whether kernels are hardly optimised. They may differ from others in the last bits, so neither is taken for the other."""
 
 _compiling = ContextVar("compiling", default=True)
 _much = ContextVar("much", default=False)
@@ -403,6 +406,17 @@ def uncompiled() -> Iterator[None]:
         yield
     finally:
         _compiling.reset(before)
+
+
+@contextmanager
+def quickly(really: bool = True) -> Iterator[None]:
+    """In this process, and if it is so, kernels compile in an eighth of the time and run slower: for many short runs."""
+    global _quick
+    before, _quick = _quick, really or _quick
+    try:
+        yield
+    finally:
+        _quick = before
 
 
 @contextmanager

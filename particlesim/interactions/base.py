@@ -273,4 +273,4 @@ class PairSet(Ties):
         return self.law.describe()
 
     def needs_velocity(self) -> bool:
-        return self.law.needs_velocity()
+        return self.law.needs_velocity() and not self.law.by_impulses  # these come between steps

@@ -257,7 +257,9 @@ class Contact(Rubbing, PairInteraction):
             return
         mass, radius = lightest
         if self.stiffness is not None:
-            lasts = contact_time(self.stiffness, self.beta, mass / 2)
+            # Along the surface the mass of two equal balls that turn is 2/7 of that along the normal.
+            along = 3.5 * (self.tangential_stiffness or 0.0) if self.rubs else 0.0
+            lasts = contact_time(max(self.stiffness, along), self.beta, mass / 2)
             if dt > lasts / RESOLVES:
                 yield (
                     f"{self.label}: a contact of the lightest particles lasts {lasts:.3g} s, {lasts / dt:.3g} steps; "

@@ -29,6 +29,9 @@ from particlesim.trajectory.target import check_target
 if TYPE_CHECKING:
     from particlesim.render.video import RenderReport
 
+CLEAR = 0.45
+"""How much of what is behind it the surface of a fluid hides."""
+
 
 def film(
     path: str | Path,
@@ -102,21 +105,23 @@ def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
 
 
 def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
-    """The solid spheres among the colliders of a scenario."""
-    spheres = (each for each in scenario.colliders if _is_ball(each))
+    """The solid spheres among the colliders of a scenario, but for those that show what is behind them."""
+    spheres = (each for each in scenario.colliders if _is_ball(each, scenario))
     return tuple(BallShape(sphere.center, sphere.radius) for sphere in spheres)
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
     """All other shapes among the colliders: containers and whatever is no ball; surfaces of fluids; and rigid bodies."""
+    opacity = scenario.render.opacity
     shapes = []
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
-        if isinstance(each, Solid) and not _is_ball(each):
+        if isinstance(each, Solid) and not _is_ball(each, scenario):
             surface = each.triangles()
             pose = None if each.motion is None else functools.partial(_pose, each)
             pivot = np.zeros(3) if pose is None else np.array(each.pivot())
-            shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose))
+            hides = opacity.get(each.name or "", 1.0)
+            shapes.append(MeshShape(surface.corners - pivot, surface.faces, hollow, pose, opacity=hides))
     shapes += [
         _water(force)
         for force in scenario.forces
@@ -136,12 +141,14 @@ def _water(buoyancy: Buoyancy) -> MeshShape:
     u, v = (np.array(each) for each in perpendicular(up))
     place = (buoyancy.surface or 0.0) * np.array(up)
     corners = np.array([place + u - v, place + u + v, place - u + v, place - u - v])
-    return MeshShape(corners, np.array([[0, 1, 2], [0, 2, 3]]), fluid=True)
+    return MeshShape(corners, np.array([[0, 1, 2], [0, 2, 3]]), fluid=True, opacity=CLEAR)
 
 
-def _is_ball(collider: Collider) -> TypeGuard[SphereCollider]:
-    """Whether a collider is drawn as a ball at rest."""
-    return isinstance(collider, SphereCollider) and not collider.inside and collider.motion is None
+def _is_ball(collider: Collider, scenario: Scenario) -> TypeGuard[SphereCollider]:
+    """Whether a collider is drawn as a ball at rest that hides what is behind it."""
+    if not isinstance(collider, SphereCollider) or collider.inside or collider.motion is not None:
+        return False
+    return collider.name not in scenario.render.opacity
 
 
 def _pose(collider: Collider, time: float) -> Pose:

@@ -61,8 +61,6 @@ Picture = npt.NDArray[np.uint8]
 CHUNK = 1 << 16
 """Particles of one piece of work."""
 
-CLEAR = 0.45
-"""How much of what is behind it the surface of a fluid hides."""
 SEA = 1.6
 """Half a side of such a surface, in half extents of the scene."""
 
@@ -135,17 +133,7 @@ class Renderer:
         self.paint = {name: self.shades + k for k, name in enumerate(self.own_colors)}
         self._has_groups = "group" in source.fields
         self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
-        dry = np.zeros(len(self.props.fluid), np.bool_)
-        masks = {
-            name: np.concatenate([self.bodies.skin == k, dry]) for k, name in enumerate(self.bodies.skins)
-        }
-        self._sheer = [
-            (share, masks[name]) for name, share in settings.opacity.items() if share < 1 and name in masks
-        ]
-        if self.props.fluid.any():
-            self._sheer.append(
-                (CLEAR, np.concatenate([np.zeros(len(self.bodies.skin), np.bool_), self.props.fluid]))
-            )
+        self._sheer = self._seen_through()
         self.overlay = Overlay(settings, self.coloring, self.range, srgb, groups, title, self.scene.count)
         self.curve = tone_curve()
         wanted = settings.trails
@@ -155,6 +143,19 @@ class Renderer:
         self.bad_positions = 0
         self._lock = threading.Lock()
         self._scratch = threading.local()
+
+    def _seen_through(self) -> list[tuple[float, Array]]:
+        """What hides only a part of what is behind it: which part, and which triangles [t]."""
+        clear, skin, skins = self.props.opacity, self.bodies.skin, self.bodies.skins
+        found = [
+            (share, np.concatenate([skin == list(skins).index(name), np.zeros(len(clear), np.bool_)]))
+            for name, share in self.settings.opacity.items()
+            if share < 1 and name in skins
+        ]
+        shares = np.unique(clear[clear < 1]).tolist()
+        return found + [
+            (share, np.concatenate([np.zeros(len(skin), np.bool_), clear == share])) for share in shares
+        ]
 
     def _extents(self, source: FrameSource) -> Survey:
         """What pictures have to show: of all frames, or as the settings say, and then without a look at frames to come if

@@ -29,14 +29,8 @@ from particlesim.runs.result import Progress, Result, recorded_result
 from particlesim.runs.validity import (
     check_ledger,
     check_stored,
-    chords,
-    flat_triangles,
-    knotted,
-    misplaced,
+    doubtful,
     missed,
-    shapes_of_bodies,
-    squeezed,
-    stiff,
 )
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
@@ -180,17 +174,7 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
     scenario = simulation.scenario
-    found = (
-        *suspects(simulation).warnings,
-        *misplaced(simulation),
-        *squeezed(simulation),
-        *stiff(simulation),
-        *knotted(simulation),
-        *chords(simulation),
-        *flat_triangles(scenario),
-        *shapes_of_bodies(scenario),
-        *long_sums(scenario),
-    )
+    found = (*suspects(simulation).warnings, *doubtful(simulation), *long_sums(scenario))
     if warn is not None:
         for text in found:
             warn(text)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
 from particlesim.engine.diagnosis.crowding import crowded
-from particlesim.engine.diagnosis.overlaps import overlaps
+from particlesim.engine.diagnosis.overlaps import no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import remedy
@@ -18,7 +19,7 @@ from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
 from particlesim.layouts.mesh import STRUCTURAL
-from particlesim.scenario.reach import acts_on, collider_tables, has_extent
+from particlesim.scenario.reach import acts_on, collider_tables, has_extent, meetings_of
 from particlesim.scenario.scenario import Scenario
 
 ROUND = ("sphere", "capsule", "cylinder")
@@ -76,6 +77,20 @@ def _extremes(world: World) -> str:
     return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
 
 
+def doubtful(world: World) -> tuple[str, ...]:
+    """A sentence for everything in the first state that is doubtful."""
+    return (
+        *misplaced(world),
+        *embedded(world),
+        *squeezed(world),
+        *stiff(world),
+        *knotted(world),
+        *chords(world),
+        *flat_triangles(world.scenario),
+        *shapes_of_bodies(world.scenario),
+    )
+
+
 def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start, and for every group with
     particles that are outside of a periodic box."""
@@ -85,16 +100,27 @@ def misplaced(world: World) -> tuple[str, ...]:
             found.append(_intruding(world, intrusions))
         for overlap in overlaps(island, structure):
             state = overlap.state
-            where, collider = next(
-                table for table in collider_tables(world.scenario) if table[1] is overlap.collider
-            )
-            name = collider.name or ".".join(map(str, where))
             found.append(
-                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside {collider.kind} {name}, "
-                f"the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: the first step puts them on its "
-                "surface, which changes their energy"
+                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside "
+                f"{_called(world, overlap.collider)}, the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} "
+                "m: the first step puts them on its surface, which changes their energy"
             )
-    return tuple(found)
+            held = structure.colliders[island.states.index(state)]
+            if (walls := no_room(overlap, [each for each in held if each.contact == "bounce"])) is not None:
+                one, other = (_called(world, each) for each in walls)
+                where = f"in {one}" if one == other else f"between {one} and {other}"
+                found.append(
+                    f"particle {state.id[overlap.deepest]} of {state.name!r}, with a radius of "
+                    f"{state.radius[overlap.deepest]:.3g} m, finds no room {where}: contact puts it from one side to the "
+                    "other in every step"
+                )
+    return tuple(dict.fromkeys(found))
+
+
+def _called(world: World, collider: Collider) -> str:
+    """What messages call a collider."""
+    where = next(path for path, each in collider_tables(world.scenario) if each is collider)
+    return f"{collider.kind} {collider.name or '.'.join(map(str, where))}"
 
 
 def _outside(world: World) -> list[str]:
@@ -119,16 +145,31 @@ def _outside(world: World) -> list[str]:
 def _intruding(world: World, intrusions: list[Intrusion]) -> str:
     """What bodies are inside of at the start, and how deep."""
     (name, number), other, depth = intrusions[0]
-    if isinstance(other, tuple):
-        what = f"body {other[1]} of {other[0]!r}"
-    else:
-        where = next(path for path, each in collider_tables(world.scenario) if each is other)
-        what = f"{other.kind} {other.name or '.'.join(map(str, where))}"
+    what = f"body {other[1]} of {other[0]!r}" if isinstance(other, tuple) else _called(world, other)
     pairs = f"{len(intrusions):,} pairs overlap" if len(intrusions) > 1 else "one pair overlaps"
     return (
         f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
         f"{depth:.3g} m; the first steps push them apart, which may change their energy"
     )
+
+
+def embedded(world: World) -> tuple[str, ...]:
+    """A sentence for every group with particles that begin inside of rigid bodies which they touch."""
+    if not (meetings := meetings_of(world.scenario)):
+        return ()
+    from particlesim.engine.diagnosis.embedding import embedding
+
+    found = []
+    for each in meetings:
+        number, deepest, body, depth = embedding(world, each.particles, each.bodies)
+        if number:
+            what, begin = ("particle", "begins") if number == 1 else ("particles", "begin")
+            found.append(
+                f"{each.label}: {number:,} {what} of {each.particles!r} {begin} inside of rigid bodies, the deepest "
+                f"(id {deepest}) in body {body} of {each.bodies!r} by {depth:.3g} m; the first steps push them apart, which "
+                "may change their energy"
+            )
+    return tuple(found)
 
 
 def stiff(world: World) -> tuple[str, ...]:

@@ -106,8 +106,8 @@ class RenderSettings(Model):
     )
     opacity: dict[str, Fraction] = Field(
         {},
-        description="Of groups that are drawn as a surface, by their names: how much of what is behind them they hide. "
-        "Each that hides less than all (1) takes the time of a picture of its own.",
+        description="Of groups that are drawn as a surface, and of colliders, by their names: how much of what is behind "
+        "them they hide. Each that hides less than all (1) takes the time of a picture of its own.",
     )
     line_radius: Thickness | dict[str, Thickness] | None = Field(
         None,

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, store
+from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, quickly, store
 from particlesim.compiler.kernel import write
 from particlesim.compiler.machine import optimised, target
 from particlesim.compiler.unit import CompileError, Unit
@@ -124,16 +124,18 @@ def test_programs_mean_the_same_compiled_and_not(text: str, x: float, y: float, 
     # long as nothing is contracted.
     program = defined(text, "program", Pair=Pair, step=step)
     results = []
-    for run in (exact(program), kernel(program)):
+    compiled = kernel(program)
+    for run, quick in ((exact(program), False), (compiled, False), (compiled, True)):
         v, w = np.array([0.5, -1.25, 2.0]), np.zeros(3)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), quickly(quick):
             try:
                 results.append((*run(x, y, n, Pair(0.75, -0.5), v, w), *w))
             except OverflowError:
                 return  # Python's integers and floats end differently
-    plain, compiled = results
+    plain, full, sooner = results
     if all(math.isfinite(each) and abs(each) < 1e15 for each in plain):
-        assert compiled == plain, text
+        assert full == plain, text
+        assert sooner == plain, text
 
 
 # Numbers
@@ -481,19 +483,20 @@ PROGRAM = """
 from particlesim.compiler import machine
 compiled = []
 real = machine.object_code
-machine.object_code = lambda text: (compiled.append(1), real(text))[1]
+machine.object_code = lambda *given: (compiled.append(1), real(*given))[1]
 import module
 print(module.times(2.0), len(compiled))
 """
 
 
-def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def run_program(folder: Path, mode: str = "") -> str:
     import os
 
     root = Path(__file__).parents[2]
     environment = {
         **os.environ,
         "PSIM_CACHE_DIR": str(folder / "cache"),
+        "PSIM_KERNELS": mode,
         "PYTHONPATH": f"{root}{os.pathsep}{folder}",
         "PYTHONDONTWRITEBYTECODE": "1",  # Python takes a file of the same second and length for the same
     }
@@ -508,24 +511,31 @@ def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return ended.stdout.strip()
 
 
-def test_code_is_kept_until_what_went_in_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_is_kept_until_what_went_in_changes(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(MODULE)
     (tmp_path / "other.py").write_text("def grow(x):\n    return x + 1\n")
     (tmp_path / "unused.py").write_text("")
-    assert run_program(tmp_path, monkeypatch) == "7.0 1"
-    assert run_program(tmp_path, monkeypatch) == "7.0 0"
+    assert run_program(tmp_path) == "7.0 1"
+    assert run_program(tmp_path) == "7.0 0"
     (tmp_path / "other.py").write_text("def grow(x):\n    return x + 2\n")
-    assert run_program(tmp_path, monkeypatch) == "8.0 1"
+    assert run_program(tmp_path) == "8.0 1"
     (tmp_path / "module.py").write_text(MODULE.replace("FACTOR = 3", "FACTOR = 4"))
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
     (file,) = (tmp_path / "cache" / "kernels").iterdir()
     damaged = bytearray(file.read_bytes())
     damaged[-100] ^= 1
     file.write_bytes(damaged)
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
     assert file.stat().st_mode & 0o077 == 0
     file.chmod(0o666)
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
+
+
+def test_quick_kernels_are_never_taken_for_others(tmp_path: Path) -> None:
+    (tmp_path / "module.py").write_text(MODULE)
+    (tmp_path / "other.py").write_text("def grow(x):\n    return x + 1\n")
+    for mode, expected in (("", "7.0 1"), ("quick", "7.0 1"), ("quick", "7.0 0"), ("", "7.0 0")):
+        assert run_program(tmp_path, mode) == expected
 
 
 SHARED = """
@@ -548,17 +558,17 @@ def times(x):
 """
 
 
-def test_shared_functions_are_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shared_functions_are_compiled_once(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(SHARED)
-    assert run_program(tmp_path, monkeypatch) == "8.0 3"
-    assert run_program(tmp_path, monkeypatch) == "8.0 0"
+    assert run_program(tmp_path) == "8.0 3"
+    assert run_program(tmp_path) == "8.0 0"
     (kept,) = (tmp_path / "cache" / "kernels").glob("*.shared")
     damaged = bytearray(kept.read_bytes())
     damaged[-100] ^= 1
     kept.write_bytes(damaged)
-    assert run_program(tmp_path, monkeypatch) == "8.0 2", "a kernel without its shared function is made anew"
+    assert run_program(tmp_path) == "8.0 2", "a kernel without its shared function is made anew"
     (tmp_path / "module.py").write_text(SHARED.replace("x + by", "x + by * by"))
-    assert run_program(tmp_path, monkeypatch) == "10.0 3"
+    assert run_program(tmp_path) == "10.0 3"
 
 
 def test_a_folder_that_others_may_write_is_not_trusted(
@@ -601,12 +611,12 @@ def test_what_is_no_folder_is_told_in_words(
         store.folder.cache_clear()
 
 
-def test_code_with_elementary_functions_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_with_elementary_functions_is_kept(tmp_path: Path) -> None:
     """A process that compiles nothing has not imported them, and must not take them for changed."""
     (tmp_path / "module.py").write_text(
         "import math\nfrom particlesim.compiler import kernel\n\n@kernel\ndef times(x):\n    return math.exp(math.sin(x))\n"
     )
-    first, second = (run_program(tmp_path, monkeypatch).split() for _ in range(2))
+    first, second = (run_program(tmp_path).split() for _ in range(2))
     assert (first[1], second[1]) == ("1", "0")
     assert first[0] == second[0]
 

@@ -150,6 +150,13 @@ def test_a_file_of_closed_parts_touches_with_each_of_them(tmp_path: Path) -> Non
     shell = mesh_of(trimesh.util.concatenate([boxes[0], hollow]))
     assert len(shell.pieces()) == 1
     assert shell.volume() == pytest.approx(0.08 - 0.01)
+    # Convex parts that overlap count once, as they do in a clump.
+    boxes[1].apply_translation([0, -0.1, 0])
+    both = mesh_of(trimesh.util.concatenate(boxes))
+    # One of 256 lines, at an edge, is half inside: in 1.1 m of height, at a face of 0.8 x 0.4 m.
+    assert both.volume() == pytest.approx(2 * 0.08 - 0.2 * 0.099 * 0.4, abs=0.5 * 1.1 / 256 * 0.8 * 0.4)
+    assert "parts share 4." in both.remarks()[0]
+    boxes[1].apply_translation([0, 0.1, 0])
     # A ball lies in the angle, 0.2 m above the floor, where the convex hull of both parts would hold it up.
     trimesh.util.concatenate(boxes).export(tmp_path / "angle.obj")
     bodies = [
@@ -171,12 +178,18 @@ def test_a_file_of_closed_parts_touches_with_each_of_them(tmp_path: Path) -> Non
         ("open", "is open"),
         ("inside out", "inside out"),
         ("flat", "has an area|is open|in a plane"),
+        ("back to back", "no volume"),
     ],
 )
 def test_meshes_that_are_no_bodies(change: str, message: str, tmp_path: Path) -> None:
     box = trimesh.creation.box([1, 1, 1])
     faces = np.array(box.faces)
-    faces = {"open": faces[:-1], "inside out": faces[:, ::-1], "flat": faces[:2]}[change]
+    faces = {
+        "open": faces[:-1],
+        "inside out": faces[:, ::-1],
+        "flat": faces[:2],
+        "back to back": [*faces[:1], faces[0][::-1]],
+    }[change]
     trimesh.Trimesh(box.vertices, faces, process=False).export(tmp_path / "bad.obj")
     shape = {"type": "mesh", "path": str(tmp_path / "bad.obj")}
     with pytest.raises(ps.UsageError, match=message):

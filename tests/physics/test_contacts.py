@@ -342,6 +342,8 @@ def warned(dt: float = 1e-4, at: float = 0.5, **law: Any) -> str:
 def test_what_is_doubtful_is_told_before_the_run() -> None:
     assert warned() == ""
     assert "a contact of the lightest particles lasts 0.00702 s" in warned(dt=2e-3)
+    # along the surface: sqrt(7/2 k_t / k) = 10 times as stiff
+    assert "lasts 0.000702 s" in warned(friction=0.1, tangential_stiffness=LINEAR["stiffness"] * 200 / 7)
     assert "kinetic friction 0.5 is above static friction 0.3" in warned(
         friction={"static": 0.3, "kinetic": 0.5}
     )

@@ -10,8 +10,11 @@ import pytest
 from simulate import EPS, simulate, table
 
 import particlesim as ps
+from particlesim.compiler import uncompiled
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
+from particlesim.engine.world import World
+from particlesim.runs.validity import embedded
 
 BOX = {"type": "box", "size": [0.4, 0.2, 0.6]}
 TOUCH = {"type": "contact", "between": ["grains", "body"], "restitution": 1.0}
@@ -223,3 +226,13 @@ def test_what_bodies_do_not_feel(interaction: dict[str, Any], message: str) -> N
             bodies=[body()],
             interactions=[each],
         )
+
+
+def test_particles_that_start_inside_of_bodies_are_told_with_their_depth() -> None:
+    # The box reaches to y = 0.1: the second of three is 0.01 + 0.02 m inside of it, the third lies on it.
+    inside = grains([[0.3, 0.5, 0], [0, 0.08, 0], [0.1, 0.11, 0]], [[0, 0, 0]])
+    parts = {"particles": [inside], "bodies": [body()], "interactions": [TOUCH]}
+    with uncompiled():
+        (told,) = embedded(World(ps.from_table(table(0.1, 0.1, **parts))))
+    assert "1 particle of 'grains'" in told
+    assert "(id 1) in body 3 of 'body' by 0.03 m" in told

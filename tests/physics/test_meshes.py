@@ -61,7 +61,9 @@ def test_open_and_inside_out_meshes_are_no_solids(tmp_path: Path) -> None:
     ball(tmp_path / "open.ply", lambda v, f: (v, f[3:]))
     ball(tmp_path / "inverted.ply", lambda v, f: (v, f[:, ::-1]))
     ball(tmp_path / "mixed.ply", lambda v, f: (v, np.concatenate([f[:1, ::-1], f[1:]])))
-    for name, why in (("open", "is open"), ("inverted", "inside out"), ("mixed", "is open|differently")):
+    ball(tmp_path / "flat.ply", lambda v, f: (v * (1, 0, 1), f))
+    wrong = {"open": "is open", "inverted": "inside out", "mixed": "is open|differently", "flat": "no volume"}
+    for name, why in wrong.items():
         with pytest.raises(ps.UsageError, match=why):
             ps.run(scenario(tmp_path, {"type": "mesh", "path": f"{name}.ply"}))
     result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "open.ply", "thickness": 1e-3}))

@@ -228,6 +228,7 @@ def test_two_balls_keep_momentum_angular_momentum_and_energy(beside: float) -> N
 # ---- stacks
 
 
+@pytest.mark.optimised
 def test_a_stack_of_ten_boxes_rests() -> None:
     n, side = 10, 0.1
     stack = body(
@@ -459,6 +460,12 @@ def test_bodies_that_start_inside_of_others_are_told_with_their_depth() -> None:
     pair = [each | {"name": name} for each, name in zip(pair, "ab", strict=True)]
     result = simulate(0.01, 1e-3, bodies=pair)
     assert any("0.03 m" in warning and "'a'" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("radius", [1e-70, 1e70])
+def test_sizes_that_no_inertia_has_are_refused(radius: float) -> None:
+    with pytest.raises(ps.UsageError, match="no number holds"):
+        simulate(0.01, 1e-3, bodies=[body({"type": "sphere", "radius": radius})])
 
 
 def test_a_force_that_is_not_a_number_ends_the_run() -> None:

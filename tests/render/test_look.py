@@ -3,7 +3,7 @@
 import pytest
 
 import particlesim as ps
-from particlesim.render.film import look_of
+from particlesim.render.film import ball_shapes, look_of, mesh_shapes
 
 CONTACT = """
 [simulation]
@@ -55,5 +55,9 @@ def test_springs_that_only_push_are_contact_and_not_drawn() -> None:
 )
 def test_only_surfaces_can_be_seen_through(opacity: dict[str, float], said: str) -> None:
     assert ps.loads(SHEET, {"render.opacity": {"sheet": 0.5}}).render.opacity == {"sheet": 0.5}
+    glass = '[[colliders]]\nname = "glass"\ntype = "sphere"\nradius = 1.0\n'
+    scenario = ps.loads(SHEET + glass, {"render.opacity": {"glass": 0.3}})
+    assert ball_shapes(scenario) == ()
+    assert [each.opacity for each in mesh_shapes(scenario)] == [0.3]
     with pytest.raises(ps.ScenarioError, match=said):
         ps.loads(SHEET, {"render.opacity": opacity})

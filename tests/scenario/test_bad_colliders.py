@@ -10,6 +10,9 @@ import trimesh
 from simulate import points, simulate, table
 
 import particlesim as ps
+from particlesim.compiler import uncompiled
+from particlesim.engine.world import World
+from particlesim.runs.validity import misplaced
 
 GRAIN = {"particles": [points((0, 5, 0), name="grain", radius=0.05)]}
 MIDDLE = {"of": [{"type": "sphere", "radius": 1.0}]}
@@ -53,10 +56,32 @@ def test_walls_that_overlap_are_refused() -> None:
     low, high = {"point": [0, 1, 0]}, {"normal": [0, -2, 0], "point": [0, 0.5, 0]}
     with pytest.raises(ps.ScenarioError, match=r"overlap by 0\.5 m"):
         ps.from_table(table(1, 0.01, planes=[low, high], **GRAIN))
+    with pytest.raises(ps.ScenarioError, match=r"0\.06 m apart, and particles of 'grain' 0\.1 m thick"):
+        ps.from_table(table(1, 0.01, planes=[low, {**high, "point": [0, 1.06, 0]}], **GRAIN))
     # those that hold different particles may, and walls that touch are a closed door
     both = [points((0, 2, 0), name="up"), points((0, 0, 0), name="down")]
     ps.from_table(table(1, 0.01, planes=[{**low, "on": ["up"]}, {**high, "on": ["down"]}], particles=both))
     ps.from_table(table(1, 0.01, planes=[low, {**high, "point": [0, 1, 0]}], particles=both))
+
+
+def test_what_finds_no_room_is_told() -> None:
+    def told(*colliders: dict[str, Any]) -> str:
+        grain = [points((0, 0, 0), name="grain", radius=0.05)]
+        with uncompiled():
+            return " ".join(
+                misplaced(World(ps.from_table(table(1, 1, particles=grain, colliders=colliders))))
+            )
+
+    small = {"type": "sphere", "radius": 0.04, "inside": True, "name": "shell"}
+    floor, slope = {"type": "plane"}, {"type": "plane", "normal": [1, -1, 0], "point": [0, 0.07, 0]}
+    assert "finds no room in sphere shell" in told(small)
+    # between two planes at an angle there is some, and it comes there by their sides in turn
+    assert "start inside" in told(floor, slope)
+    assert "no room" not in told(floor, slope)
+    box = {"type": "box", "size": [1, 1, 1], "center": [0, 3, 0], "inside": True}
+    assert "finds no room between plane colliders.0 and box colliders.1" in told(
+        {**floor, "normal": [0, -1, 0]}, box
+    )
 
 
 def test_what_is_doubtful_is_told(tmp_path: Any) -> None:

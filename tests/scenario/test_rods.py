@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from simulate import points, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -79,6 +80,7 @@ def emitted() -> str:
 CASES = [
     (text(RODS="pairs = [[0, 1]]"), "joins one group or two", None),
     (text(RODS='on = "chain"'), "pairs", None),
+    (text(RODS='between = ["dust", "chain"]'), "which particles are joined?", "[[rods]]"),
     (text(RODS=CHAIN + "pairs = [[1, 1]]"), "joins particle 1 to itself", "[1, 1]"),
     (text(RODS=CHAIN + "pairs = [[0, 1], [1, 0]]"), "this pair is already joined", "[1, 0]"),
     (text(RODS=CHAIN + "pairs = [[0, 3]]"), "'chain' has no particle 3", "3"),
@@ -144,6 +146,17 @@ def test_refused(tmp_path: Path, written: str, message: str, under: str | None) 
         assert found.span is not None
         line = written.splitlines()[found.span.line - 1]
         assert line[found.span.column - 1 : found.span.column - 1 + found.span.length] == under
+
+
+def test_groups_of_one_particle_need_no_pairs() -> None:
+    ends = [points((0, 0, 0), name="a"), points((1, 0, 0), name="b")]
+    link = {"between": ["a", "b"]}
+    scenario = ps.from_table(
+        table(0.1, 0.1, particles=ends, rods=[link], springs=[{**link, "stiffness": 1.0}])
+    )
+    (rods,), (bonds,) = scenario.rod_sets, scenario.bonds
+    assert rods.find().tolist() == [[0, 0]]
+    assert bonds.count == 1
 
 
 def test_particles_at_the_same_place(tmp_path: Path) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from particlesim.colliders import Collider
-from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.gaps import gaps_of, put_outside
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
@@ -18,6 +18,8 @@ TOUCHING = 1e-6
 """Overlap that still counts as touching, as a part of the largest coordinate."""
 
 
+ROUNDS = 500
+"""How often a particle is put to the surfaces of all colliders before there is taken to be no room for it."""
 PIECE = 1 << 16
 """Particles looked at together: a run needs no more memory for it."""
 
@@ -46,6 +48,29 @@ def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
                 found = _overlap(state, collider, TOUCHING * farthest)
                 if found.number:
                     yield found
+
+
+def no_room(overlap: Overlap, others: Sequence[Collider]) -> tuple[Collider, Collider] | None:
+    """Two of all colliders between which there is no room for the deepest particle; None where a place for it is found.
+
+    It is put to the surface of each in turn. Where all leave room this comes to it, if they are convex (L. M. Bregman,
+    Sov. Math. Dokl. 6, 688 (1965)); where they do not, it goes to and fro.
+    """
+    state, row = overlap.state, overlap.deepest
+    x, radius = state.x[:, row].astype(float)[None], state.radius[row : row + 1].astype(float)
+    margin = 2 * TOUCHING * max(float(np.abs(x).max()), float(radius[0]))
+    inside: list[Collider] = []
+    for _ in range(ROUNDS):
+        inside = []
+        for each in others:
+            depth = np.empty(1)
+            gaps_of(each.body(), x[:, 0], x[:, 1], x[:, 2], radius, 0.0, depth)
+            if depth[0] < -margin:
+                inside.append(each)
+                put_outside(each.body(), x, radius, np.ones(1, np.int64), 0.0)
+        if not inside:
+            return None
+    return inside[0], inside[-1]
 
 
 def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:

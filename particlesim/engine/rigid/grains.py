@@ -117,6 +117,23 @@ def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: A
                     near[m] = 1
 
 
+@kernel
+def depths_in(b: Any, group: Any, x: Any, radius: Any, depth: Any, which: Any) -> None:
+    """How deep particles at x [3, n] are in bodies of a group [m], into depth [n], and in which, into which [n]."""
+    found, p = on_stack(1, 9, np.float64), b.pieces
+    for i in range(b.w.size):
+        if b.group[i] == group:
+            r = matrix(orientation(b, i))
+            for m in range(radius.size):
+                at = (x[0, m], x[1, m], x[2, m])
+                d = minus(at, place(b, i))
+                if dot(d, d) < (b.reach[i] + radius[m]) ** 2:
+                    for number in range(p.first[group], p.first[group + 1]):
+                        away, _ = away_from(p, solid_of(p, number, place(b, i), r), at, found)
+                        if radius[m] - away > depth[m]:
+                            depth[m], which[m] = radius[m] - away, i
+
+
 @outlined
 def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
     """Note the contacts that guests have with bodies in a step of length h, of which half is over."""

@@ -27,7 +27,7 @@ class Props:
             [np.empty((0, 3), np.int32)],
             [np.empty(0, np.bool_)],
         )
-        fluid = [np.empty(0, np.bool_)]
+        opacity = [np.empty(0)]
         first = row = 0
         for each, copies in zip(shapes, self._copies, strict=True):
             corners = np.ascontiguousarray(each.corners, float)
@@ -50,13 +50,13 @@ class Props:
                 first += len(corners)
                 row += len(normal)
             hollow.append(np.full(copies * len(triangles), each.hollow))
-            fluid.append(np.full(copies * len(triangles), each.fluid))
+            opacity.append(np.full(copies * len(triangles), each.opacity))
         self.faces: Array = np.concatenate(faces).astype(np.int32)
         self.shade: Array = np.concatenate(shade).astype(np.int32)
         self.closed: Array = np.ones(len(self.faces), np.bool_)
         self._hollow = np.concatenate(hollow)
-        self.fluid: Array = np.concatenate(fluid)
-        """Which triangles are the surface of a fluid, bool [t]."""
+        self.opacity: Array = np.concatenate(opacity)
+        """How much of what is behind them triangles hide [t]."""
         self.number = first
         """How many corners there are."""
 

@@ -38,7 +38,8 @@ class MeshShape:
 
     Of a container (`hollow`) only the walls are drawn that the camera sees from inside. `pose` says where a shape that moves
     is at a time [s]. `group` is the number of a group of rigid bodies, each of which has this shape in its own frame.
-    The surface of a fluid (`fluid`) is a square that is drawn as large as the scene, and shows what is behind it.
+    The surface of a fluid (`fluid`) is a square that is drawn as large as the scene. `opacity` is how much of what is behind
+    it a shape hides.
     """
 
     corners: npt.NDArray[Any]
@@ -47,6 +48,7 @@ class MeshShape:
     pose: Callable[[float], Pose] | None = None
     group: int | None = None
     fluid: bool = False
+    opacity: float = 1.0
 
     def spread(self, center: npt.NDArray[Any], half: float) -> MeshShape:
         """The surface of a fluid about the place that is nearest to the centre of the scene, with sides of twice `half`."""

@@ -14,6 +14,7 @@ from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
 from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables, mortal
 from particlesim.scenario.rules.joints import listed as particle_joints
+from particlesim.scenario.rules.joints import which
 from particlesim.scenario.tables import Tables
 
 TURNING = ("orientation", "angular_velocity")
@@ -128,6 +129,9 @@ def _numbered(
     here, at, end = place
     number = group.layout.number() if isinstance(group, Particles) and group.layout is not None else None
     one, several = ("body", "bodies") if isinstance(group, Bodies) else ("particle", "particles")
+    if not isinstance(joint, Joint) and joint.lists_none and number != 1:
+        yield which(here, group.name, number, path)
+        return
     for j, pair in enumerate(joint.pairs or SINGLE):
         if number is not None and pair[end] >= number:
             yield Invalid(

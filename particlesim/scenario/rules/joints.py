@@ -79,6 +79,9 @@ def pairs(scenario: Tables) -> Iterator[Invalid]:
         for end, name in enumerate(joint.groups()):
             path, group = tables[name]
             number = group.layout.number() if isinstance(group, Particles) else None
+            if joint.lists_none and number != 1:
+                yield which(here, name, number, (*path, "layout"))
+                break
             for j, pair in enumerate(joint.pairs or ()):
                 if number is not None and pair[end] >= number:
                     yield Invalid(
@@ -100,6 +103,16 @@ def pairs(scenario: Tables) -> Iterator[Invalid]:
                         (((*path, "layout"), f"{number} particles"),),
                         allowed=f"0 to {number - 1}",
                     )
+
+
+def which(here: Path, name: str, number: int | None, there: Path) -> Invalid:
+    """No pairs are listed, and a group is not of one particle."""
+    return Invalid(
+        "which particles are joined?",
+        here,
+        ((there, "several" if number is None else f"{number:,} particles"),),
+        allowed="pairs = [[0, 0]], say; nothing only between groups of one particle",
+    )
 
 
 def pulled(scenario: Tables) -> Iterator[Invalid]:

@@ -39,8 +39,9 @@ def styles(scenario: Tables) -> Iterator[Invalid]:
     sets |= {springs.name: ("springs", k) for k, springs in enumerate(scenario.springs)}
     joined = {name for _, names, _ in bond_tables(scenario) for name in names}
     joined |= {name for _, names in rod_tables(scenario) for name in names}
-    known = [*tables, *sets]
+    walls = [each.name for each in scenario.colliders if each.name is not None]
     for key, name in _looks(scenario):
+        known = [*tables, *sets, *(walls if key == "opacity" else ())]
         if name not in known:
             yield Invalid(
                 f"no group, springs or rods are called {name!r}",
@@ -48,6 +49,8 @@ def styles(scenario: Tables) -> Iterator[Invalid]:
                 allowed=", ".join(known),
                 hint=did_you_mean(name, known),
             )
+        elif name not in tables and name not in sets:
+            continue  # a collider
         elif key == "opacity" and not _has_skin(name, tables):
             yield Invalid(
                 f"{name!r} has no surface: nothing else can be seen through",

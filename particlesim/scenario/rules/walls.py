@@ -15,7 +15,7 @@ FACING = 1e-12
 
 
 def room(scenario: Tables) -> Iterator[Invalid]:
-    """Two planes that face each other and hold the same particles have their legal sides in common."""
+    """Two planes that face each other and hold the same particles leave room for them."""
     planes: list[tuple[Path, Plane]] = [
         (path, each) for path, each in collider_tables(scenario) if isinstance(each, Plane)
     ]
@@ -32,3 +32,11 @@ def room(scenario: Tables) -> Iterator[Invalid]:
                     ((other_path, "the other wall"),),
                     hint="normals point to where particles may be",
                 )
+            for group in () if between < 0 or one.soft or other.soft else shared:
+                if (size := group.least_size()) is not None and 2 * size[1] > between:
+                    yield Invalid(
+                        f"these walls are {between:.3g} m apart, and particles of {group.name!r} {2 * size[1]:.3g} m thick",
+                        path,
+                        ((other_path, "the other wall"),),
+                        hint="on = [...] names the groups that a wall holds back",
+                    )
