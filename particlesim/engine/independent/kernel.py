@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import particlesim.engine.step.newton  # noqa: F401
-from particlesim.compiler import kernel
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.state.columns import (
     Columns,
     block_of,
@@ -34,7 +34,14 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.clearance import clearance, distance_of, keeps_clear
+from particlesim.engine.step.clearance import (
+    clearance,
+    distance_of,
+    foothold,
+    holds,
+    keeps_clear,
+    stands,
+)
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
 from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
@@ -120,8 +127,13 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
         if clear:
-            room.clear[i] -= distance_of(p, q, hi)
+            way = distance_of(p, q, hi)
+            room.clear[i] -= way
             meets = (not room.clear[i] > 0) | ends_inside(program.contacts, q)
+            if holds(program.contacts):
+                firm = stands(room.foothold, i, p, q)
+                room.foothold[3, i] = room.foothold[3, i] if firm else -type_of(way, 1)
+                q, meets = chosen(firm, p, q), meets & (not firm)
         else:
             meets = overlapped(program.contacts, p, q, hi)
         meets &= hi > 0
@@ -146,9 +158,26 @@ def _look(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
             ahead = clearance(program.contacts, p, way) - way
             meets = (not ahead > 0) | ends_inside(program.contacts, q)
             room.clear[i] = type_of(way, 0) if meets else ahead
+            if holds(program.contacts) and meets:
+                meets = not _step_on(program, c, i, p, q, room)
             room.marks[i] = mark(c, meets)
             left |= meets
     return left
+
+
+@outlined
+def _step_on(program: Any, c: Any, i: Any, p: Any, q: Any, room: Any) -> bool:
+    """Whether friction holds particle i at p, where it touches a collider; its step then ends there."""
+    if not ((p.vx == 0) & (p.vy == 0) & (p.vz == 0)):
+        return False
+    for row, number in enumerate(foothold(program.contacts, p)):
+        room.foothold[row, i] = number
+    firm = stands(room.foothold, i, p, q)
+    if firm:
+        store(c, i, p)
+    else:
+        room.foothold[3, i] = -type_of(p.x, 1)
+    return firm
 
 
 def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
@@ -226,7 +255,8 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 class Room(NamedTuple):
     """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
     present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]; for
-    how many steps nothing is looked for that lies still [1]."""
+    how many steps nothing is looked for that lies still [1]; what each that stands still stands on, as `foothold` has
+    it [5, block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.floating[Any]]
@@ -234,6 +264,7 @@ class Room(NamedTuple):
     before: NDArray[np.floating[Any]]
     clear: NDArray[np.floating[Any]]
     wait: NDArray[np.floating[Any]]
+    foothold: NDArray[np.floating[Any]]
 
 
 def new_room(columns: Columns, block: int) -> Room:
@@ -246,6 +277,7 @@ def new_room(columns: Columns, block: int) -> Room:
         zeros((6, block), x),
         zeros((block,), x),
         zeros((1,), x),
+        zeros((5, block), x),
     )
 
 
@@ -277,6 +309,7 @@ def step_range(
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
             room.clear[i] = type_of(c.m[i], 0)
+            room.foothold[3, i] = -type_of(c.m[i], 1)
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):

@@ -83,11 +83,15 @@ def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
     return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
 
 
-def inside(colliders: Any, on: Any, p: Any) -> Any:
-    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
+def inside(colliders: Any, on: Any, p: Any, alone: bool = False) -> Any:
+    """Whether the particle is in a collider other than those on which it lies. A test in vectors is cheaper than a gap, but
+    not where each is looked at `alone`, since gaps take a search."""
     if len(colliders) == 0:
         return False
-    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
+    others = inside(colliders[1:], on[1:], p, alone)
+    if alone and on[0]:
+        return others
+    return ((gap(colliders[0], p) < 0) & (not on[0])) | others
 
 
 def nowhere(colliders: Any) -> Any:
