@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, points, simulate, table
+from simulate import EPS, points, rows, simulate, table
 
 import particlesim as ps
-from particlesim.engine.islands.separation import overlapping
+from particlesim.engine.islands.separation import Pairs, overlapping
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
@@ -391,6 +391,13 @@ def test_a_start_that_overlaps_is_put_apart_before_the_first_step() -> None:
         if box is None:
             assert (np.abs(x[3:, 0]) + r[3:]).max() < 0.17 * (1 + EPS)
         assert (x[3:, 1] - r[3:]).min() > -EPS
+    # inversely to their masses, so that their centre stays
+    pair = Pairs(np.ones(2), np.array([1.0, 1 / 3]), None, None)
+    pair.find(rows((0, 0, 0), (1.94, 0, 0)), 0.0)
+    step = pair.moves(rows((0, 0, 0), (1.94, 0, 0)))
+    assert step is not None
+    assert step[0] + 3 * step[1] == pytest.approx(0, abs=EPS)
+    assert step[0, 0] < -0.04
 
 
 def test_a_memory_without_room_grows_at_the_next_interval(monkeypatch: Any) -> None:
