@@ -11,6 +11,7 @@ import os
 import shutil
 import signal
 import tempfile
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -49,3 +50,18 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)
+
+
+OPTIMISED = {"compiler", "determinism", "gallery", "render", "resume", "same", "sweep"}
+"""Folders of tests that need the kernels that users run: bits, scenarios, the compiler itself."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[object]:
+    """Other tests compile their kernels quickly, which takes most of their time, unless they are marked `optimised`; with
+    --slow none does."""
+    from particlesim.compiler import quickly
+
+    optimised = item.path.parent.name in OPTIMISED or item.get_closest_marker("optimised")
+    with quickly(not optimised and not item.config.getoption("--slow")):
+        return (yield)

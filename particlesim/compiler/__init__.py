@@ -11,6 +11,7 @@ from particlesim.compiler.intrinsics import (
     let_others_run,
     on_stack,
     outlined,
+    prefetch,
     shared,
 )
 from particlesim.compiler.kernel import (
@@ -19,6 +20,7 @@ from particlesim.compiler.kernel import (
     compiling_seconds,
     kernel,
     much,
+    quickly,
     told_of_compiling,
     uncompiled,
 )
@@ -36,6 +38,8 @@ __all__ = [
     "much",
     "on_stack",
     "outlined",
+    "prefetch",
+    "quickly",
     "shared",
     "told_of_compiling",
     "uncompiled",

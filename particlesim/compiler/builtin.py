@@ -262,6 +262,13 @@ def _atomic_load(frame: Frame, array: Array, index: Any) -> Number:
     return Number(w.emit(f"load atomic i64, ptr {w.offset(array, [index]).ref} acquire, align 8"), "i64")
 
 
+@rule(intrinsics.prefetch)
+def _prefetch(frame: Frame, array: Array, *indices: Any) -> None:
+    w = frame.w
+    w.declared["llvm.prefetch"] = "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"
+    w.do(f"call void @llvm.prefetch.p0(ptr {w.offset(array, list(indices)).ref}, i32 0, i32 3, i32 1)")
+
+
 @rule(intrinsics.let_others_run)
 def _let_others_run(frame: Frame) -> None:
     frame.w.declared[intrinsics.YIELD] = f"declare i32 @{intrinsics.YIELD}()"

@@ -90,6 +90,10 @@ def atomic_load(array: NDArray[np.int64], index: int) -> int:
     return int(array[index])
 
 
+def prefetch(array: NDArray[Any], *indices: int) -> None:
+    """Have the cache line of an element fetched, which will be read soon; nothing else."""
+
+
 def let_others_run() -> None:
     """Give the core to another thread."""
     if hasattr(os, "sched_yield"):

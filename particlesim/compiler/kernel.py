@@ -36,7 +36,10 @@ _BUSY: list[Callable[[bool], None]] = []
 _spent = 0.0
 _began = 0.0
 ENTRY = "kernel"
-_NOTHING: tuple[Any, list[Any], list[Any]] = (None, [], [])
+LIGHT = 1 << 18
+"""Bytes of the arrays of a tuple that a kernel may keep alive after a call, to know the tuple when it comes again."""
+MOST_KNOWN = 32
+"""Tuples that a kernel knows."""
 
 
 # Arguments
@@ -138,6 +141,42 @@ _FORMAT = {"ptr": "P", "i64": "q", "double": "d", "float": "d", "i1": "q"}
 """Every argument and result takes eight bytes; single precision comes as double."""
 
 
+@dataclass(eq=False)
+class Form:
+    """The structure of a tuple of arguments. There is one for each structure, found faster than its long key."""
+
+    pack: Callable[..., bytes]
+
+
+_FORMS: dict[tuple[Any, ...], Form] = {}
+
+
+def _taken(x: tuple[Any, ...]) -> tuple[tuple[Any, ...], Form, bytes]:
+    """A tuple of arguments, its form, and the numbers in it."""
+    parts: list[Any] = []
+    numbers: list[Any] = []
+    _take(x, parts, numbers)
+    form = _FORMS.get(key := tuple(parts))
+    if form is None:
+        form = _FORMS.setdefault(key, Form(struct.Struct(_format(x)).pack))
+    return x, form, form.pack(*numbers)
+
+
+def _format(x: Any) -> str:
+    """How the numbers in an argument are packed."""
+    return "".join(_FORMAT[kind] for kind in _kinds(x))
+
+
+def _weight(x: Any) -> int:
+    """Bytes that an argument keeps alive; those of arrays that are stretches of something unknown are taken for many."""
+    if isinstance(x, tuple):
+        return sum(map(_weight, x))
+    if not isinstance(x, np.ndarray):
+        return 0
+    whole = x if x.base is None else x.base
+    return whole.nbytes if isinstance(whole, np.ndarray) else LIGHT
+
+
 @dataclass
 class Compiled:
     """A kernel for arguments of one structure."""
@@ -232,7 +271,7 @@ class Kernel:
         self.python = function
         self._made: dict[Any, Compiled] = {}
         self._count = function.__code__.co_argcount
-        self._taken: dict[int, tuple[Any, list[Any], list[Any]] | None] = {}
+        self._known: dict[int, tuple[tuple[Any, ...], Form, bytes]] = {}
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Run compiled; arrays are changed in place. Raises CompileError, and TypeError for what kernels do not take."""
@@ -244,11 +283,13 @@ class Kernel:
             arguments = bound.args
         if PLAIN:
             return self._in_python(arguments)
-        key: list[Any] = []
+        key: list[Any] = [_quick]
         numbers: list[Any] = []
-        for k, each in enumerate(arguments):
+        for each in arguments:
             if isinstance(each, tuple):
-                self._take(k, each, key, numbers)
+                taken = self._known.get(id(each)) or self._get_to_know(each)
+                key.append(taken[1])
+                numbers.append(taken[2])
             else:
                 _take(each, key, numbers)
         made = self._made.get(found := tuple(key))
@@ -258,23 +299,19 @@ class Kernel:
                 return self._in_python(arguments)
         return made(numbers)
 
-    def _take(self, k: int, x: tuple[Any, ...], key: list[Any], numbers: list[Any]) -> None:
-        """Take argument k. A tuple of numbers alone never changes: the last one is known when it comes again."""
-        taken = self._taken.get(k, _NOTHING)
-        if taken is None or taken[0] is not x:
-            key_before, before = len(key), len(numbers)
-            _take(x, key, numbers)
-            if taken is not None:
-                part = key[key_before:]
-                varies = any(type(each) is tuple and isinstance(each[0], np.dtype) for each in part)
-                self._taken[k] = None if varies else (x, part, numbers[before:])
-        else:
-            key += taken[1]
-            numbers += taken[2]
+    def _get_to_know(self, x: tuple[Any, ...]) -> tuple[tuple[Any, ...], Form, bytes]:
+        """Take a tuple. Neither the numbers in it change nor the places of its arrays: it is known when it comes again,
+        unless that would keep much in memory."""
+        taken = _taken(x)
+        if _weight(x) < LIGHT:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[id(x)] = taken
+        return taken
 
     def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
         with _LOCK, _timed():
-            if key not in self._made and (made := _compiled(self.python, key, arguments)) is not None:
+            if key not in self._made and (made := _compiled(self.python, arguments)) is not None:
                 self._made[key] = made
             return self._made.get(key)
 
@@ -291,10 +328,13 @@ def _scalars(x: Any) -> Any:
     return np.float64(x) if type(x) is float else x
 
 
-def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]) -> Compiled | None:
+def _compiled(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Compiled | None:
     from particlesim.compiler import machine
 
-    entry = None if CHECKED else store.entry(function, key, machine.identity())
+    key: list[Any] = []
+    for each in arguments:
+        _take(each, key, [])
+    entry = None if CHECKED else store.entry(function, tuple(key), machine.identity(_quick))
     kept = store.read(entry)
     if kept is None and not _compiling.get():
         if _much.get():
@@ -303,26 +343,26 @@ def _compiled(function: Callable[..., Any], key: Any, arguments: tuple[Any, ...]
     if kept is None:
         text, form, unit = write(function, arguments)
         shared = [_shared(part.text) for part in unit.parts.values()]
-        code = machine.object_code(text)
+        code = machine.object_code(text, _quick)
         store.write(entry, code, form, unit, [path for path, _ in shared])
         codes = [*(made for _, made in shared), code]
     else:
         codes, form = kept
     loaded = machine.Code(codes, ENTRY)
-    kinds = [kind for each in arguments for kind in _kinds(each)]
-    pack = struct.Struct("".join(_FORMAT[kind] for kind in kinds)).pack
-    return Compiled(_CALL(loaded.address), pack, kinds_in(form), form, loaded)
+    # Tuples come packed: so many bytes.
+    parts = (f"{8 * len(_kinds(x))}s" if isinstance(x, tuple) else _format(x) for x in arguments)
+    return Compiled(_CALL(loaded.address), struct.Struct("".join(parts)).pack, kinds_in(form), form, loaded)
 
 
 def _shared(text: str) -> tuple[Any, bytes]:
     """The code of a shared function, and where it is kept: on disk from another kernel that calls it, or made now."""
     from particlesim.compiler import machine
 
-    path = None if CHECKED else store.shared(text, machine.identity())
+    path = None if CHECKED else store.shared(text, machine.identity(_quick))
     kept = store.read_code(path)
     if kept is not None:
         return path, kept[1]
-    code = machine.object_code(text)
+    code = machine.object_code(text, _quick)
     store.write_code(path, {}, code)
     return path, code
 
@@ -337,14 +377,17 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 _MODE = os.environ.get("PSIM_KERNELS", "")
-if _MODE not in ("", "python", "checked"):
+if _MODE not in ("", "python", "checked", "quick"):
     raise UsageError(
-        f"PSIM_KERNELS is {_MODE!r}", hint="python runs kernels uncompiled, checked looks at every index"
+        f"PSIM_KERNELS is {_MODE!r}",
+        hint="python runs kernels uncompiled, checked looks at every index, quick compiles sooner what runs slower",
     )
 PLAIN = _MODE == "python"
 """Whether kernels run as plain Python: slow, for finding mistakes."""
 CHECKED = _MODE == "checked"
 """Whether kernels look at every index (`bounds`)."""
+_quick = _MODE == "quick"
+"""Whether kernels are hardly optimised. They may differ from others in the last bits, so neither is taken for the other."""
 
 _compiling = ContextVar("compiling", default=True)
 _much = ContextVar("much", default=False)
@@ -363,6 +406,17 @@ def uncompiled() -> Iterator[None]:
         yield
     finally:
         _compiling.reset(before)
+
+
+@contextmanager
+def quickly(really: bool = True) -> Iterator[None]:
+    """In this process, and if it is so, kernels compile in an eighth of the time and run slower: for many short runs."""
+    global _quick
+    before, _quick = _quick, really or _quick
+    try:
+        yield
+    finally:
+        _quick = before
 
 
 @contextmanager

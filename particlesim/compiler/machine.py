@@ -27,10 +27,11 @@ def processor() -> tuple[str, str]:
     return llvm.get_host_cpu_name(), f"{text},-prefer-256-bit" if "+avx512f" in text else text
 
 
-def identity() -> str:
-    """What machine code depends on beside its source: LLVM, its binding, and the processor."""
+def identity(quick: bool = False) -> str:
+    """What machine code depends on beside its source: LLVM, its binding, the processor, and how far it is optimised."""
     return " ".join(
         [
+            "quick" if quick else "full",
             llvmlite.__version__,
             ".".join(map(str, llvm.llvm_version_info)),
             llvm.get_process_triple(),
@@ -58,18 +59,37 @@ def target(optimise: int = 3) -> Any:
     )
 
 
-def object_code(text: str) -> bytes:
-    """Optimise a module and translate it. Raises RuntimeError when LLVM refuses it."""
+def object_code(text: str, quick: bool = False) -> bytes:
+    """Translate a module, optimised as far as LLVM can, or quickly. Raises RuntimeError when LLVM refuses it."""
     with _LOCK:
-        machine = target()
-        return bytes(machine.emit_object(optimised(text, machine)))
+        machine = target(0 if quick else 3)
+        module = tidied(text, machine) if quick else optimised(text, machine)
+        return bytes(machine.emit_object(module))
+
+
+def _parsed(text: str, machine: Any) -> Any:
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
+    module.verify()
+    return module
+
+
+def tidied(text: str, machine: Any) -> Any:
+    """The module of a text with its variables in registers: what LLVM does in no time."""
+    module = _parsed(text, machine)
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=1))
+    passes = llvm.create_new_function_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_simplify_cfg_pass()
+    for function in module.functions:
+        if not function.is_declaration:
+            passes.run(function, builder)
+    return module
 
 
 def optimised(text: str, machine: Any) -> Any:
     """The module of a text as LLVM optimises it for a machine."""
-    module = llvm.parse_assembly(text)
-    module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
-    module.verify()
+    module = _parsed(text, machine)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.loop_interleaving = options.loop_unrolling = True
     options.slp_vectorization = False

@@ -93,7 +93,7 @@ class Guard:
 
     def wants(self, world: World) -> list[int]:
         """Islands whose energies are to be looked at now, though nobody else asks for them."""
-        if world.step < world.scenario.grid.steps and world.step - self._looked < SELDOM:
+        if world.step < world.grid.steps and world.step - self._looked < SELDOM:
             return []
         return [number for number, judged in enumerate(self._judged) if judged]
 
@@ -126,18 +126,18 @@ class Guard:
         gain = account.look(step, energies, work, self._drift)
         if gain.ratio <= MOST_GAIN:
             return
-        gain = gain._replace(noise=gain.noise + jitter(island.states, world.scenario.grid.dt))
+        gain = gain._replace(noise=gain.noise + jitter(island.states, world.grid.dt))
         if gain.ratio <= MOST_GAIN:
             return
         swings = self._swings(world, number, gain)
-        if not swings or step == world.scenario.grid.steps:
+        if not swings or step == world.grid.steps:
             hint = _too_long(world, number) if swings else None
             raise ran_away(world, number, "energy", gain.joule, hint)
 
     def _swings(self, world: World, number: int, gain: Gain) -> bool:
         """Whether a gain is one that the method will take back."""
         island, structure = world.islands[number], world.graph.islands[number]
-        dt, start = world.scenario.grid.dt, self._accounts[number].first_step
+        dt, start = world.grid.dt, self._accounts[number].first_step
         if not swings(structure):
             return False
         swung = swing(island, structure, world.time, dt)
@@ -174,7 +174,7 @@ def _too_long(world: World, number: int) -> str:
     method = world.graph.islands[number].method
     other = ", or velocity_verlet" if method.order < 2 else ""
     return (
-        f"dt = {world.scenario.grid.dt:.6g} s is stable for {method.name}, but too long to be accurate; "
+        f"dt = {world.grid.dt:.6g} s is stable for {method.name}, but too long to be accurate; "
         f"try a smaller dt{other}"
     )
 
@@ -182,7 +182,7 @@ def _too_long(world: World, number: int) -> str:
 def _swing_at_start(world: World, number: int) -> float:
     """What `swing` was when the run began [J]."""
     began = World(world.scenario)
-    return swing(began.islands[number], began.graph.islands[number], began.time, world.scenario.grid.dt)
+    return swing(began.islands[number], began.graph.islands[number], began.time, world.grid.dt)
 
 
 def _has_zero(world: World, column: str) -> bool:

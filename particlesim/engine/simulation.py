@@ -65,7 +65,7 @@ class Simulation(World):
         self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
         self._labels = scenario.labels
         self._sources = self._ledger_sources()
-        self._pressures = pressures(self.scenario)
+        self._totals, self._pressures = attribute_totals(scenario), pressures(scenario)
         self._ledger_columns = self._name_columns()
         self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
@@ -163,7 +163,7 @@ class Simulation(World):
         names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
-        return (*MOTION, *potentials, *attribute_totals(self.scenario), *self._pressures, *work)
+        return (*MOTION, *potentials, *self._totals, *self._pressures, *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -177,7 +177,7 @@ class Simulation(World):
         Particles without inertia have potential energy only.
         """
         total = dict.fromkeys(self._ledger_columns, 0.0)
-        for name in attribute_totals(self.scenario):
+        for name in self._totals:
             attribute = name.partition(".")[0]
             total[name] = float(sum(state.attribute(attribute).sum(dtype=float) for state in self.states))
         self._energies = [self._island_energies(number, total) for number in range(len(self.islands))]

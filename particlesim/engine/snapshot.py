@@ -45,8 +45,8 @@ FIXED = (
 FOLLOWS: dict[str, frozenset[str]] = {
     "Simulation": frozenset(
         {
-            *("scenario", "graph", "islands", "states", "team", "events"),
-            *("_kicks", "_labels", "_sources", "_ledger_columns", "_pressures"),
+            *("scenario", "grid", "graph", "islands", "states", "team", "events"),
+            *("_kicks", "_labels", "_sources", "_ledger_columns", "_totals", "_pressures"),
             *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
@@ -73,7 +73,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
         )
     ),
     "Ties": frozenset(("_sets", "_states", "rows")),
-    "IndependentIsland": frozenset(("program", "_booking", "impacts")),
+    "IndependentIsland": frozenset(("program", "_booking", "_rooms", "impacts")),
     "CoupledIsland": frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
@@ -87,7 +87,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
         }
     ),
     "Roster": frozenset(("number", "pairs", "rest")),
-    "GroupState": frozenset({"axes", *(column.name for column in TABLE)}),
+    "GroupState": frozenset({"axes", "_known_columns", *(column.name for column in TABLE)}),
 }
 """By the classes of the engine: attributes that follow from the scenario or from other attributes, and scratch arrays that
 every step fills anew. The columns of groups are stored by their table."""

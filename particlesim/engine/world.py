@@ -40,7 +40,7 @@ class World:
     """
 
     def __init__(self, scenario: Scenario, *, block: int | None = None) -> None:
-        self.scenario = scenario
+        self.scenario, self.grid = scenario, scenario.grid
         self.graph: Graph = build_graph(scenario)
         self.step = 0
         self.separations: list[Separation] = []
@@ -90,7 +90,7 @@ class World:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.step * self.scenario.grid.dt
+        return self.step * self.grid.dt
 
     @property
     def count(self) -> int:

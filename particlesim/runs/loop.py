@@ -89,7 +89,7 @@ class Course:
 
         Raises DivergenceError, InputOutputError, Interrupted when `max_wall` is over, KeyboardInterrupt on a signal.
         """
-        steps = (0, *self.simulation.scenario.grid.frame_steps())
+        steps = (0, *self.simulation.grid.frame_steps())
         for step in itertools.islice(steps, len(self.log.times), None):
             self.simulation.advance_to(step, between=self._rest)
             row = self._record()
@@ -122,7 +122,7 @@ class Course:
             self._save()
             raise
         late = self._max_wall is not None and time.perf_counter() - self._began >= self._max_wall
-        if late and self.simulation.step < self.simulation.scenario.grid.steps:
+        if late and self.simulation.step < self.simulation.grid.steps:
             self._save()
             raise Interrupted(f"stopped after {self._max_wall:g} s, as asked, {self.where()}")
         if self.keeper is not None:
@@ -131,7 +131,7 @@ class Course:
             self._progress(
                 Progress(
                     self.simulation.step,
-                    self.simulation.scenario.grid.steps,
+                    self.simulation.grid.steps,
                     self.simulation.time,
                     self.simulation.count,
                     self.simulation.particle_steps,
@@ -143,7 +143,7 @@ class Course:
 
     def where(self) -> str:
         """How far the run is, in words."""
-        return f"at t = {self.simulation.time:.9g} s of {self.simulation.scenario.grid.duration:.9g} s"
+        return f"at t = {self.simulation.time:.9g} s of {self.simulation.grid.duration:.9g} s"
 
     def _save(self) -> None:
         if self.keeper is not None:

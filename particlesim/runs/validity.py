@@ -174,7 +174,7 @@ def embedded(world: World) -> tuple[str, ...]:
 
 def stiff(world: World) -> tuple[str, ...]:
     """A sentence where steps are too long for springs at rigid bodies."""
-    dt = world.scenario.grid.dt
+    dt = world.grid.dt
     limits = (island.longest_step() for island in world.islands)
     return tuple(
         f"dt = {dt:.6g} s is beyond the largest stable step under springs at rigid bodies, {limit:.3g} s: "

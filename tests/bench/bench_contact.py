@@ -17,8 +17,10 @@ FAR = 1e4
 BOX = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
 
 
-def scene(planes: list[dict[str, Any]], n: int, steps: int, settled: bool) -> dict[str, Any]:
-    """Particles in the air, or at rest on the plane y = 0."""
+def scene(
+    planes: list[dict[str, Any]], n: int, steps: int, settled: bool, pull: float = 0.0
+) -> dict[str, Any]:
+    """Particles in the air, or at rest on the plane y = 0; gravity with a `pull` along x [m/s²]."""
     top = 1e-300 if settled else 10
     shape = {"type": "box", "min": [0, 0, 0], "max": [10, top, 10]}
     drag = {
@@ -32,7 +34,7 @@ def scene(planes: list[dict[str, Any]], n: int, steps: int, settled: bool) -> di
         "simulation": {"duration": steps * 1e-3, "dt": 1e-3, "integrator": "velocity_verlet"},
         "output": {"every": steps, "ledger": False},
         "particles": [{"layout": {"type": "random", "count": n, "shape": shape}, "radius": 0.0}],
-        "forces": [{"type": "gravity"}, drag],
+        "forces": [{"type": "gravity", "acceleration": [pull, -9.80665, 0]}, drag],
         "planes": planes,
     }
 
@@ -45,7 +47,8 @@ def scenes(n: int, steps: int) -> dict[str, dict[str, Any]]:
         "flying over a plane": scene([far], n, steps, False),
         "settled on the default plane": scene([{}], n, steps, True),
         "settled, restitution 0.5": scene([{"restitution": 0.5}], n, steps, True),
-        "sliding, friction 0.1": scene([{"restitution": 0.5, "friction": 0.1}], n, steps, True),
+        "settled, friction 0.5": scene([{"friction": 0.5}], n, steps, True),
+        "sliding, friction 0.1": scene([{"restitution": 0.5, "friction": 0.1}], n, steps, True, 3.0),
         "box of six planes": scene(
             [{"normal": k, "point": [-FAR * x for x in k]} for k in BOX], n, steps, False
         ),

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, store
+from particlesim.compiler import elementary, exact, kernel, lanes, on_stack, outlined, quickly, store
 from particlesim.compiler.kernel import write
 from particlesim.compiler.machine import optimised, target
 from particlesim.compiler.unit import CompileError, Unit
@@ -124,16 +124,18 @@ def test_programs_mean_the_same_compiled_and_not(text: str, x: float, y: float, 
     # long as nothing is contracted.
     program = defined(text, "program", Pair=Pair, step=step)
     results = []
-    for run in (exact(program), kernel(program)):
+    compiled = kernel(program)
+    for run, quick in ((exact(program), False), (compiled, False), (compiled, True)):
         v, w = np.array([0.5, -1.25, 2.0]), np.zeros(3)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), quickly(quick):
             try:
                 results.append((*run(x, y, n, Pair(0.75, -0.5), v, w), *w))
             except OverflowError:
                 return  # Python's integers and floats end differently
-    plain, compiled = results
+    plain, full, sooner = results
     if all(math.isfinite(each) and abs(each) < 1e15 for each in plain):
-        assert compiled == plain, text
+        assert full == plain, text
+        assert sooner == plain, text
 
 
 # Numbers
@@ -301,6 +303,25 @@ def test_integers_of_all_sizes_come_and_go() -> None:
         assert back.tolist() == (x.astype(float) + 1).astype(dtype).tolist()
 
 
+def test_tuples_that_come_again_are_those_that_they_are_now() -> None:
+    @kernel
+    def total(p: Any) -> float:
+        return p.a[0] + p.b
+
+    pairs = [Pair(np.full(3, x), b) for x in (1.0, 2.0) for b in (10.0, 20.0, np.float32(0.5), 3)]
+    for _ in range(2):
+        assert [total(p) for p in pairs] == [p.a[0] + p.b for p in pairs]
+    pairs[0].a[0] = 5.0
+    assert total(pairs[0]) == 15.0
+    # Whatever has the place in memory of one that is gone is another one.
+    assert [total(Pair(np.full(1, x), 0.5)) for x in range(200)] == [x + 0.5 for x in range(200)]
+    large = np.zeros(1 << 18)
+    before = sys.getrefcount(large)
+    assert total(Pair(large, 1.0)) == 1.0
+    assert total(Pair(large[:2], 1.0)) == 1.0
+    assert sys.getrefcount(large) == before
+
+
 def test_a_loop_over_parts_of_a_tuple_by_number_is_unrolled() -> None:
     @kernel
     def total(parts: Any) -> float:
@@ -462,19 +483,20 @@ PROGRAM = """
 from particlesim.compiler import machine
 compiled = []
 real = machine.object_code
-machine.object_code = lambda text: (compiled.append(1), real(text))[1]
+machine.object_code = lambda *given: (compiled.append(1), real(*given))[1]
 import module
 print(module.times(2.0), len(compiled))
 """
 
 
-def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def run_program(folder: Path, mode: str = "") -> str:
     import os
 
     root = Path(__file__).parents[2]
     environment = {
         **os.environ,
         "PSIM_CACHE_DIR": str(folder / "cache"),
+        "PSIM_KERNELS": mode,
         "PYTHONPATH": f"{root}{os.pathsep}{folder}",
         "PYTHONDONTWRITEBYTECODE": "1",  # Python takes a file of the same second and length for the same
     }
@@ -489,24 +511,31 @@ def run_program(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return ended.stdout.strip()
 
 
-def test_code_is_kept_until_what_went_in_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_is_kept_until_what_went_in_changes(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(MODULE)
     (tmp_path / "other.py").write_text("def grow(x):\n    return x + 1\n")
     (tmp_path / "unused.py").write_text("")
-    assert run_program(tmp_path, monkeypatch) == "7.0 1"
-    assert run_program(tmp_path, monkeypatch) == "7.0 0"
+    assert run_program(tmp_path) == "7.0 1"
+    assert run_program(tmp_path) == "7.0 0"
     (tmp_path / "other.py").write_text("def grow(x):\n    return x + 2\n")
-    assert run_program(tmp_path, monkeypatch) == "8.0 1"
+    assert run_program(tmp_path) == "8.0 1"
     (tmp_path / "module.py").write_text(MODULE.replace("FACTOR = 3", "FACTOR = 4"))
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
     (file,) = (tmp_path / "cache" / "kernels").iterdir()
     damaged = bytearray(file.read_bytes())
     damaged[-100] ^= 1
     file.write_bytes(damaged)
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
     assert file.stat().st_mode & 0o077 == 0
     file.chmod(0o666)
-    assert run_program(tmp_path, monkeypatch) == "10.0 1"
+    assert run_program(tmp_path) == "10.0 1"
+
+
+def test_quick_kernels_are_never_taken_for_others(tmp_path: Path) -> None:
+    (tmp_path / "module.py").write_text(MODULE)
+    (tmp_path / "other.py").write_text("def grow(x):\n    return x + 1\n")
+    for mode, expected in (("", "7.0 1"), ("quick", "7.0 1"), ("quick", "7.0 0"), ("", "7.0 0")):
+        assert run_program(tmp_path, mode) == expected
 
 
 SHARED = """
@@ -529,17 +558,17 @@ def times(x):
 """
 
 
-def test_shared_functions_are_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shared_functions_are_compiled_once(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(SHARED)
-    assert run_program(tmp_path, monkeypatch) == "8.0 3"
-    assert run_program(tmp_path, monkeypatch) == "8.0 0"
+    assert run_program(tmp_path) == "8.0 3"
+    assert run_program(tmp_path) == "8.0 0"
     (kept,) = (tmp_path / "cache" / "kernels").glob("*.shared")
     damaged = bytearray(kept.read_bytes())
     damaged[-100] ^= 1
     kept.write_bytes(damaged)
-    assert run_program(tmp_path, monkeypatch) == "8.0 2", "a kernel without its shared function is made anew"
+    assert run_program(tmp_path) == "8.0 2", "a kernel without its shared function is made anew"
     (tmp_path / "module.py").write_text(SHARED.replace("x + by", "x + by * by"))
-    assert run_program(tmp_path, monkeypatch) == "10.0 3"
+    assert run_program(tmp_path) == "10.0 3"
 
 
 def test_a_folder_that_others_may_write_is_not_trusted(
@@ -582,12 +611,12 @@ def test_what_is_no_folder_is_told_in_words(
         store.folder.cache_clear()
 
 
-def test_code_with_elementary_functions_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_with_elementary_functions_is_kept(tmp_path: Path) -> None:
     """A process that compiles nothing has not imported them, and must not take them for changed."""
     (tmp_path / "module.py").write_text(
         "import math\nfrom particlesim.compiler import kernel\n\n@kernel\ndef times(x):\n    return math.exp(math.sin(x))\n"
     )
-    first, second = (run_program(tmp_path, monkeypatch).split() for _ in range(2))
+    first, second = (run_program(tmp_path).split() for _ in range(2))
     assert (first[1], second[1]) == ("1", "0")
     assert first[0] == second[0]
 

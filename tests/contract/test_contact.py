@@ -18,14 +18,14 @@ from support import careful, clock, position, program, run, state, velocity
 from support import columns as plain_columns
 
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.colliders.plane import Plane, PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import ColliderRecord, ResponseRecord
 from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.step.contacts import Careful, Simple
-from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS
+from particlesim.engine.step.impacts import MAX_HALVINGS, MAX_STALLS, keeps_still, rest, stay
 from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity
-from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, force
+from particlesim.laws.registry import GENERICS, KILL, LEAVE, PASS, STICK, Particle, force
 
 EPS = np.finfo(float).eps
 G = 9.80665
@@ -379,3 +379,37 @@ def test_a_ball_settles_in_a_few_impacts_far_from_the_origin(monkeypatch: pytest
     assert c.y[0] == pytest.approx(-5, abs=1e-14)
     assert c.vy[0] == 0
     assert asked[0] < 6 * steps + (10 + 14 + MAX_STALLS) * 2 * MAX_HALVINGS
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_the_quick_look_at_what_lies_still_finds_the_bits_of_the_long_one(friction: float) -> None:
+    # Three walls, the last twice; of what lies on one of them, in a corner, off them or moves, at radii of both kinds.
+    walls = [
+        Plane(normal=n, point=p, friction=friction, restitution=e)
+        for n, p, e in (
+            ((0, 1, 0), (0, 0.3, 0), 0.5),
+            ((-1, 0, 0), (2, 0, 0), 1.0),
+            ((0, 0, 1), (0, 0, 0), 0.0),
+        )
+    ]
+    contacts = careful([each.record() for each in (*walls, walls[-1])], tolerance=16 * EPS)
+    assert keeps_still(contacts)
+    assert not keeps_still(contacts._replace(discrete=(walls[0].record(),)))
+    rng, h, found = np.random.default_rng(1), 1e-3, 0
+    for _ in range(600):
+        r = float(rng.choice([0.0, 0.1]))
+        x = np.where(rng.random(3) < 0.5, (2 - r, 0.3 + r, r), rng.uniform(0.5, 1.5, 3))
+        x *= 1 + EPS * rng.integers(-1, 2)
+        v = rng.normal(size=3) * rng.integers(0, 2, 3) * rng.choice([0, 0, 1e-4, 1])
+        a = rng.normal(size=3) * rng.choice([0.0, 1e-9, 10.0], 3)
+        p = Particle(*x.tolist(), *v.tolist(), 1.0, r, 0.0, 0.0, 1.0)
+        q = p._replace(
+            **dict(
+                zip(["x", "y", "z", "vx", "vy", "vz"], [*(x + h * v + h * h * a), *(v + h * a)], strict=True)
+            )
+        )
+        quick, still = stay(contacts, p, q, h)
+        if still:
+            found += 1
+            assert rest(contacts, p, q, h) == (quick, True)
+    assert found > 20

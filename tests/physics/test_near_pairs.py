@@ -373,6 +373,7 @@ def test_equation_of_state_has_its_critical_point() -> None:
     assert abs(above - 2 * at + below) / h**2 < 1e-3
 
 
+@pytest.mark.optimised
 def test_a_melt_has_the_energy_pressure_and_structure_of_the_literature() -> None:
     # Near the triple point, ρ = 0.8442 and T = 0.722: half of the energy of motion on the lattice goes into the melt. Means
     # over five units of time err by some 0.003 in energy and 0.03 in pressure; the fit by 0.02 and 0.02 there. What the

@@ -38,6 +38,7 @@ def fluid(**law: Any) -> dict[str, Any]:
     }
 
 
+@pytest.mark.optimised
 def test_the_thermostat_brings_every_direction_to_its_temperature() -> None:
     # Equipartition: m ⟨v²⟩ = k_B T in each direction, in the frame of the centre of mass, which pair forces leave alone.
     # Relaxation takes some 1/(γ n w²/m) ≈ 1/20 time units, so that 60 moments 0.2 apart are independent: the mean square of

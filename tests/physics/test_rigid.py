@@ -228,6 +228,7 @@ def test_two_balls_keep_momentum_angular_momentum_and_energy(beside: float) -> N
 # ---- stacks
 
 
+@pytest.mark.optimised
 def test_a_stack_of_ten_boxes_rests() -> None:
     n, side = 10, 0.1
     stack = body(

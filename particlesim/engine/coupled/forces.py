@@ -212,7 +212,7 @@ def move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> 
 
 @outlined
 def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move: Any) -> None:
-    """Total force on the particles of a share; returns when those of all shares are known.
+    """Total force on the particles of a share; returns when those of all shares are known, with a `Move` its own.
 
     All positions and velocities must be in place, but for those of driven particles, which are brought to time t. With a
     `Move` particles make it as soon as the forces on them are known and nobody needs them in their old place: then they are
@@ -220,6 +220,13 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
     """
     bring(share.motions, c, share, t)
     prepare_elements(share.elements, c, share, t)
+    if move is not None and len(bonds) == 0 and all(type(each).settled for each in share.elements):
+        for lo in range(share.first, share.last, BLOCK):
+            hi = min(lo + BLOCK, share.last)
+            add_forces(parts, c, work.force, t, lo, hi)
+            add_elements(share.elements, c, work.force, lo, hi, t)
+            kick_and_drift(move, c, work, share, lo, hi)
+        return
     order, begun, done = share.order, share.first, 0
     for chunk in range(chunks_of(bonds)):
         begun = begin_forces(parts, c, work.force, t, begun, order.front[chunk], share.chunk)

@@ -77,7 +77,7 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
     if island.kept_from is not None:
         first = island.kept_from  # further back than the piece that failed, where every step is booked
     row = fault.row + sum(state.count for state in island.states[: fault.member])
-    dt = world.scenario.grid.dt
+    dt = world.grid.dt
     time = fault.step * dt
     if fault.stop is not None:
         what, hint = WHY[fault.stop.why]
@@ -147,7 +147,7 @@ def overflowed(world: World, quantity: str) -> DivergenceError:
         sign, text = _fastest_now(world, number), f"{over}; particle {{who}} was"
     else:
         text = f"{over}: particle {{who}} ran away first, at t = {sign.particle.t:.9g} s; it was"
-    hint = f"try a smaller step than dt = {world.scenario.grid.dt:.6g} s, or smaller forces"
+    hint = f"try a smaller step than dt = {world.grid.dt:.6g} s, or smaller forces"
     return _report(world, number, sign, "not finite", world.time, text, hint)
 
 
@@ -201,7 +201,7 @@ def _fastest_now(world: World, number: int) -> Sign:
 
 def _first_sign(world: World, number: int, row: int, first: int, last: int) -> Sign | None:
     """The step in (first, last] at which a particle was first too fast; None if there was none."""
-    island, dt = world.islands[number], world.scenario.grid.dt
+    island, dt = world.islands[number], world.grid.dt
     if last <= first:
         return None
     start = island.replay(row, first, 0)[0]
@@ -251,7 +251,7 @@ def _report(
     member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
     state, p = island.states[member], sign.particle
     row = sign.row - sum(other.count for other in island.states[:member])
-    dt = world.scenario.grid.dt
+    dt = world.grid.dt
     name, size = strongest(world, number, member, p, sign.place, sign.interactions, sign.columns)
     stable = _stable_step(world, number, member, p)
     found = PostMortem(

@@ -18,7 +18,7 @@ HINT = "roots, logarithms and quotients do not have a value everywhere: give a p
 
 def astray(world: World, last: int) -> DivergenceError | None:
     """The error to raise when a path is not finite at the beginning of step `last`, None if all are."""
-    dt = world.scenario.grid.dt
+    dt = world.grid.dt
     for state in world.states:
         if not state.driven or not _lost(state, last * dt)[0].size:
             continue
@@ -35,7 +35,7 @@ def lost_collider(world: World, step: int) -> DivergenceError | None:
 
     Nothing touches such a collider, so no particle would tell.
     """
-    time = step * world.scenario.grid.dt
+    time = step * world.grid.dt
     for motion in world.scenario.motions:
         if motion.collider is None:
             continue
@@ -93,7 +93,7 @@ def _told(world: World, state: GroupState, time: float, noticed: float) -> Diver
         speed,
         None,
         math.nan,
-        world.scenario.grid.dt,
+        world.grid.dt,
         None,
     )
     many = f", nor are those of {rows.size - 1:,} others" if rows.size > 1 else ""

@@ -38,8 +38,12 @@ from particlesim.engine.step.clearance import clearance, distance_of, keeps_clea
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
 from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import overlapped, rest, trace
+from particlesim.engine.step.impacts import keeps_still, overlapped, rest, stay, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
+from particlesim.model.arrays import zeros
+
+IN_VAIN = 16
+"""Steps for which a block in which nothing lay still is not searched for that again."""
 
 
 def step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
@@ -97,13 +101,14 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, ro
             remember(c.memory, i, touched, restart(memory))
             note(c.clock, i, unless(idle, outcome), end)
         return
-    if _fly(program, c, t, end, h, inverse, room) and _lie(program, c, t, end, h, room):
+    if _fly(program, c, t, end, h, inverse, room) and _rest(program, c, t, end, h, room):
         _hit(program, c, t, end, h, inverse, room)
 
 
 def mark(c: Any, condition: Any) -> Any:
     """A mark in the precision of the columns: vectors of flags are slow to pack and unpack."""
-    return type_of(c.x[0], 1 if condition else 0)
+    x = c.x[0]
+    return type_of(x, 1) if condition else type_of(x, 0)
 
 
 def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> bool:
@@ -146,10 +151,25 @@ def _look(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
     return left
 
 
-def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
-    """The step of the marked particles that lie on colliders, which then are no longer marked. Returns whether others are
+def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
+    """The step of the marked particles that rest on colliders, which then are no longer marked. Returns whether others are
     left."""
-    left = False
+    if keeps_still(program.contacts):
+        if room.wait[0] > 0:
+            room.wait[0] -= 1
+        else:
+            left, lain = _lie(program, c, t, end, h, room, stay)
+            if not left:
+                return False
+            if not lain:
+                room.wait[0] = IN_VAIN
+    return _lie(program, c, t, end, h, room, rest)[0]
+
+
+def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any) -> tuple[bool, bool]:
+    """The step of the marked particles that lie on colliders as `rest` says, which then are no longer marked. Returns
+    whether others are left, and whether there were any."""
+    left, lain = False, False
     for i in range(c.x.size):
         if program.contacts.one_by_one is not None and not room.marks[i] > 0:
             continue
@@ -164,9 +184,10 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
         lies, hits = marked & calm, marked & (not calm)
         room.marks[i] = mark(c, hits)
         left |= hits
+        lain |= lies
         store(c, i, chosen(lies, r, q))
         remember(c.memory, i, lies, restart(recall(c.memory, i)))
-    return left
+    return left, lain
 
 
 def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
@@ -204,23 +225,27 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 
 class Room(NamedTuple):
     """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
-    present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]."""
+    present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]; for
+    how many steps nothing is looked for that lies still [1]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.floating[Any]]
     inverse: NDArray[np.floating[Any]]
     before: NDArray[np.floating[Any]]
     clear: NDArray[np.floating[Any]]
+    wait: NDArray[np.floating[Any]]
 
 
 def new_room(columns: Columns, block: int) -> Room:
     """Room for a block of some columns."""
+    x, m = columns.x.dtype, columns.m.dtype
     return Room(
-        np.empty((len(changing(columns)), block)),
-        np.empty(block, columns.x.dtype),
-        np.empty(block, columns.m.dtype),
-        np.empty((6, block), columns.x.dtype),
-        np.empty(block, columns.x.dtype),
+        zeros((len(changing(columns)), block), np.float64),
+        zeros((block,), x),
+        zeros((block,), m),
+        zeros((6, block), x),
+        zeros((block,), x),
+        zeros((1,), x),
     )
 
 
@@ -252,6 +277,7 @@ def step_range(
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
             room.clear[i] = type_of(c.m[i], 0)
+        room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):
             begin, end = (first_step + s) * dt, (first_step + s + 1) * dt

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import lanes, on_stack, outlined
+from particlesim.compiler import lanes, on_stack, outlined, prefetch
 from particlesim.engine.interactions.contact_lists import KNOWN
-from particlesim.engine.interactions.neighbours.record import FAR, GROUP, IMAGE_SHIFT, MOST, SLICES, slice_of
+from particlesim.engine.interactions.neighbours.record import FAR, GROUP, IMAGE_SHIFT, MOST
+from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, dot, inverse_length, press
 from particlesim.engine.interactions.touching import normal_of, touching
 from particlesim.engine.state.columns import type_of
@@ -89,23 +90,21 @@ class Found(NamedTuple):
     rolled: Any
 
 
-def look_at_members(each: Any, c: Any, share: Any) -> None:
-    """What the law sees of all members into rows, slice by slice."""
-    near, rows, seen, s = each.near, each.rows, each.seen, c.spin
-    for part in range(share.number, SLICES, share.threads):
-        first, last = slice_of(near.order.size, part)
-        for k in range(first, last):
-            i = max(near.order[k], 0)
-            rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = (
-                near.x[0, k],
-                near.x[1, k],
-                near.x[2, k],
-                seen.r[k],
-            )
-            rows[k, 4], rows[k, 5], rows[k, 6], rows[k, 7] = c.vx[i], c.vy[i], c.vz[i], seen.a[k]
-            if each.turns is not None:
-                rows[k, 8], rows[k, 9], rows[k, 10] = s.wx[i], s.wy[i], s.wz[i]
-                rows[k, 12], rows[k, 13], rows[k, 14] = s.ax[i], s.ay[i], s.az[i]
+def seen_in(rows: Any, seen: Block) -> Block:
+    """What the law sees of members as a `Block` whose numbers stand in rows; places are not among them."""
+    light, r, v = rows[:, MOTION + 3], rows[:, 3], rows[:, MOTION : MOTION + 3].T
+    return seen._replace(vx=v[0], vy=v[1], vz=v[2], m=None, r=r, a=light)
+
+
+def turning_in(each: Any, c: Any) -> Any:
+    """Columns of how members turn, and where in their rows that goes."""
+    if each.turns is None:
+        return ()
+    s = c.spin
+    turns, angles = (s.wx, s.wy, s.wz), (s.ax, s.ay, s.az)
+    return tuple((column, each.rows[:, TURN + axis]) for axis, column in enumerate(turns)) + tuple(
+        (column, each.rows[:, ANGLE + axis]) for axis, column in enumerate(angles)
+    )
 
 
 def room_for(each: Any, kind: Any) -> Any:
@@ -151,6 +150,11 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
     begin = lists.begin[first // GROUP]
     end, total = lists.begin[last // GROUP - 1] + lists.count[last // GROUP - 1], 0.0
     for lo in range(begin, end, BATCH):
+        for e in range(lo + BATCH, min(lo + 2 * BATCH, end)):
+            q = lists.second[e] & (MOST - 1)
+            prefetch(rows, q, PLACE)
+            if each.turns is not None:
+                prefetch(rows, q, TURN)
         count = 0
         for e in range(lo, min(lo + BATCH, end)):
             i, j = lists.first[e], lists.second[e]

@@ -15,7 +15,9 @@ from particlesim.colliders.response import belt_along
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
 from particlesim.engine.interactions.interaction import Site
-from particlesim.engine.interactions.neighbours.record import FAR
+from particlesim.engine.interactions.neighbours.record import FAR, GROUP, MOVED, MOVED_HIGH
+from particlesim.engine.interactions.neighbours.search import ROUNDING
+from particlesim.engine.interactions.neighbours.sort import over_slices
 from particlesim.engine.interactions.pressing import Held, Rolling, Turning, press
 from particlesim.engine.state.columns import fetch, presence, type_of
 from particlesim.engine.step.records import as_precision
@@ -148,25 +150,44 @@ def is_held_back(wall: Any, c: Any, row: Any) -> Any:
     return there if wall.members is None else there & (wall.members[row] != 0)
 
 
-def surrounding(each: Any, first: Any, last: Any) -> Any:
-    """A ball around all members in some places, as a particle [m]: its centre and radius; the radius is negative where there
-    is none."""
-    near, rows = each.near, each.rows
-    x0 = y0 = z0 = type_of(rows[first, 0], np.inf)
-    x1, y1, z1, largest = -x0, -y0, -z0, type_of(x0, 0)
-    for k in range(first, last):
-        x, y, z, r = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3]
-        there = x < FAR
-        if near.wrap is not None:
-            x, y, z = x - near.wrap[0, k], y - near.wrap[1, k], z - near.wrap[2, k]
+def drifted(near: Any) -> Any:
+    """The lowest and highest displacements of all members since lists were built [m]."""
+    low = tuple(over_slices(near, MOVED + axis)[0] for axis in range(3))
+    return low + tuple(over_slices(near, MOVED_HIGH + axis)[1] for axis in range(3))
+
+
+def surrounding(each: Any, drift: Any, first: Any, last: Any) -> Any:
+    """A ball around all members of groups [first, last), as a particle [m]: its centre and radius; the radius is negative
+    where there is none. `drift` is how far members may be from where the boxes of groups have them."""
+    near, largest = each.near, 0.0
+    x0 = y0 = z0 = np.inf
+    x1 = y1 = z1 = -np.inf
+    for g in range(first, last):
+        box = box_of(near, drift, g)
+        x0, y0, z0 = min(x0, box[0]), min(y0, box[1]), min(z0, box[2])
+        x1, y1, z1 = max(x1, box[3]), max(y1, box[4]), max(z1, box[5])
+        largest = max(largest, near.spread[g])
+    dx, dy, dz = 0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (z1 - z0)
+    x, y, z = x0 + dx, y0 + dy, z0 + dz
+    wide = largest + np.sqrt(dx * dx + dy * dy + dz * dz)
+    wide += ROUNDING * (abs(x) + abs(y) + abs(z) + wide)
+    kind = near.x[0, 0]
+    return tuple(type_of(kind, v) for v in (x, y, z, wide if x0 <= x1 else -1.0))
+
+
+def box_of(near: Any, drift: Any, g: Any) -> Any:
+    """Lowest and highest coordinates of the members of a group [m], where the state has them."""
+    if near.wrap is None:
+        return tuple(near.boxes[k, g] + drift[k] for k in range(6))
+    x0 = y0 = z0 = np.inf
+    x1 = y1 = z1 = -np.inf
+    for k in range(GROUP * g, GROUP * g + GROUP):
+        x, y, z = (float(near.x[axis, k] - near.wrap[axis, k]) for axis in range(3))
+        there = near.x[0, k] < FAR
         x0, x1 = x if there & (x < x0) else x0, x if there & (x > x1) else x1
         y0, y1 = y if there & (y < y0) else y0, y if there & (y > y1) else y1
         z0, z1 = z if there & (z < z0) else z0, z if there & (z > z1) else z1
-        largest = r if there & (r > largest) else largest
-    half, one = type_of(largest, 0.5), type_of(largest, 1)
-    dx, dy, dz = half * (x1 - x0), half * (y1 - y0), half * (z1 - z0)
-    wide = np.sqrt(dx * dx + dy * dy + dz * dz)
-    return half * (x0 + x1), half * (y0 + y1), half * (z0 + z1), largest + wide if x0 <= x1 else -one
+    return x0, y0, z0, x1, y1, z1
 
 
 def is_clear(wall: Any, ball: Any, reach: Any, t: Any) -> Any:

@@ -50,13 +50,15 @@ from particlesim.engine.interactions.contact_pairs import (
     Settle,
     Sum,
     Virial,
-    look_at_members,
+    seen_in,
     take_pairs,
     take_slowly,
+    turning_in,
 )
 from particlesim.engine.interactions.contact_walls import (
     Marks,
     Wall,
+    drifted,
     holds_on,
     is_clear,
     is_held_back,
@@ -67,7 +69,7 @@ from particlesim.engine.interactions.contact_walls import (
 )
 from particlesim.engine.interactions.interaction import Interaction, Ints, Site, lone
 from particlesim.engine.interactions.near_pairs import NearLists, NearPairs, bring_up, near_pairs_of
-from particlesim.engine.interactions.neighbours.record import DUE, GROUP, Neighbours, enlarged, forget
+from particlesim.engine.interactions.neighbours.record import DUE, FAR, GROUP, Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.state.columns import in_step
 from particlesim.engine.state.table import SPIN
@@ -255,8 +257,8 @@ def remembers(each: Any) -> bool:
 
 def look_at(each: Any, c: Any, share: Any, t: Any) -> Any:
     """Neighbour lists, lists of pairs, and all that the law reads of the members; returns whether any of it has changed."""
-    changed = bring_up(each, c, share, t) | (each.law.beta > 0) | (each.law.friction is not None)
-    look_at_members(each, c, share)
+    changed = bring_up(each, c, share, t, (), turning_in(each, c))
+    changed = changed | (each.law.beta > 0) | (each.law.friction is not None)
     made(each.lists, each.draft, each.near, share)
     meet(share.gate, share.threads)
     return changed
@@ -282,25 +284,25 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
         for k in range(first, last):
             for axis in range(each.pull.shape[1]):
                 each.pull[k, axis] = 0
-    ball = surrounding(each, first, last)  # which fetches all rows of the chunk, one after the other
-    if ball[3] < 0:
-        return total
     if each.draft.slow[chunk] != 0:
         total += take_slowly(each, first // GROUP, last // GROUP, t, what)
     elif each.near.box is None:
         total += take_pairs(each, first, last, spare, what, False)
     else:
         total += take_pairs(each, first, last, spare, what, True)
-    if len(each.walls) > 0:
-        walls = () if isinstance(what, Virial) else each.walls
-        for wall, memory in zip(walls, each.marks[: len(walls)], strict=True):
+    if len(each.walls) > 0 and not isinstance(what, Virial):
+        drift, begin, end = drifted(each.near), first // GROUP, last // GROUP
+        ball = surrounding(each, drift, begin, end)
+        for wall, memory in zip(each.walls, each.marks, strict=True):
             if not is_clear(wall, ball, each.near.cutoff, t):
-                total += take_wall(each, c, wall, memory, first, last, t, what)
+                for g in range(begin, end):
+                    if not is_clear(wall, surrounding(each, drift, g, g + 1), each.near.cutoff, t):
+                        total += take_wall(each, c, wall, memory, GROUP * g, GROUP * (g + 1), t, what)
     return total
 
 
 def take_wall(each: Any, c: Any, wall: Any, memory: Any, first: Any, last: Any, t: Any, what: Any) -> Any:
-    """What the places of a chunk feel of a collider."""
+    """What some places feel of a collider."""
     near, total, settles = each.near, 0.0, isinstance(what, Settle)
     for k in range(first, last):
         row = near.order[k]
@@ -381,7 +383,8 @@ def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     lists = new_lists(places, site.whole.count, room, memory)
     turns = True if SPIN in site.whole.parts and memory is not None else None
     rows = aligned((places, TURN if turns is None else ANGLE + QUAD), site.dtype)
+    rows[:, :3] = FAR
     walls, marks = walls_of(site, pairs)
-    seen = found.seen._replace(vx=None, vy=None, vz=None)
-    found = found._replace(seen=seen, pull=aligned((places + -(-places // CHUNK), QUAD + TORQUE), site.dtype))
+    found = found._replace(near=found.near._replace(x=rows[:, :3].T), seen=seen_in(rows, found.seen))
+    found = found._replace(pull=aligned((places + -(-places // CHUNK), QUAD + TORQUE), site.dtype))
     return Contacts(*found, lists, draft_for(lists), rows, turns, walls, marks)

@@ -81,6 +81,10 @@ class Interaction:
     prepares: ClassVar[bool] = False
     """Whether it has something to find out before every sum of forces (`prepare`)."""
 
+    settled: ClassVar[bool] = False
+    """Whether `add_forces` reads of other particles only what `prepare` has found out: particles may then move as soon as
+    the forces on them are known."""
+
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False

@@ -77,6 +77,7 @@ class NearLists(Interaction):
 
     __slots__ = ()
     prepares: ClassVar[bool] = True
+    settled: ClassVar[bool] = True
     law: Any
     near: Neighbours
     pull: Any

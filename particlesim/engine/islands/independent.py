@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
-from particlesim.engine.independent.kernel import new_room, step_range
+from particlesim.engine.independent.kernel import Room, new_room, step_range
 from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
@@ -55,6 +56,7 @@ class IndependentIsland(BaseIsland):
         self._fixed = isinstance(self.group, Particles) and self.group.pinned is True
         self._booking = None if self.books is None else ParticleBooks(self.books, self.program.forces)
         self._room = BOOKED_TOGETHER
+        self._rooms: dict[int, Room] = {}  # of every thread
 
     @property
     def state(self) -> GroupState:
@@ -171,8 +173,15 @@ class IndependentIsland(BaseIsland):
             last = (a, b, block, True, faults, np.zeros(1), new_log())
             step_range_adaptive(self.program, columns, first, steps, self.dt, *last)
         else:
-            room = new_room(columns, block)
+            room = new_room(columns, block) if block != self._block else self._own_room(columns)
             step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
+
+    def _own_room(self, columns: Columns) -> Room:
+        """Room for a block, of this thread."""
+        thread = get_ident()
+        if thread not in self._rooms:
+            self._rooms[thread] = new_room(columns, self._block)
+        return self._rooms[thread]
 
     def keep(self, first: int) -> None:
         """Nothing: where something goes wrong, single blocks are looked at."""

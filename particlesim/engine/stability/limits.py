@@ -75,7 +75,8 @@ class IslandStability:
                 return None
             return (
                 f"dt = {dt:.6g} s is stable for {name} as it begins, up to {self.step:.3g} s, but perhaps not where it "
-                f"crumples and its springs come to lie along one line: simulation.dt = {rounded(self.step / self.folds):g} surely is"
+                f"crumples and its springs come to lie along one line: simulation.dt = "
+                f"{rounded(self.step / self.folds):g} surely is"
             )
         if self.step == 0:
             return (
@@ -138,7 +139,7 @@ def stability(world: World) -> Stability:
     Raises UsageError where forces change so fast that no number can hold it.
     """
     return Stability(
-        world.scenario.grid.dt,
+        world.grid.dt,
         tuple(island_stability(world, k) for k in range(len(world.islands))),
     )
 
@@ -148,7 +149,7 @@ def suspects(world: World) -> Stability:
 
     Large islands of springs are looked at closely only when bounds on their modes leave a doubt.
     """
-    dt = world.scenario.grid.dt
+    dt = world.grid.dt
     doubtful = []
     for k in range(len(world.islands)):
         with _within_numbers(world, k):
@@ -212,7 +213,7 @@ def island_stability(world: World, number: int) -> IslandStability:
 
 
 def _judged(world: World, number: int) -> IslandStability:
-    structure, grid = world.graph.islands[number], world.scenario.grid
+    structure, grid = world.graph.islands[number], world.grid
     method = structure.method
     if structure.rigid:  # contacts are solved, and turns are exact
         return IslandStability(
@@ -295,7 +296,7 @@ def _surely_stable(world: World, number: int) -> bool:
     if world.graph.islands[number].rigid:
         return True
     model = _model(world, number)
-    method, grid = model.structure.method, world.scenario.grid
+    method, grid = model.structure.method, world.grid
     if not method.by_modes:
         return grid.dt <= world.islands[number].longest_step_on_orbits()
     if isinstance(method, ImplicitMethod) and explicit_sets(world, number):

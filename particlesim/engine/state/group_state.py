@@ -86,6 +86,7 @@ class GroupState:
     def _allocate(self, capacity: int, memory: int) -> None:
         for column in TABLE:
             setattr(self, column.name, column.empty(capacity, self.dtype, self.parts, memory))
+        self._known_columns: tuple[Any, ...] = ()
 
     @property
     def clocked(self) -> bool:
@@ -160,8 +161,15 @@ class GroupState:
         return Particle(x, y, z, vx, vy, vz, mass, float(self.radius[row]), heat, time, 1 / mass, *more)
 
     def columns(self, read: frozenset[str]) -> Columns:
-        """The arrays as kernels take them, with those attributes that are read by laws."""
+        """The arrays as kernels take them, with those attributes that are read by laws: the same object, which kernels know
+        when it comes again, until there are other particles."""
         n = self.count
+        if self._known_columns[:2] != (n, read):
+            self._known_columns = n, read, self._columns(n, read)
+        columns: Columns = self._known_columns[2]
+        return columns
+
+    def _columns(self, n: int, read: frozenset[str]) -> Columns:
         (x, y, z), (vx, vy, vz) = self.x[:, :n], self.v[:, :n]
         heat = None
         if "temperature" in read and self.warm:
@@ -200,6 +208,7 @@ class GroupState:
         for column in TABLE:
             has = column.part is None or column.part in self.parts
             setattr(self, column.name, getattr(whole, column.name)[..., part if has else slice(0)])
+        self._known_columns = ()
 
     def reserve(self, wanted: int) -> None:
         """Make room for `wanted` particles; grows by half at least, so that births stay cheap."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.model.arrays import zeros
 from particlesim.model.attributes import FURTHER
 
 
@@ -34,7 +35,7 @@ class Column(NamedTuple):
         size = capacity if self.part is None or self.part in parts else 0
         rows = memory if self.rows == METHOD else self.rows
         shape = (size,) if self.rows == 1 else (rows, size)
-        return np.zeros(shape, precision if self.dtype is None else self.dtype)
+        return zeros(shape, precision if self.dtype is None else self.dtype)
 
 
 METHOD = -1

@@ -110,7 +110,9 @@ def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
     return total
 
 
-FLAT = (PlaneXRecord, PlaneYRecord)
+ALONG_AXES = (PlaneXRecord, PlaneYRecord, PlaneZRecord)
+"""Planes whose normal is an axis."""
+FLAT = ALONG_AXES[:2]
 """Planes along the z axis."""
 
 

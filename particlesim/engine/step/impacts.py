@@ -18,8 +18,9 @@ from typing import Any
 
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
+    ALONG_AXES,
     Simple,
     ahead,
     ends_inside,
@@ -36,7 +37,7 @@ from particlesim.engine.step.contacts import (
 from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.engine.step.resting import borne, settled, wedged
+from particlesim.engine.step.resting import borne, settled, stays, wedged
 from particlesim.laws.registry import PASS, moved_to
 
 MAX_IMPACTS = 1024
@@ -81,6 +82,23 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
     return r, calm
+
+
+def keeps_still(contacts: Any) -> bool:
+    """Whether `stay` can tell anything: all colliders are planes along an axis that do not run."""
+    if isinstance(contacts, Simple) or len(contacts.continuous) == 0 or len(contacts.discrete) > 0:
+        return False
+    return all(isinstance(c.shape, ALONG_AXES) and c.response.belt is None for c in contacts.continuous)
+
+
+def stay(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """As `rest`, in half of its time, of what has lain still on one plane before. It is not sure of others."""
+    slack, r = rounding_of_step(contacts, p, q, h), q
+    on: tuple[Any, ...] = ()
+    for c in contacts.continuous:
+        here, there = stays(c, p, q, h, contacts.tolerance, slack)
+        r, on = chosen(here, there, r), (*on, here)
+    return r, (sum(on) == 1) & (not inside(contacts.continuous, on, r))
 
 
 def respond(contacts: Any, p: Any) -> Any:

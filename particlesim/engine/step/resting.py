@@ -158,6 +158,26 @@ def _free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack:
     return part
 
 
+def stays(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    """As `borne`, with less to work out: whether p was at rest on a plane along an axis, or slid on it without friction, and
+    is pressed so that it goes on like that. It is not sure of others."""
+    touch = touched(c, p, q)
+    n, approach = touch.normal, along(touch.normal, q)
+    here = (along(n, p) == 0) & (touch.depth < 0) & (c.response.outcome == PASS)
+    if c.response.friction is None:
+        # It has been put there, to the last bit.
+        pairs = zip(surface(c.shape, p), (p.x, p.y, p.z), n, strict=True)
+        return here & all(True if axis is None else new == old for new, old, axis in pairs), held(
+            c, p, q, touch, h, tolerance
+        )[0]
+    zero = h - h
+    most = c.response.friction.static * max(-approach, zero)
+    here &= (p.vx == 0) & (p.vy == 0) & (p.vz == 0) & (approach <= 0) & (abs(touch.start) <= slack)
+    here &= square(sliding(c.response, n, approach, q)) <= most * most
+    stopped = tuple(None if axis is not None else zero for axis in n)
+    return here, _at(q, (p.x, p.y, p.z), with_slide(c.response, n, zero, c.response.keep, stopped))
+
+
 def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around."""
     response, one = c.response, type_of(h, 1)

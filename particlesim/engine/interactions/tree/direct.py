@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import on_stack, outlined
-from particlesim.engine.interactions.tree.cells import FIRST, LAST
+from particlesim.compiler import lanes, on_stack, outlined
 from particlesim.engine.interactions.tree.expansions import gradient, height, taken
 from particlesim.engine.interactions.tree.form import (
     Height,
@@ -23,16 +22,18 @@ from particlesim.engine.interactions.tree.inverse_root import inverse_root
 
 TARGETS = 16
 """Targets at a time: two vectors of AVX-512. With fewer, LLVM writes the loop out before it looks for vectors."""
+WIDE, SLIM = (None,) * TARGETS, (None,) * (TARGETS // 2)
+"""So many at a time, as kernels know it while they are compiled."""
 LEAST_SQUARE = 1e-60
 """Added to squares of distances in units of the box, so that a particle finds nothing infinite in its own place."""
 
 
-def pair(softening: Any, r2: Any) -> Any:
-    """f and −f'/r at the square of a distance."""
+def pair(softening: Any, r2: Any, order: Any) -> Any:
+    """f and −f'/r at the square of a distance, as exact as multipoles of an order need it."""
     if isinstance(softening, Plummer):
-        q = inverse_root(r2 + softening.square + LEAST_SQUARE)
+        q = inverse_root(r2 + (softening.square + LEAST_SQUARE), order)
         return q, q * q * q
-    q = inverse_root(r2 + LEAST_SQUARE)
+    q = inverse_root(r2 + LEAST_SQUARE, order)
     h = softening.radius
     u = r2 * q / h
     inner = 32 / 3 + u * u * (32 * u - 38.4)
@@ -48,15 +49,16 @@ def pair(softening: Any, r2: Any) -> Any:
 
 @outlined
 def add_near(
-    form: Any, span: Any, s: Any, near: Any, count: Any, at: Any, place: Any, row: Any, out: Any
+    form: Any, s: Any, begins: Any, ends: Any, count: Any, at: Any, place: Any, row: Any, out: Any, wide: Any
 ) -> None:
-    """The field at the targets from `at` on, into out [4, TARGETS]: gradient, and Σ w f where it is wanted.
+    """The field at `wide` targets from `at` on, into out [4, TARGETS]: gradient, and Σ w f where it is wanted.
 
-    `near`: so many leaves; `row`: the polynomial of far cells about `place`.
+    `begins`, `ends`: so many runs of near particles; `row`: the polynomial of far cells about `place`.
     """
-    t = on_stack(7, TARGETS, np.float64)
+    width = len(wide)
+    t = on_stack(7, width, np.float64)
     field = taken(row, field_columns(form))
-    for lane in range(TARGETS):
+    for lane in lanes(width):
         x, y, z = s.x[at + lane], s.y[at + lane], s.z[at + lane]
         v = (x - place[0], y - place[1], z - place[2])
         gx, gy, gz = gradient(field, v, order_of(form))
@@ -68,18 +70,17 @@ def add_near(
         t[5, lane] = gz
         t[6, lane] = height(field, v, order_of(form)) if isinstance(form.wanted, Height) else 0.0
     for k in range(count):
-        leaf = near[k]
-        for j in range(span[leaf, FIRST], span[leaf, LAST]):
+        for j in range(begins[k], ends[k]):
             x, y, z, w = s.x[j], s.y[j], s.z[j], s.w[j]
-            for lane in range(TARGETS):
+            for lane in lanes(width):
                 dx, dy, dz = x - t[0, lane], y - t[1, lane], z - t[2, lane]
-                f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz)
+                f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, order_of(form))
                 g = w * slope
                 t[3, lane] += g * dx
                 t[4, lane] += g * dy
                 t[5, lane] += g * dz
                 if isinstance(form.wanted, Height):
                     t[6, lane] += w * f if j != at + lane else 0.0
-    for lane in range(TARGETS):
+    for lane in lanes(width):
         for k in range(4):
             out[k, lane] = t[3 + k, lane]

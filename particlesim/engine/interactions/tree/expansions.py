@@ -30,7 +30,7 @@ def powers(v: Any, last: int) -> Any:
 
 def chain(r2: Any, last: int) -> Any:
     """f, f'/r, (f'/r)'/r, … of f = 1/r, up to `last` times, given r² (with the softening in it)."""
-    q = inverse_root(r2)
+    q = inverse_root(r2, last)
     return _chain(q, -q * q, last)
 
 

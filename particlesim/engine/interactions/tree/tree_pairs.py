@@ -65,6 +65,7 @@ class TreePairs(Interaction, TreeColumns):
 
     __slots__ = ()
     prepares: ClassVar[bool] = True
+    settled: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(TreeColumns._fields) - {"size", "limits"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:

@@ -39,7 +39,7 @@ from particlesim.engine.interactions.tree.cells import (
     Z,
     count_cells,
 )
-from particlesim.engine.interactions.tree.direct import TARGETS, add_near, pair
+from particlesim.engine.interactions.tree.direct import SLIM, TARGETS, WIDE, add_near, pair
 from particlesim.engine.interactions.tree.expansions import (
     chain,
     derivatives,
@@ -59,6 +59,8 @@ from particlesim.engine.interactions.tree.form import (
 from particlesim.engine.interactions.tree.indices import columns, pieces
 
 _LANES = 8
+PAIRS_FOR_MOMENTS = 0.25
+"""How many vectors of pairs cost as much as one cell that acts by its moments, over the square of the order."""
 
 
 class Room(NamedTuple):
@@ -191,6 +193,8 @@ def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, c
             else:
                 lists[depth + 1, kept] = a
                 kept += 1
+    if leaf:
+        fars, nears = _few_to_near(form, span, far, fars, near, nears, span[b, LAST] - span[b, FIRST])
     if fars > 0:
         room.done[0] += fars
         empty = count_cells(cells)
@@ -198,6 +202,22 @@ def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, c
             far[i] = empty
         _act(form, cells, far, fars, b, room.fields[depth])
     return nears, kept
+
+
+def _few_to_near(form: Any, span: Any, far: Any, fars: Any, near: Any, nears: Any, targets: Any) -> Any:
+    """Of the far cells those of so few particles that pairs cost a leaf of so many less than moments go to the near ones;
+    how many are far, and how many near."""
+    vectors = (targets + _LANES - 1) // _LANES
+    most = int(order_of(form) ** 2 * PAIRS_FOR_MOMENTS) // vectors
+    left = 0
+    for i in range(fars):
+        a = far[i]
+        few = span[a, LAST] - span[a, FIRST] <= most
+        near[nears] = a
+        far[left] = a
+        nears += 1 if few else 0
+        left += 0 if few else 1
+    return left, nears
 
 
 @outlined
@@ -273,15 +293,17 @@ def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: 
     span = cells.span
     first, last = span[b, FIRST], span[b, LAST]
     out = on_stack(4, TARGETS, np.float64)
-    row, leaves = room.fields[depth], room.lists[NEAR]
+    row, runs, ends = room.fields[depth], room.lists[NEAR], room.lists[REST]
     place = cells.place[b]
-    alone, _ = pair(form.softening, 0.0)
-    near_itself = _holds(leaves, near, b)
+    alone, _ = pair(form.softening, 0.0, order_of(form))
     # Softened, a cell may be far from itself or from one around it: then particles are in their own potential.
+    own = 0.0 if _holds(span, runs, near, first) else alone
+    room.done[1] += (last - first) * _particles(span, runs, near)
+    number = _runs(span, runs, ends, near)
     if place[RADIUS] == 0 and last - first > TARGETS:
         # Many in one place feel the same, but for their own potential.
-        add_near(form, span, s, leaves, near, first, place, row, out)
-        whole = out[3, 0] + (s.w[first] * alone if near_itself else 0.0)
+        add_near(form, s, runs, ends, number, first, place, row, out, WIDE)
+        whole = out[3, 0] + s.w[first] * (alone - own)
         for lane in range(1, TARGETS):
             for k in range(3):
                 out[k, lane] = out[k, 0]
@@ -290,21 +312,38 @@ def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: 
                 out[3, lane] = whole - s.w[at + lane] * alone
             hand_over(given, out, at, min(at + TARGETS, last))
     else:
-        for at in range(first, last, TARGETS):
-            add_near(form, span, s, leaves, near, at, place, row, out)
-            if not near_itself:
-                for lane in range(TARGETS):
-                    out[3, lane] = out[3, lane] - s.w[at + lane] * alone
+        at = first
+        while at < last:
+            if last - at > TARGETS // 2:
+                add_near(form, s, runs, ends, number, at, place, row, out, WIDE)
+            else:
+                add_near(form, s, runs, ends, number, at, place, row, out, SLIM)
+            for lane in range(TARGETS):
+                out[3, lane] = out[3, lane] - s.w[at + lane] * own
             hand_over(given, out, at, min(at + TARGETS, last))
-    room.done[1] += (last - first) * _particles(span, leaves, near)
+            at += TARGETS
 
 
-def _holds(leaves: Any, count: Any, b: Any) -> Any:
-    """Whether a cell is among so many leaves."""
+def _holds(span: Any, cells: Any, count: Any, i: Any) -> Any:
+    """Whether particle i is in any of so many cells."""
     found = False
     for k in range(count):
-        found = found | (leaves[k] == b)
+        found = found | (span[cells[k], FIRST] <= i) & (i < span[cells[k], LAST])
     return found
+
+
+def _runs(span: Any, leaves: Any, ends: Any, count: Any) -> Any:
+    """Where runs of particles that follow each other begin, in place of the leaves that hold them, and end; how many."""
+    runs, end = 0, -1
+    for k in range(count):
+        leaf = leaves[k]
+        begin = span[leaf, FIRST]
+        if begin != end:
+            leaves[runs] = begin
+            runs += 1
+        end = span[leaf, LAST]
+        ends[runs - 1] = end
+    return runs
 
 
 def _particles(span: Any, leaves: Any, count: Any) -> Any:
