@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.combination import UnionRecord
 from particlesim.colliders.level_set import LevelRecord, at_least
 from particlesim.colliders.mesh import MeshRecord, mesh_clearance
@@ -20,7 +21,8 @@ from particlesim.colliders.response import crossable
 from particlesim.colliders.way import longest, way_of
 from particlesim.compiler import exact, outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import Simple, rounding
+from particlesim.engine.step.contacts import Careful, Simple, rounding
+from particlesim.engine.step.program import Program
 from particlesim.laws.registry import PASS, gap, gap_and_normal
 
 SURE = 1e-5
@@ -33,6 +35,40 @@ def keeps_clear(contacts: Any, memory: Any) -> bool:
     if isinstance(contacts, Simple) or contacts.one_by_one is None:
         return False
     return len(contacts.soft) == 0 and len(memory) == 0
+
+
+AWAY = 4
+"""How far a particle that meets planes alone goes in a step at most, in units of its free way: it is never faster than at
+the beginning of the step and all that forces may add, |v₀| h + |a| h² ≤ 3 ways, and is put back by one at most."""
+
+
+def sets_aside(contacts: Any, memory: Any) -> bool:
+    """Whether what is far from all colliders that a way may cross is stepped as if they were not there: the others do not
+    make it faster."""
+    if not keeps_clear(contacts, memory):
+        return False
+    others = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
+    return len(others) > 0 and all(
+        isinstance(c, BoundsRecord)
+        or not (crossable(c) or isinstance(c.shape, MovingRecord) or c.response.belt is not None)
+        for c in others
+    )
+
+
+def without_crossable(program: Any) -> Program:
+    """What is left for a particle that is set aside: its step has the same bits."""
+    contacts = program.contacts
+    left = Careful(
+        tuple(c for c in contacts.continuous if not crossable(c)),
+        tuple(c for c in contacts.resting if not crossable(c)),
+        contacts.discrete,
+        contacts.tolerance,
+        contacts.reach,
+        None,
+        contacts.soft,
+        contacts.continuous,
+    )
+    return Program(program.method, program.dynamics, program.forces, left)
 
 
 def distance_of(p: Any, q: Any, h: Any) -> Any:

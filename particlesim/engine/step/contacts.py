@@ -32,6 +32,9 @@ class Careful(NamedTuple):
     one_by_one: tuple[()] | None = None
     """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
     soft: tuple[Any, ...] = ()
+    sized_by: tuple[Any, ...] | None = None
+    """The colliders that say which coordinates rounding errors come from, where they are not `continuous`: what is set aside
+    must have the same bits as what is not."""
 
 
 def meet(colliders: Any, p: Any) -> Any:
@@ -108,8 +111,9 @@ def ends_inside(contacts: Any, q: Any) -> Any:
 def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
     """|x| + |y| + |z|, without the coordinates that no gap depends on: those along planes whose normal is an axis."""
     total = type_of(x, 0)
+    colliders = contacts.continuous if contacts.sized_by is None else contacts.sized_by
     for v, along_it in ((x, (PlaneYRecord, PlaneZRecord)), (y, (PlaneZRecord, PlaneXRecord)), (z, FLAT)):
-        if not all(isinstance(c.shape, along_it) for c in contacts.continuous):
+        if not all(isinstance(c.shape, along_it) for c in colliders):
             total = total + abs(v)
     return total
 
