@@ -352,7 +352,7 @@ def touches(
         d = np.sqrt(dx * dx + dy * dy + dz * dz)
         height = dx * nx + dy * ny + dz * nz
         if d <= 8 * slack:
-            mx, my, mz, height = side * nx, side * ny, side * nz, side * height
+            mx, my, mz, d = side * nx, side * ny, side * nz, side * height
         elif what == 6:
             up = 1.0 if height >= 0 else -1.0
             mx, my, mz = up * nx, up * ny, up * nz
@@ -360,13 +360,10 @@ def touches(
             mx, my, mz = dx / d, dy / d, dz / d
         b = mx * (w.ux + 2 * s * w.cx) + my * (w.uy + 2 * s * w.cy) + mz * (w.uz + 2 * s * w.cz)
         a = mx * w.cx + my * w.cy + mz * w.cz
-        if d - size < slack:
-            # it touches: does it move on into it, or off?
-            if b < 0 or (b == 0 and a < 0):
-                return s
-            s = s + first_root(a, b, 2 * slack + max(d - size, 0.0))
-        else:
-            s = s + first_root(a, b, d - size)
+        if d - size < -slack and (b < 0 or (b == 0 and a < 0)):
+            return s
+        # What touches may move on into it, off, or along it: it does not do so much before it is twice the slack inside.
+        s = s + first_root(a, b, d - size if d - size >= slack else 2 * slack + max(d - size, 0.0))
         if not s <= end:
             break
     return 2.0

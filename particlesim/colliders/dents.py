@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from particlesim.colliders.mesh import MeshRecord
+from particlesim.colliders.mesh import MeshRecord, thickness
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
-
-THIN = 1e-3
-"""Thickness that solid parts of a surface of triangles are taken to have at least, in parts of its size."""
 
 
 def dented(shape: Any) -> bool:
@@ -24,6 +21,4 @@ def thinnest(shape: Any) -> Any:
     """A length that a particle must move to get through any part of a shape with dents [m]."""
     if isinstance(shape, (MovingRecord, ShiftedRecord, TurnedRecord)):
         return thinnest(shape.shape)
-    boxes = shape.tree.boxes
-    size = max(boxes[0, 3] - boxes[0, 0], boxes[0, 4] - boxes[0, 1], boxes[0, 5] - boxes[0, 2])
-    return shape.half if shape.side == 0 else THIN * size
+    return thickness(shape)

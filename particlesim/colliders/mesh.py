@@ -26,6 +26,8 @@ from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number
 from particlesim.model.units import Vector as VectorOf
 
+THIN = 1e-3
+"""Thickness that solid parts of a surface of triangles are taken to have at least, in parts of its size."""
 MOST_GRAZES = 32
 """Touches without contact, as of an edge, after which a way is taken to be free."""
 
@@ -192,6 +194,13 @@ class MeshRecord(NamedTuple):
     half: float
 
 
+def thickness(c: Any) -> Any:
+    """What is taken to be behind all parts of the surface at least [m]: half a sheet, or a part of the size of a solid."""
+    boxes = c.tree.boxes
+    size = max(boxes[0, 3] - boxes[0, 0], boxes[0, 4] - boxes[0, 1], boxes[0, 5] - boxes[0, 2])
+    return c.half if c.side == 0 else THIN * size
+
+
 def mesh_distance(c: Any, p: Particle) -> Any:
     """The distance of a place from the surface on the side of the particles [m], and the unit normal there."""
     d, side, x, y, z = nearest_triangle(c.tree, float(p.x), float(p.y), float(p.z))
@@ -242,7 +251,7 @@ def mesh_first_contact(c: MeshRecord, p: Particle, q: Particle, h: float, slack:
     x, y, z, size = float(p.x), float(p.y), float(p.z), float(p.r) + c.half
     tiny = float(slack)
     speed = float(longest(v))
-    side = c.side
+    side, thin = c.side, float(p.r) + thickness(c)
     if side == 0:
         side = nearest_triangle(c.tree, x, y, z)[1]
     begin = 0.0
@@ -250,9 +259,10 @@ def mesh_first_contact(c: MeshRecord, p: Particle, q: Particle, h: float, slack:
         s = first_triangle(c.tree, w, x, y, z, begin, size, side, tiny)
         if not s < 1:
             return one
-        # it touches: on by some rounding errors, twice as far each time, until it is inside or has left again
+        # it touches: on by some rounding errors, twice as far each time, until it is inside or has left again; no farther
+        # than it is thick, or another part would be passed
         ahead = tiny / speed
-        while s + ahead < 1:
+        while s + ahead < 1 and ahead * speed < thin:
             g = gap(c, place_on(v, p, type(p.x)(s + ahead)))
             if g < -slack:
                 return type(p.x)(s + ahead)

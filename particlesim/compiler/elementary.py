@@ -20,6 +20,7 @@ import numpy as np
 
 from particlesim.compiler.intrinsics import bits_of, copysign, exact, floor, fma, nearest, number_of, sqrt
 from particlesim.compiler.polynomials import ASIN, ATAN, ATANH, COS, EXP, SIN, SINH
+from particlesim.compiler.roots import polynomial
 
 INF = math.inf
 NAN = math.nan
@@ -61,14 +62,6 @@ def quotient(a: float, a_rest: float, b: float, b_rest: float) -> Pair:
     """(a + a_rest) / (b + b_rest) as its rounded value and a correction, from the remainder of the division."""
     q = a / b
     return q, (fma(-q, b, a) + (a_rest - q * b_rest)) / b
-
-
-def polynomial(x: float, coefficients: tuple[float, ...]) -> float:
-    """Horner's scheme, highest power first."""
-    total = coefficients[0]
-    for c in coefficients[1:]:
-        total = fma(total, x, c)
-    return total
 
 
 # Powers of two, by the bits of the exponent.

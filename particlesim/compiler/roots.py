@@ -1,4 +1,4 @@
-"""The reciprocal square root by products alone, with the same bits on every machine.
+"""Polynomials, and the reciprocal square root by products alone, with the same bits on every machine.
 
 Processors have one slow unit for square roots and divisions, and several for products. A loop that keeps the first busy can
 take some of its roots by products meanwhile. Instructions that estimate the root give other bits on other processors; here
@@ -25,3 +25,11 @@ def inverse_sqrt(x: Any) -> Any:
     y = fma(y * d, fma(fma(fma(35 / 128, d, 5 / 16), d, 3 / 8), d, 1 / 2), y)
     d = fma(-(x * y), y, 1.0)  # below 2⁻¹⁹ now, so that two terms do
     return fma(y * d, fma(3 / 8, d, 1 / 2), y)
+
+
+def polynomial(x: float, coefficients: tuple[float, ...]) -> float:
+    """Horner's scheme, highest power first."""
+    total = coefficients[0]
+    for c in coefficients[1:]:
+        total = fma(total, x, c)
+    return total

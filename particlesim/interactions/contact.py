@@ -391,6 +391,12 @@ def stretch(f: JkrRecord, radius: float) -> float:
     return kind(3) * f.size * f.size * radius ** kind(1 / 3)
 
 
+def jumps(f: JkrRecord, radius: Any) -> tuple[Any, Any]:
+    """What contacts with reduced radii give as they come to touch, and as they snap apart [J]: nothing gives it back."""
+    unit = f.cohesion * (f.size * radius ** (2 / 3)) ** 2 / 6
+    return -3.6 * 4 ** (4 / 3) * unit, -2.4 * unit
+
+
 @contact_law(JkrRecord)
 def jkr_touch(f: JkrRecord, p: Pair, overlap: float) -> Touch:
     m, kind, radius = reduced_mass(p), type(overlap), reduced_radius(p)

@@ -53,6 +53,9 @@ class Layout(Model):
     can_be_rigid: ClassVar[bool] = False
     """Whether its neighbours may be joined by rods and it can still bend."""
 
+    folds: ClassVar[float] = 1.0
+    """How much higher the frequencies of its springs may be, crumpled, than at the start, at most, as a factor."""
+
     type: str
 
     def open(self, folder: Path | None) -> Layout:

@@ -117,6 +117,7 @@ class Cloth(Sheet):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, SHEAR, BEND, DIHEDRAL)
+    folds: ClassVar[float] = 2**0.5
 
     type: Literal["cloth"] = "cloth"
     resolution: tuple[Resolution, Resolution]

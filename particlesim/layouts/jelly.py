@@ -26,6 +26,7 @@ class Jelly(Mesh):
     """
 
     kinds: ClassVar[tuple[str, ...]] = (STRUCTURAL, SHEAR, BEND)
+    folds: ClassVar[float] = 3**0.5
 
     type: Literal["jelly"] = "jelly"
     origin: Vector[Metres] = (0.0, 0.0, 0.0)

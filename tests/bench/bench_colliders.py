@@ -4,8 +4,10 @@
 
 A cloud of particles flies about a ball with dents of 81 920 triangles, in a box twice as wide, so that most of them are
 far from it, as from most of any surface; those that meet it bounce. With --warp, the interpreter of an environment with
-warp-lang and numpy answers as many queries (nearest point and sign, within the reach of a step and without a bound) at the
-same places, on the CPU. Both run on one thread.
+warp-lang and numpy steps some of the same particles on the CPU as its example of particles on a mesh does: symplectic
+Euler in single precision, and where the nearest point of the mesh says that a step ends inside, back to the surface with
+the same restitution. The bound of that query is the reach of a step, which must be known before, or 1.5 m as in the
+example. psim finds the time of impact along the way instead, in double precision. Both run on one thread.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ from particlesim.colliders import MeshCollider
 from particlesim.colliders.gaps import gaps_of
 from particlesim.forces import Gravity
 
+WARPED = 200_000
+"""Particles that Warp steps: few enough that it does not take minutes."""
 WARP = """
 import sys, time
 import numpy as np, warp as wp
@@ -35,26 +39,33 @@ wp.config.quiet = True
 wp.init()
 data = np.load(sys.argv[1])
 @wp.kernel
-def ask(mesh: wp.uint64, x: wp.array(dtype=wp.vec3), reach: float, out: wp.array(dtype=float)):
+def step(mesh: wp.uint64, x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), reach: float, dt: float):
     i = wp.tid()
-    q = wp.mesh_query_point_sign_normal(mesh, x[i], reach)
+    u = v[i] + wp.vec3(0.0, -9.80665, 0.0) * dt
+    end = x[i] + u * dt
+    q = wp.mesh_query_point_sign_normal(mesh, end, reach)
     if q.result:
-        p = wp.mesh_eval_position(mesh, q.face, q.u, q.v)
-        out[i] = q.sign * wp.length(x[i] - p)
-    else:
-        out[i] = reach
+        there = wp.mesh_eval_position(mesh, q.face, q.u, q.v)
+        gap = q.sign * wp.length(end - there)
+        if gap < 0.0:
+            n = q.sign * wp.normalize(end - there)
+            end = end - gap * n
+            u = u - 1.5 * wp.min(wp.dot(u, n), 0.0) * n
+    x[i] = end
+    v[i] = u
 points = wp.array(data["vertices"].astype(np.float32), dtype=wp.vec3, device="cpu")
 faces = wp.array(data["faces"].astype(np.int32).ravel(), dtype=int, device="cpu")
 mesh = wp.Mesh(points=points, indices=faces)
-x = wp.array(data["x"].astype(np.float32), dtype=wp.vec3, device="cpu")
-out = wp.zeros(len(data["x"]), dtype=float, device="cpu")
-for reach in (float(data["reach"]), 1e6):
-    for _ in range(3):
+for reach, steps in ((float(data["reach"]), 50), (1.5, 1)):
+    best = 1e300
+    for _ in range(4):
+        x, v = (wp.array(data[k].astype(np.float32), dtype=wp.vec3, device="cpu") for k in ("x", "v"))
         begin = time.process_time()
-        wp.launch(ask, dim=len(data["x"]), inputs=[mesh.id, x, reach, out], device="cpu")
+        for _ in range(steps):
+            wp.launch(step, dim=len(x), inputs=[mesh.id, x, v, reach, float(data["dt"])], device="cpu")
         wp.synchronize()
-        took = time.process_time() - begin
-    print(took)
+        best = min(best, (time.process_time() - begin) / steps)
+    print(best)
 """
 
 
@@ -73,7 +84,7 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=1_000_000)
     parser.add_argument("--warp", help="the Python of an environment with warp-lang")
     options = parser.parse_args()
-    n, steps, dt = options.particles, 10, 1e-3
+    n, steps, dt = options.particles, 50, 1e-3  # as many as a run of a million takes at a time
     rng = np.random.default_rng(1)
     x = rng.uniform(-2, 2, (n, 3))
     began = time.process_time()
@@ -106,16 +117,21 @@ def main() -> None:
             data = Path(folder) / "data.npz"
             surface = mesh.triangles()
             reach = float(np.abs(v).max() * dt)
-            np.savez(data, vertices=surface.corners, faces=surface.faces, x=x, reach=reach)
+            given = {"x": x[:WARPED], "v": v[:WARPED], "reach": reach, "dt": dt}
+            np.savez(data, vertices=surface.corners, faces=surface.faces, **given)
             script = Path(folder) / "ask.py"
             script.write_text(WARP)
             found = subprocess.run(
                 [options.warp, str(script), str(data)], capture_output=True, text=True, check=True
             ).stdout
-        for what, line in zip(("within the reach of a step", "unbounded"), found.split()[-2:], strict=True):
-            rate = n / float(line)
+        for what, line in zip(
+            ("within the reach of a step", "within 1.5 m"), found.split()[-2:], strict=True
+        ):
+            rate = len(given["x"]) / float(line)
             ratio = rates["with the mesh"] / rate
-            print(f"Warp's query, {what}: {rate / 1e6:.2f} M a second; ours steps {ratio:.1f} × as many")
+            print(
+                f"Warp, nearest point {what}: {rate / 1e6:.2f} M particle-steps a second; psim {ratio:.1f} ×"
+            )
 
 
 if __name__ == "__main__":

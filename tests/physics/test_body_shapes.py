@@ -389,3 +389,26 @@ def test_the_orientation_is_that_of_the_axes_of_the_file(tmp_path: Path) -> None
 def test_all_shapes_are_tried_here() -> None:
     tried = {shape.type for shape in ROUND} | {"box", "mesh", "clump"}
     assert {each.model_fields["type"].default for each in BODY_SHAPES} == tried
+
+
+def test_a_cone_tumbles_over_a_mesh_without_a_gain(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=1, radius=0.4).export(tmp_path / "ball.ply")
+    cone = {
+        "shape": {"type": "cone", "radius": 0.08, "length": 0.15},
+        "position": [0.03, 0.5, 0.02],
+        "velocity": [0, -2, 0],
+        "orientation": {"axis": [1, 0, 1], "angle": 20},
+        "angular_velocity": [2, 1, 0],
+    }
+    ball = {"type": "mesh", "path": str(tmp_path / "ball.ply"), "friction": 0.5, "restitution": 0.2}
+    rows = simulate(
+        0.3,
+        5e-4,
+        bodies=[cone],
+        colliders=[ball],
+        forces=GRAVITY,
+        output={"every": 4, "ledger": True},
+    ).ledger
+    rise = np.diff(rows["kinetic"] + rows["potential.gravity"])
+    assert rise.min() < -0.1  # it strikes
+    assert rise[rise > 0].sum() < 1e-6

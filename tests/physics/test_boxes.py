@@ -280,6 +280,8 @@ def test_checks_follow_the_path_and_regions_are_in_the_box() -> None:
     table = boxed(
         [[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]], [[9.0, 0, 0]] * 2, law={**LAW, "cutoff": 1.5}
     ).model_dump(exclude_unset=True)
+    # At rest along the path of its ends, longer than half of the box: to the nearest image it would be far from that.
+    table["springs"] = [{"on": "atoms", "pairs": [[0, 1]], "stiffness": 1.0}]
     table["checks"] = [
         {"quantity": "position.x", "expression": "x0 + vx0*t", "tolerance": 1e-9},
         {"quantity": "count", "region": {"type": "box", "min": [0, 0, 0], "max": [6, 6, 6]}, "min": 2},

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, points, simulate, table
+from simulate import EPS, points, rows, simulate, table
 
 import particlesim as ps
-from particlesim.engine.islands.separation import overlapping
+from particlesim.engine.islands.separation import Pairs, overlapping
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
@@ -143,8 +143,12 @@ def test_what_snaps_apart_has_lost_energy_or_sticks() -> None:
     e_star, r = 10e6 / (2 * (1 - 0.25**2)), R / 2
     least = (math.pi * W * r * r / (8 * e_star)) ** (1 / 3)
     lost = math.pi * W * least**2 / 6 * (2.4 + 3.6 * 4 ** (4 / 3))
-    fast = rebound(meeting(JKR, 5e-6, speed=0.3, duration=0.02))
-    assert fast == pytest.approx(math.sqrt(0.3**2 - 2 * lost / (M / 2)), rel=0.01)
+    output = {"every": 40, "ledger": True, "work": True}
+    result = meeting(JKR, 5e-6, speed=0.3, duration=0.02, output=output)
+    assert rebound(result) == pytest.approx(math.sqrt(0.3**2 - 2 * lost / (M / 2)), rel=0.01)
+    # both jumps of the potential are booked; they fall between steps: an error of first order
+    assert result.ledger["work.contact"][-1] == pytest.approx(-lost, rel=1e-12)
+    assert np.abs(result.ledger["balance"]).max() < 3e-3 * lost
     slow = meeting({**JKR, "restitution": 0.5}, 2e-5, speed=0.15, duration=0.2).final
     assert np.diff(slow.position[:, 0])[0] < 2 * R
     assert abs(rebound_of(slow)) < 0.02
@@ -387,6 +391,13 @@ def test_a_start_that_overlaps_is_put_apart_before_the_first_step() -> None:
         if box is None:
             assert (np.abs(x[3:, 0]) + r[3:]).max() < 0.17 * (1 + EPS)
         assert (x[3:, 1] - r[3:]).min() > -EPS
+    # inversely to their masses, so that their centre stays
+    pair = Pairs(np.ones(2), np.array([1.0, 1 / 3]), None, None)
+    pair.find(rows((0, 0, 0), (1.94, 0, 0)), 0.0)
+    step = pair.moves(rows((0, 0, 0), (1.94, 0, 0)))
+    assert step is not None
+    assert step[0] + 3 * step[1] == pytest.approx(0, abs=EPS)
+    assert step[0, 0] < -0.04
 
 
 def test_a_memory_without_room_grows_at_the_next_interval(monkeypatch: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from physics.test_contacts import bits, heap
-from simulate import EPS, energies, points, simulate, table
+from simulate import EPS, energies, points, rows, simulate, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -186,3 +186,21 @@ def test_births_and_deaths_leave_the_contacts_of_others_alone(law: dict[str, Any
     assert np.isfinite(state.x[:, : state.count]).all()
     assert state.x[1, : state.count].min() > 0
     assert np.abs(state.v[:, : state.count]).max() < 8  # births in the midst of others store energy
+
+
+def test_points_of_springs_touch_as_spheres() -> None:
+    # Two dumbbells across their way meet with both ends at once: elastic, they swap their speeds, and no spring is strained.
+    def dumbbell(x: float, v: float, name: str) -> dict[str, Any]:
+        rope = {"type": "rope", "start": [x, 0, 0], "end": [x, 1, 0], "count": 2, "velocity": [v, 0, 0]}
+        return {"name": name, "radius": 0.1, "mass": 2.0, "layout": rope, "springs": {"structural": 50.0}}
+
+    final = simulate(
+        1.0,
+        1e-2,
+        particles=[dumbbell(0, 1.0, "a"), dumbbell(1, -0.5, "b")],
+        interactions=[{"type": "contact", "on": ["a", "b"], "surfaces": False, "restitution": 1.0}],
+    ).final
+    assert final.velocity == pytest.approx(rows(*[(-0.5, 0, 0)] * 2, *[(1, 0, 0)] * 2), abs=1e-12)
+    assert final.position[1] - final.position[0] == pytest.approx([0, 1, 0], abs=1e-12)
+    # 0.8 m apart at 1.5 m/s
+    assert final.position[[0, 2], 0] == pytest.approx([8 / 15 - 0.5 * 7 / 15, 1 - 4 / 15 + 7 / 15], abs=1e-2)

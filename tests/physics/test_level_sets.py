@@ -12,7 +12,7 @@ from simulate import EPS, G, points
 from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
-from particlesim.colliders import DistanceGridCollider, FormulaCollider, SphereCollider
+from particlesim.colliders import DistanceGridCollider, FormulaCollider, PlaneCollider, SphereCollider
 from particlesim.colliders.gaps import gaps_of
 from particlesim.expressions.arrays import value_at
 from particlesim.expressions.operations import VARIABLES, value
@@ -41,6 +41,27 @@ def on_a_ball(radius: float, number: int = 500) -> NDArray[Any]:
     rng = np.random.default_rng(3)
     x = rng.normal(size=(number, 3))
     return radius * x / np.linalg.norm(x, axis=1)[:, None]
+
+
+@pytest.mark.optimised
+def test_what_is_far_from_a_formula_is_stepped_as_if_it_looked_at_it() -> None:
+    """Balls fall, bounce, slide and come to rest on a floor about a hill, and some of them hit it: the same bits."""
+    hill = FormulaCollider(
+        distance="x**2 + y**2 + z**2 - 1", size=(2.5, 2.5, 2.5), restitution=0.7, friction=0.2
+    )
+    floor = PlaneCollider(restitution=0.6, friction=0.3)
+    x = on_a_ball(3.0, 60)
+    x[:, 1] = np.abs(x[:, 1])
+    for speed, dt in ((3.0, 5e-3), (60.0, 0.05)):  # the fast ones strike both in one step
+        v = speed * on_a_ball(1.0, 60)[::-1] - speed * x / 3.0
+        found = []
+        for one_by_one in ((), None):
+            contacts = careful([hill.record(), floor.record()])._replace(one_by_one=one_by_one)
+            c = columns(x, v, radius=0.05)
+            run(program("velocity_verlet", [Gravity().record()], contacts), c, 400, dt)
+            found.append((position(c), velocity(c)))
+        np.testing.assert_array_equal(found[0], found[1])
+        assert (found[0][1] == 0).all(axis=1).any()
 
 
 @pytest.mark.parametrize("inside", [False, True])

@@ -19,7 +19,8 @@ from particlesim.compiler import kernel
 from particlesim.engine.interactions.interaction import lone
 from particlesim.engine.interactions.mesh import calibration, fourier, influence, split
 from particlesim.engine.interactions.mesh.mesh_pairs import MeshPairs
-from particlesim.engine.interactions.mesh.plan import FLOOR
+from particlesim.engine.interactions.mesh.plan import FLOOR, Task
+from particlesim.engine.interactions.mesh.plan import uniform as of_uniform
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.errors import PsimError, UsageError
@@ -350,6 +351,20 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had() -> None:
     scenario["simulation"]["precision"] = "single"
     with pytest.raises(PsimError, match="is reached"):
         begun(scenario)
+
+
+def test_an_accuracy_is_given_up_only_after_a_much_finer_cut() -> None:
+    # On a lattice errors of a coarse mesh need not follow its plan: a slightly finer one may be no better.
+    task = Task(SIZE, 0.0, 6, 40, 0.3, of_uniform(SIZE, 40))
+    ones = np.ones(4)
+    sample = calibration.Sample(np.arange(4), np.ones((3, 4)), ones, ones)
+
+    def found(errors: list[float]) -> float:
+        return calibration.calibrated(task, 1e-3, sample, 40.0, lambda plan: errors.pop(0))[1]
+
+    assert found([1.2e-3, 1.1e-3, 8e-5]) == 8e-5
+    with pytest.raises(UsageError, match=r"1\.1e-03 is reached"):
+        found([1.2e-3, 1.1e-3, 1.1e-3])
 
 
 def test_two_in_one_place_are_told() -> None:

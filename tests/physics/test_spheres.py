@@ -170,6 +170,29 @@ def test_what_slides_down_a_dome_keeps_its_energy() -> None:
     assert np.ptp(energy) < 500 * 4 * EPS * energy[0]
 
 
+def test_friction_on_a_dome_is_that_of_what_presses() -> None:
+    # It slides over the top with v₀. At the angle θ from there N = m (g cos θ − v²/R), so that
+    # dv²/dθ = 2 g R (sin θ − μ cos θ) + 2 μ v². Solved with a cos θ + b sin θ + c exp(2 μ θ); the error is of second order.
+    mu, v = 0.2, 2.0
+    a, b = G * (4 * mu**2 - 2) / (1 + 4 * mu**2), -6 * mu * G / (1 + 4 * mu**2)
+
+    def error(dt: float) -> float:
+        final = simulate(
+            0.2,
+            dt,
+            particles=[points((0, 1, 0), velocity=[[v, 0, 0]], radius=0.0)],
+            forces=GRAVITY,
+            colliders=[ball(restitution=0.5, friction=mu)],
+        ).final
+        (x, y, _), speed = final.position[0], np.linalg.norm(final.velocity[0])
+        assert math.hypot(x, y) == pytest.approx(1, abs=4 * EPS)
+        theta = math.atan2(x, y)
+        return speed**2 - (a * y + b * x + (v**2 - a) * math.exp(2 * mu * theta))
+
+    coarse, fine = error(4e-3), error(1e-3)
+    assert abs(fine) < min(abs(coarse) / 12, 5e-6)
+
+
 # Nothing gets through
 
 

@@ -394,7 +394,10 @@ def test_crumpling_cloth_loses_its_energy_near_the_largest_stable_step() -> None
         "planes": [{"restitution": 0, "friction": 0.4}],
         "interactions": [TOUCH],
     }
-    stable = stability(Simulation(ps.from_table(table(0.6, 1e-3, "symplectic_euler", **parts)))).step
+    (island,) = stability(Simulation(ps.from_table(table(0.6, 1e-3, "symplectic_euler", **parts)))).islands
+    stable = island.step
+    assert island.warning(0.7 * stable) is None
+    assert "crumple" in str(island.warning(0.72 * stable))
     steps = round(0.6 / (0.95 * stable)) + 1
     found = energies(table(0.6, 0.6 / steps, "symplectic_euler", **parts, output={"every": 4}))
     assert found.max() < 1.001 * found[0]

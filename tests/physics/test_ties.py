@@ -11,6 +11,7 @@ import pytest
 from simulate import EPS, record, simulate, table
 
 import particlesim as ps
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
@@ -94,6 +95,17 @@ def test_momentum_and_angular_momentum_are_kept_and_all_energy_is_booked() -> No
         assert rows["work.tie"][-1] == pytest.approx(-0.0557, abs=1e-4)  # as steps of a tenth have it
         balances.append(np.abs(rows["balance"]).max())
     assert 3.7 < balances[0] / balances[1] < 4.3  # what is left is the error of the steps, of second order
+
+
+def test_springs_find_their_particles_in_any_order() -> None:
+    # Springs to the second group come first: visitors are not in the order of their ids.
+    beads = [bead([k, 0, 0]) | {"name": name} for k, name in ((1, "near"), (2, "far"))]
+    springs = [tie(between=["ball", name], name=f"to_{name}") for name in ("far", "near")]
+    world = World(ps.from_table(table(1, 1e-3, particles=beads, bodies=[BALL], springs=springs)))
+    (island,) = (each for each in world.islands if isinstance(each, RigidIsland))
+    visitors = island.ties.visitors()
+    ends = [visitors.x[0, each.second[0] - 1] for each in island.ties.springs(visitors, 1)]
+    assert ends == [2.0, 1.0]
 
 
 def test_ties_break_for_good_and_what_they_held_is_booked(tmp_path: Path) -> None:

@@ -45,9 +45,11 @@ FORGETS = 20.0
 
 
 class StagedGaussRadau(NamedTuple):
-    """Nodes, tables of `integrators.ias15`, weights of b in v and x, binomials, (5040 ε)^(1/7), the shortest step [s]."""
+    """Nodes, 1 over their differences, tables of `integrators.ias15`, weights of b in v and x, binomials, (5040 ε)^(1/7),
+    the shortest step [s]."""
 
     nodes: NDArray[np.float64]
+    over: NDArray[np.float64]
     to_b: NDArray[np.float64]
     to_g: NDArray[np.float64]
     in_v: NDArray[np.float64]
@@ -74,6 +76,7 @@ def staged_gauss_radau(method: GaussRadauMethod) -> StagedGaussRadau:
     binomials = [[comb(j + 1, i + 1) if j >= i else 0 for j in k] for i in k]
     return StagedGaussRadau(
         np.array(NODES),
+        1 / (np.subtract.outer(NODES, NODES) + np.eye(len(NODES))),
         np.array(newton_to_monomial()),
         np.array(monomial_to_newton()),
         1.0 / (k + 2),
@@ -153,15 +156,15 @@ def put(c: Any, axis: Any, i: Any, x: Any, v: Any) -> None:
 def learn(method: Any, c: Any, work: Any, first: Any, last: Any, node: Any) -> tuple[float, float]:
     """Take the forces at a node into g and b. Returns the largest change of the last b, and the largest acceleration."""
     room = work.radau
-    g, nodes = room.g, method.nodes
+    g, over = room.g, method.over
     change, size = 0.0, 0.0
     for i in range(first, last):
         if not rests(c.clock, i):
             for axis in range(3):
                 a = work.force[axis, i] / c.m[i]
-                term = (a - room.start[axis, i]) / nodes[node]
+                term = (a - room.start[axis, i]) * over[node, 0]
                 for k in range(node - 1):
-                    term = (term - g[3 * k + axis, i]) / (nodes[node] - nodes[k + 1])
+                    term = (term - g[3 * k + axis, i]) * over[node, k + 1]
                 row = 3 * (node - 1) + axis
                 difference = term - g[row, i]
                 g[row, i] = term

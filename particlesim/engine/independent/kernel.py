@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import particlesim.engine.step.newton  # noqa: F401
-from particlesim.compiler import kernel
+from particlesim.compiler import kernel, outlined
 from particlesim.engine.state.columns import (
     Columns,
     block_of,
@@ -34,7 +34,17 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
-from particlesim.engine.step.clearance import clearance, distance_of, keeps_clear
+from particlesim.engine.step.clearance import (
+    AWAY,
+    clearance,
+    distance_of,
+    foothold,
+    holds,
+    keeps_clear,
+    sets_aside,
+    stands,
+    without_crossable,
+)
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
 from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
@@ -101,77 +111,133 @@ def _step_block(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, ro
             remember(c.memory, i, touched, restart(memory))
             note(c.clock, i, unless(idle, outcome), end)
         return
-    if _fly(program, c, t, end, h, inverse, room) and _rest(program, c, t, end, h, room):
-        _hit(program, c, t, end, h, inverse, room)
+    meets, aside = _fly(program, c, t, end, h, inverse, room)
+    if meets:
+        _meet(program, c, t, end, h, inverse, room, MEETS)
+    if sets_aside(program.contacts, c.memory) and aside:
+        _meet(without_crossable(program), c, t, end, h, inverse, room, ASIDE)
 
 
-def mark(c: Any, condition: Any) -> Any:
+MEETS, ASIDE = 1, 2
+"""Marks of particles that meet a collider in a step, and of those that meet none that a way may cross."""
+
+
+def mark(c: Any, condition: Any, which: int = MEETS) -> Any:
     """A mark in the precision of the columns: vectors of flags are slow to pack and unpack."""
     x = c.x[0]
-    return type_of(x, 1) if condition else type_of(x, 0)
+    return type_of(x, which) if condition else type_of(x, 0)
 
 
-def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> bool:
-    """The free step of all particles of a block; those that meet a collider are marked. Returns whether there are any."""
-    found = False
-    clear = keeps_clear(program.contacts, c.memory)
+def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> tuple[bool, bool]:
+    """The free step of all particles of a block; those that meet a collider are marked. Returns whether there are any, and
+    whether some of them are set aside."""
+    found, some = False, False
+    clear, parts = keeps_clear(program.contacts, c.memory), sets_aside(program.contacts, c.memory)
     for i in range(c.x.size):
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
+        aside = False
         if clear:
-            room.clear[i] -= distance_of(p, q, hi)
-            meets = (not room.clear[i] > 0) | ends_inside(program.contacts, q)
+            strikes = ends_inside(program.contacts, q)
+            way = _way(p, q, hi, strikes & parts)
+            room.clear[i] -= way
+            meets = not room.clear[i] > 0
+            aside = strikes & (not meets) & parts & (hi > 0)
+            meets |= strikes & (not parts)
+            if holds(program.contacts):
+                firm = stands(room.foothold, i, p, q)
+                room.foothold[3, i] = room.foothold[3, i] if firm else -type_of(way, 1)
+                q, meets, aside = chosen(firm, p, q), meets & (not firm), aside & (not firm)
         else:
             meets = overlapped(program.contacts, p, q, hi)
         meets &= hi > 0
-        room.marks[i] = mark(c, meets)
+        room.marks[i] = mark(c, meets) + mark(c, aside, ASIDE)
         found |= meets
+        some |= aside
         save(room.before, i, p)
         store(c, i, chosen(still(c.clock, hi), p, q))
         remember(c.memory, i, not meets, memory)
-    return _look(program, c, t, end, h, room) if clear and found else found
+    if clear and found:
+        found, more = _look(program, c, t, end, h, room)
+        some |= more
+    return found, some
 
 
-def _look(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
-    """How far the marked particles were from colliders; those that were farther than they have gone are no longer marked.
-    Returns whether others are left."""
-    left = False
+def _way(p: Any, q: Any, h: Any, strikes: Any) -> Any:
+    """How far a particle may go at most in a step from p to q, also if it strikes a plane [m]."""
+    way = distance_of(p, q, h)
+    return type_of(way, AWAY) * way if strikes else way
+
+
+def _look(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> tuple[bool, bool]:
+    """How far the particles that are marked to meet something were from colliders; those that were farther than they go do
+    not, or are set aside. Returns whether others are left, and whether some are set aside."""
+    left, some = False, False
+    parts = sets_aside(program.contacts, c.memory)
     for i in range(c.x.size):
-        if room.marks[i] > 0:
+        if room.marks[i] == MEETS:
             begin, hi = span(c.clock, i, t, end, h)
             q = fetch(c, i, end)
             p = saved(room.before, i, q, begin)
-            way = distance_of(p, q, hi)
+            strikes = ends_inside(program.contacts, q)
+            way = _way(p, q, hi, strikes & parts)
             ahead = clearance(program.contacts, p, way) - way
-            meets = (not ahead > 0) | ends_inside(program.contacts, q)
+            meets = (not ahead > 0) | (strikes & (not parts))
+            aside = strikes & (not meets)
             room.clear[i] = type_of(way, 0) if meets else ahead
-            room.marks[i] = mark(c, meets)
+            if holds(program.contacts) and meets:
+                meets = not _step_on(program, c, i, p, q, room)
+            room.marks[i] = mark(c, meets) + mark(c, aside, ASIDE)
             left |= meets
-    return left
+            some |= aside
+    return left, some
 
 
-def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any) -> bool:
+@outlined
+def _step_on(program: Any, c: Any, i: Any, p: Any, q: Any, room: Any) -> bool:
+    """Whether friction holds particle i at p, where it touches a collider; its step then ends there."""
+    if not ((p.vx == 0) & (p.vy == 0) & (p.vz == 0)):
+        return False
+    for row, number in enumerate(foothold(program.contacts, p)):
+        room.foothold[row, i] = number
+    firm = stands(room.foothold, i, p, q)
+    if firm:
+        store(c, i, p)
+    else:
+        room.foothold[3, i] = -type_of(p.x, 1)
+    return firm
+
+
+def _meet(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any, which: int) -> None:
+    """The step of the particles with this mark: in vectors of those that rest on colliders, one by one of others."""
+    if _rest(program, c, t, end, h, room, which):
+        _hit(program, c, t, end, h, inverse, room, which)
+
+
+def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, which: int) -> bool:
     """The step of the marked particles that rest on colliders, which then are no longer marked. Returns whether others are
     left."""
     if keeps_still(program.contacts):
         if room.wait[0] > 0:
             room.wait[0] -= 1
         else:
-            left, lain = _lie(program, c, t, end, h, room, stay)
+            left, lain = _lie(program, c, t, end, h, room, stay, which)
             if not left:
                 return False
             if not lain:
                 room.wait[0] = IN_VAIN
-    return _lie(program, c, t, end, h, room, rest)[0]
+    return _lie(program, c, t, end, h, room, rest, which)[0]
 
 
-def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any) -> tuple[bool, bool]:
+def _lie(
+    program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any, which: int
+) -> tuple[bool, bool]:
     """The step of the marked particles that lie on colliders as `rest` says, which then are no longer marked. Returns
     whether others are left, and whether there were any."""
     left, lain = False, False
     for i in range(c.x.size):
-        if program.contacts.one_by_one is not None and not room.marks[i] > 0:
+        if program.contacts.one_by_one is not None and room.marks[i] != which:
             continue
         begin, hi = span(c.clock, i, t, end, h)
         q = fetch(c, i, end)
@@ -180,9 +246,9 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any) -
             r, calm = rest(program.contacts, p, q, hi)
         else:
             r, calm = q, False
-        marked = room.marks[i] > 0
+        marked = room.marks[i] == which
         lies, hits = marked & calm, marked & (not calm)
-        room.marks[i] = mark(c, hits)
+        room.marks[i] = mark(c, False) if lies else room.marks[i]
         left |= hits
         lain |= lies
         store(c, i, chosen(lies, r, q))
@@ -190,10 +256,10 @@ def _lie(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any) -
     return left, lain
 
 
-def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any) -> None:
-    """The step of the marked particles from impact to impact, one by one."""
+def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any, which: int) -> None:
+    """The step of the particles with this mark from impact to impact, one by one."""
     for i in range(c.x.size):
-        if room.marks[i] > 0:
+        if room.marks[i] == which:
             begin, hi = span(c.clock, i, t, end, h)
             p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
             q, memory, outcome, hit = trace(
@@ -226,7 +292,8 @@ def refresh(program: Any, c: Any, t: Any) -> None:
 class Room(NamedTuple):
     """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
     present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]; for
-    how many steps nothing is looked for that lies still [1]."""
+    how many steps nothing is looked for that lies still [1]; what each that stands still stands on, as `foothold` has
+    it [5, block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.floating[Any]]
@@ -234,6 +301,7 @@ class Room(NamedTuple):
     before: NDArray[np.floating[Any]]
     clear: NDArray[np.floating[Any]]
     wait: NDArray[np.floating[Any]]
+    foothold: NDArray[np.floating[Any]]
 
 
 def new_room(columns: Columns, block: int) -> Room:
@@ -246,6 +314,7 @@ def new_room(columns: Columns, block: int) -> Room:
         zeros((6, block), x),
         zeros((block,), x),
         zeros((1,), x),
+        zeros((5, block), x),
     )
 
 
@@ -277,6 +346,7 @@ def step_range(
             keep(c, kept, i)
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
             room.clear[i] = type_of(c.m[i], 0)
+            room.foothold[3, i] = -type_of(c.m[i], 1)
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):

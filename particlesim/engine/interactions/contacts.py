@@ -83,7 +83,7 @@ from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.state.columns import in_step
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
-from particlesim.interactions.contact import JkrRecord
+from particlesim.interactions.contact import JkrRecord, jumps
 
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
@@ -224,6 +224,22 @@ class Contacts(NearLists, ContactColumns):
     def power(self, c: Any, t: float) -> float:
         return float(contact_sum(self, c, lone(c.x.size), t, Powers()))
 
+    def snapped(self, before: Interaction, c: Any) -> float:
+        if not isinstance(self.law, JkrRecord):
+            return 0.0
+        assert isinstance(before, Contacts)
+        was, now = holding(before), holding(self)
+        began = (
+            np.setdiff1d(now, was) if before.lists.report[ROUND] > 1 else now[:0]
+        )  # others were there from the start
+        rows = len(self.lists.place)
+        work = 0.0
+        for changed, at in ((began, 0), (np.setdiff1d(was, now), 1)):
+            first, second = changed // rows, changed % rows
+            radius = np.where(first < rows, 1 / (1 / c.r[first % rows] + 1 / c.r[second]), c.r[second])
+            work += float(jumps(self.law, radius)[at].sum())
+        return work
+
     def virial(self, c: Any, t: float) -> NDArray[np.float64]:
         """Σ l ⊗ f over all pairs [J], shape [3, 3]."""
         out = np.zeros(9)
@@ -250,6 +266,17 @@ class Contacts(NearLists, ContactColumns):
         lists = Lists(*[next(rest) for _ in range(8)], memory=None)  # type: ignore[misc]
         lists = lists._replace(memory=again(self.lists.memory))
         return self._replace(lists=lists, marks=tuple(again(memory) for memory in self.marks))
+
+
+def holding(each: Contacts) -> NDArray[np.int64]:
+    """What touches, as numbers: for a pair of rows i < j of n, i n + j; for row j at wall k, (n + k) n + j."""
+    lists, rows = each.lists, len(each.lists.place)
+    i, j, _ = contacts_in(lists)
+    found = [np.minimum(i, j) * rows + np.maximum(i, j)]
+    for k, marks in enumerate(each.marks):
+        if marks is not None:
+            found.append((rows + k) * rows + np.flatnonzero(marks.state >> 1 == lists.report[ROUND]))
+    return np.concatenate(found)
 
 
 def remembers(each: Any) -> bool:

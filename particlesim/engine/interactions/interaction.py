@@ -222,6 +222,10 @@ class Interaction:
         """The power of such forces [W]."""
         return 0.0
 
+    def snapped(self, before: Self, c: Any) -> float:
+        """What its potential has lost in a step by jumps of contacts that have begun or ended since `before` [J]."""
+        return 0.0
+
     def linearise(self, c: Any, t: float) -> Coupling:
         """The set near a state, for the largest stable step."""
         raise NotImplementedError

@@ -52,20 +52,26 @@ def groups_of(each: Any, share: Any) -> Any:
     return groups * share.number // share.threads, groups * (share.number + 1) // share.threads
 
 
-class IntoSums(NamedTuple):
-    """Candidates that are in no list are added at once to the sums [terms, GROUP] of their group; `entries`: their room."""
+class Summing(NamedTuple):
+    """What is summed: an interaction, terms of a pair, the sums [terms, GROUP] of a group, the time, a `Push` or None."""
 
     each: Any
-    entries: Any
     terms: Any
     sums: Any
     t: Any
     push: Any
 
+
+class IntoSums(NamedTuple):
+    """Candidates that are in no list are added at once to the sums of their group; `entries`: their room."""
+
+    what: Summing
+    entries: Any
+
     def take(self, near: Any, g: Any, found: Any, number: Any, image: Any) -> None:
         """Add the terms of the candidates in some groups."""
         count = sieve(near, g, found, number, image, self.entries, 0)
-        add_candidates(self.each, g, self.entries, 0, count, self.terms, self.sums, self.t, self.push)
+        add_candidates(self.what, g, self.entries, 0, count)
 
 
 def force_terms(each: Any, p: Any, counts: Any) -> Any:
@@ -87,49 +93,30 @@ def virial_terms(each: Any, p: Any, counts: Any) -> Any:
 def sum_group(each: Any, g: Any, terms: Any, sums: Any, t: Any, push: Any = None) -> None:
     """Sum up terms of the members of a group with all their candidates, into sums [terms, GROUP]; with a `Push` those of
     the matrix."""
-    near = each.near
+    near, what = each.near, Summing(each, terms, sums, t, push)
     for k in range(sums.shape[0]):
         for i in lanes(GROUP):
             sums[k, i] = 0
     if near.count[g] == NO_ROOM:
         entries = on_stack(1, GROUP * BATCH, np.uint32)[0]
-        search(near, g, IntoSums(each, entries, terms, sums, t, push))
+        search(near, g, IntoSums(what, entries))
     else:
         first = near.begin[g]
-        add_candidates(each, g, near.candidates, first, first + near.count[g], terms, sums, t, push)
+        add_candidates(what, g, near.candidates, first, first + near.count[g])
 
 
 @outlined
-def add_candidates(
-    each: Any,
-    g: Any,
-    entries: Any,
-    first: Any,
-    last: Any,
-    terms: Any,
-    sums: Any,
-    t: Any,
-    push: Any,
-) -> None:
+def add_candidates(what: Any, g: Any, entries: Any, first: Any, last: Any) -> None:
     """Add the terms of candidates [first, last) of some entries with the members of a group to its sums."""
-    if each.near.box is None or first == last or entries[last - 1] >> IMAGE_SHIFT == 0:  # images come last
-        _add(each, g, entries, first, last, terms, sums, t, push, False)
+    # images come last
+    if what.each.near.box is None or first == last or entries[last - 1] >> IMAGE_SHIFT == 0:
+        _add(what, g, entries, first, last, False)
     else:
-        _add(each, g, entries, first, last, terms, sums, t, push, True)
+        _add(what, g, entries, first, last, True)
 
 
-def _add(
-    each: Any,
-    g: Any,
-    entries: Any,
-    first: Any,
-    last: Any,
-    terms: Any,
-    sums: Any,
-    t: Any,
-    push: Any,
-    shifted: Any,
-) -> None:
+def _add(what: Any, g: Any, entries: Any, first: Any, last: Any, shifted: Any) -> None:
+    each, terms, sums, t, push = what
     near, block, own = each.near, members_of(each, g), on_stack(sums.shape[0], GROUP, sums.dtype)
     rows, x = near.order[GROUP * g : GROUP * g + GROUP], block.x
     mine: Any = None if push is None else on_stack(3, GROUP, sums.dtype)

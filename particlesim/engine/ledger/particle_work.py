@@ -250,8 +250,11 @@ class IslandBooks:
     def book_breaking(
         self, before: tuple[Interaction, ...], after: tuple[Interaction, ...], columns: Columns
     ) -> None:
-        """Book the potential that was lost with what broke at the end of a step, on its own or with particles that died."""
+        """Book the potential that was lost with what broke at the end of a step, on its own or with particles that died, and
+        with contacts that snapped together or apart."""
         for name, old, new in zip(self._names, before, after, strict=True):
+            if (snap := new.snapped(old, columns)) != 0:
+                self.books.add(name, snap)
             then, now = old.broke, new.broke
             if then is not None and now is not None and not np.array_equal(then, now):
                 living = old.without_dead(new, columns)

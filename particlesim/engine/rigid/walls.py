@@ -317,7 +317,7 @@ def onto_polygon(p: Any, s: Any, f: Any, n: Any, z: Any) -> Any:
 
 @outlined
 def round_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
-    """Contacts of the rims of a cylinder, or of the rim and the tip of a cone; of the line between them that looks at the
+    """Contacts of the rims of a cylinder, or of the rim and the tip of a cone; of the lines between them that look at the
     collider, and of the ends, where the collider is not flat."""
     axis = to_world(s.r, (0.0, 0.0, 1.0))
     low = plus(s.x, -s.size[1] if s.kind == CYLINDER else -0.25 * s.size[1], axis)
@@ -329,12 +329,18 @@ def round_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: 
         point_on_wall(wall, k, i, high, 0.0, margin, t, code + AROUND)
     if not isinstance(wall.shape, FLAT):
         out = lowest(wall.shape, s, plus(low, 0.5, minus(high, low)), axis, t)
-        one = plus(low, s.size[0], out)
-        two = plus(high, s.size[0] if s.kind == CYLINDER else 0.0, out)
-        line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + 2 * AROUND)
-        end_on_wall(wall.shape, k, i, s, low, axis, margin, t, code + 2 * AROUND + 1)
+        side = cross(axis, out)
+        for m in range(-2, 3):  # edges of meshes may be beside the first of them
+            turn = m * np.pi / 8
+            d = plus(
+                (np.cos(turn) * out[0], np.cos(turn) * out[1], np.cos(turn) * out[2]), np.sin(turn), side
+            )
+            one = plus(low, s.size[0], d)
+            two = plus(high, s.size[0] if s.kind == CYLINDER else 0.0, d)
+            line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + 2 * AROUND + 3 + m)
+        end_on_wall(wall.shape, k, i, s, low, axis, margin, t, code + 2 * AROUND + 6)
         if s.kind == CYLINDER:
-            end_on_wall(wall.shape, k, i, s, high, axis, margin, t, code + 2 * AROUND + 2)
+            end_on_wall(wall.shape, k, i, s, high, axis, margin, t, code + 2 * AROUND + 7)
 
 
 def lowest(shape: Any, s: Any, center: Any, axis: Any, t: Any) -> Any:

@@ -19,6 +19,7 @@ from particlesim.engine.stability.linearised import IslandModel, pairs
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
+from particlesim.groups.group import Particles
 from particlesim.integrators import METHODS, ImplicitMethod, Method
 from particlesim.integrators.regions import (
     SLIP_OF_STEPS,
@@ -29,6 +30,7 @@ from particlesim.integrators.regions import (
     judged,
     largest_step,
 )
+from particlesim.interactions import PairSet
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
@@ -62,12 +64,20 @@ class IslandStability:
     """Whether there are rods, which methods without a limit cannot hold."""
     pairs: bool = False
     """Whether there are interactions that have a limit with implicit methods, too: they are not in the matrix."""
+    folds: float = 1.0
+    """How much shorter a step is surely stable however its bodies crumple, as a factor."""
 
     def warning(self, dt: float) -> str | None:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
-        if not self.growth > math.log10(TOLERATED):
-            return None
         name = " and ".join(repr(group) for group in self.groups)
+        if not self.growth > math.log10(TOLERATED):
+            if not dt * self.folds > self.step > 0:
+                return None
+            return (
+                f"dt = {dt:.6g} s is stable for {name} as it begins, up to {self.step:.3g} s, but perhaps not where it "
+                f"crumples and its springs come to lie along one line: simulation.dt = "
+                f"{rounded(self.step / self.folds):g} surely is"
+            )
         if self.step == 0:
             return (
                 f"{self.method.name} lets oscillations of {name} grow with every step, by a factor of "
@@ -243,6 +253,20 @@ def _judged(world: World, number: int) -> IslandStability:
         spectra,
         bool(structure.constraints),
         bool(excluded),
+        _folds(structure),
+    )
+
+
+def _folds(structure: Island) -> float:
+    """How much stiffer crumpled bodies may be than at the start, as a factor of frequencies, where they touch something:
+    a spring is at most as stiff across as it is along itself."""
+    touch = any(structure.colliders) or any(
+        isinstance(each, PairSet) and each.law.is_contact for each in structure.interactions
+    )
+    if not touch or isinstance(structure.method, ImplicitMethod):
+        return 1.0
+    return max(
+        (group.layout.folds for group in structure.groups if isinstance(group, Particles)), default=1.0
     )
 
 
@@ -285,7 +309,7 @@ def _surely_stable(world: World, number: int) -> bool:
     else:
         k, d = (np.multiply(limit, [0, 0.25, 0.5, 0.75, 1]) for limit in limits)
         system = pairs(np.repeat(k, 5), np.tile(d, 5))
-    factor = growth(method, system, grid.dt)
+    factor = growth(method, system, grid.dt * _folds(model.structure))
     allowed = max(TOLERATED ** (1 / grid.steps), 1 + SLIP_OF_STEPS)
     return factor <= allowed
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.combination import UnionRecord
 from particlesim.colliders.level_set import LevelRecord, at_least
 from particlesim.colliders.mesh import MeshRecord, mesh_clearance
@@ -18,9 +19,11 @@ from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord, seen_from
 from particlesim.colliders.response import crossable
 from particlesim.colliders.way import longest, way_of
+from particlesim.compiler import exact, outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import Simple
-from particlesim.laws.registry import gap
+from particlesim.engine.step.contacts import Careful, Simple, rounding
+from particlesim.engine.step.program import Program
+from particlesim.laws.registry import PASS, gap, gap_and_normal
 
 SURE = 1e-5
 """Part of a distance that its rounding errors, also in single precision, stay below."""
@@ -32,6 +35,40 @@ def keeps_clear(contacts: Any, memory: Any) -> bool:
     if isinstance(contacts, Simple) or contacts.one_by_one is None:
         return False
     return len(contacts.soft) == 0 and len(memory) == 0
+
+
+AWAY = 4
+"""How far a particle that meets planes alone goes in a step at most, in units of its free way: it is never faster than at
+the beginning of the step and all that forces may add, |v₀| h + |a| h² ≤ 3 ways, and is put back by one at most."""
+
+
+def sets_aside(contacts: Any, memory: Any) -> bool:
+    """Whether what is far from all colliders that a way may cross is stepped as if they were not there: the others do not
+    make it faster."""
+    if not keeps_clear(contacts, memory):
+        return False
+    others = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
+    return len(others) > 0 and all(
+        isinstance(c, BoundsRecord)
+        or not (crossable(c) or isinstance(c.shape, MovingRecord) or c.response.belt is not None)
+        for c in others
+    )
+
+
+def without_crossable(program: Any) -> Program:
+    """What is left for a particle that is set aside: its step has the same bits."""
+    contacts = program.contacts
+    left = Careful(
+        tuple(c for c in contacts.continuous if not crossable(c)),
+        tuple(c for c in contacts.resting if not crossable(c)),
+        contacts.discrete,
+        contacts.tolerance,
+        contacts.reach,
+        None,
+        contacts.soft,
+        contacts.continuous,
+    )
+    return Program(program.method, program.dynamics, program.forces, left)
 
 
 def distance_of(p: Any, q: Any, h: Any) -> Any:
@@ -60,3 +97,49 @@ def _clearance(shape: Any, p: Any, need: Any) -> Any:
     if isinstance(shape, LevelRecord):
         return at_least(shape, p) - p.r
     return gap(shape, p)
+
+
+# What stands on a collider, held by friction
+
+
+def holds(contacts: Any) -> bool:
+    """Whether particles may stand on some collider, held by friction, until forces change: all colliders are at rest."""
+    colliders = contacts.continuous + contacts.discrete
+    rough = any(c.response.friction is not None and c.response.belt is None for c in contacts.continuous)
+    return rough and not any(isinstance(c.shape, MovingRecord) for c in colliders)
+
+
+@outlined
+def foothold(contacts: Any, p: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """The normal of the only collider that a particle touches; its coefficient of static friction, −1 where there is no such
+    collider; and how deep the end of a free step must be below the place, so that it is surely inside [m].
+
+    What stands stays where it is, so that this holds from step to step, until forces change or the interval ends."""
+    slack = rounding(contacts, p)
+    zero, none = slack - slack, -type_of(p.x, 1)
+    nx, ny, nz, static, number = zero, zero, zero, none, 0
+    for c in contacts.continuous:
+        g, n = gap_and_normal(c, p)
+        if g <= slack:
+            number += 1
+        rough = c.response.friction is not None and c.response.belt is None
+        if rough and abs(g) <= slack and c.response.outcome == PASS:
+            nx, ny, nz = tuple(zero if axis is None else axis for axis in n)
+            static = type_of(p.x, c.response.friction.static)
+    for c in contacts.discrete:
+        if gap(c, p) <= slack:
+            number += 1
+    return nx, ny, nz, static if number == 1 else none, 4 * slack
+
+
+@exact
+def stands(foothold: Any, i: Any, p: Any, q: Any) -> Any:
+    """Whether friction holds particle i, which is at rest at p, against the forces that would take it to q:
+    |Δv_t| ≤ μ_s J, with J the normal impulse over mass. The answer is the same in every place where it is asked for."""
+    nx, ny, nz = foothold[0, i], foothold[1, i], foothold[2, i]
+    static, least = foothold[3, i], foothold[4, i]
+    sink = nx * (p.x - q.x) + ny * (p.y - q.y) + nz * (p.z - q.z)
+    push = -(nx * q.vx + ny * q.vy + nz * q.vz)
+    x, y, z = q.vx + push * nx, q.vy + push * ny, q.vz + push * nz
+    most = static * push
+    return (static >= 0) & (sink > least) & (push > 0) & (x * x + y * y + z * z <= most * most)

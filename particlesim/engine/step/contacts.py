@@ -32,6 +32,9 @@ class Careful(NamedTuple):
     one_by_one: tuple[()] | None = None
     """An empty tuple where gaps take so long that each particle is looked at by itself, and only if it must be."""
     soft: tuple[Any, ...] = ()
+    sized_by: tuple[Any, ...] | None = None
+    """The colliders that say which coordinates rounding errors come from, where they are not `continuous`: what is set aside
+    must have the same bits as what is not."""
 
 
 def meet(colliders: Any, p: Any) -> Any:
@@ -83,11 +86,15 @@ def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
     return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
 
 
-def inside(colliders: Any, on: Any, p: Any) -> Any:
-    """Whether the particle is in a collider other than those on which it lies; a test in vectors is cheaper than a gap."""
+def inside(colliders: Any, on: Any, p: Any, alone: bool = False) -> Any:
+    """Whether the particle is in a collider other than those on which it lies. A test in vectors is cheaper than a gap, but
+    not where each is looked at `alone`, since gaps take a search."""
     if len(colliders) == 0:
         return False
-    return ((gap(colliders[0], p) < 0) & (not on[0])) | inside(colliders[1:], on[1:], p)
+    others = inside(colliders[1:], on[1:], p, alone)
+    if alone and on[0]:
+        return others
+    return ((gap(colliders[0], p) < 0) & (not on[0])) | others
 
 
 def nowhere(colliders: Any) -> Any:
@@ -104,8 +111,9 @@ def ends_inside(contacts: Any, q: Any) -> Any:
 def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:
     """|x| + |y| + |z|, without the coordinates that no gap depends on: those along planes whose normal is an axis."""
     total = type_of(x, 0)
+    colliders = contacts.continuous if contacts.sized_by is None else contacts.sized_by
     for v, along_it in ((x, (PlaneYRecord, PlaneZRecord)), (y, (PlaneZRecord, PlaneXRecord)), (z, FLAT)):
-        if not all(isinstance(c.shape, along_it) for c in contacts.continuous):
+        if not all(isinstance(c.shape, along_it) for c in colliders):
             total = total + abs(v)
     return total
 

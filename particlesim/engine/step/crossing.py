@@ -18,11 +18,14 @@ EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
 
 
-def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies."""
+def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any, alone: bool = False) -> Any:
+    """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies; `alone` as in
+    `inside`."""
     if len(colliders) == 0:
         return True
-    others = all_apart(colliders[1:], on[1:], p, q, h, slack)
+    others = all_apart(colliders[1:], on[1:], p, q, h, slack, alone)
+    if alone and on[0]:
+        return others
     return others & (apart(colliders[0], p, q, h, slack) | on[0]) if crossable(colliders[0]) else others
 
 

@@ -71,16 +71,16 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """The end of a step from p that meets a collider before q, and whether it is rest, without an impact, so that there
     is nothing to trace."""
-    slack = rounding_of_step(contacts, p, q, h)
+    slack, alone = rounding_of_step(contacts, p, q, h), contacts.one_by_one is not None
     r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
     calm = any(on) & (turn >= 1)
     if len(contacts.continuous) > 1 or crossable(
         contacts.continuous[0]
     ):  # else nothing has moved it off the plane
         calm &= not loose(contacts.continuous, on, r, slack)
-    calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r)
+    calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r, alone)
     if any(crossable(c) for c in contacts.continuous):
-        calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r))
+        calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
     return r, calm
 
 

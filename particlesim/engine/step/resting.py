@@ -42,6 +42,10 @@ from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, 
 LIFT = 8
 """How far above a surface the way along it is looked at, in units of rounding errors."""
 
+LEVEL = 2.0**-10
+"""How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
+take a search are not exact."""
+
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
@@ -50,9 +54,10 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
     have died out, only touching counts. What ends beside another face, as over an edge, does not lie on this one."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
     n, m = touch.up, touch.normal
+    level = type_of(h, LEVEL) * touch.depth - slack if crossable(c) else -slack
     calm = (
         (coasting >= type_of(h, 0.5) * touch.depth - slack)
-        & (h * along(n, p) >= -slack)
+        & (h * along(n, p) >= level)
         & (c.response.bounce < 2)
     )
     calm |= (abs(coasting) <= slack) | sure
@@ -222,13 +227,24 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
     there = _at(q, ends, (q.vx, q.vy, q.vz))
-    ends = lifted(c, there, *sunk(c, p, touch.start, touch.up, there))
+    depth, m = sunk(c, p, touch.start, touch.up, there)
+    ends = lifted(c, there, depth, m)
     if response.belt is None:
         rests = calm & (not slides)
         ends = tuple(old if rests else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
+    bent = False
+    if crossable(c) and response.belt is None:
+        # Held back by friction, it ends where the surface has another direction: what presses it until there.
+        bent = _dot(n, m) < one - tolerance
+        lean = type_of(h, 0.5) * drag * (_dot(way, m) - _dot(way, touch.up))
+        pressed = response.friction.kinetic * max(lean - along(m, q), zero)
+        drag = min(pressed, _dot(after, way)) if bent else drag
     slid = tuple(
         None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
     )
+    if crossable(c) and response.belt is None:
+        up = _dot(slid, m)
+        slid = tuple(v - up * axis if bent else v for v, axis in zip(slid, m, strict=True))
     slid = _unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
     turns = not (slides | calm | firm)
     return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one

@@ -76,7 +76,7 @@ def calibrated(
 ) -> tuple[Plan, float]:
     """A plan and its error, as `measure` finds it; `total` is Σ w². Raises UsageError where the accuracy cannot be had."""
     unit = math.sqrt(float(((sample.weight / sample.need) ** 2).mean()) * total)
-    allowed = AIM * accuracy / unit
+    allowed, change = AIM * accuracy / unit, 1.0
     tried: list[tuple[float, Plan]] = []
     for turn in range(ROUNDS):
         plan = planned(task, allowed)
@@ -89,9 +89,12 @@ def calibrated(
                 "forces by a mesh are not finite",
                 "places, masses or charges are out of all proportion; give other units",
             )
-        if len(tried) > 1 and error > GAIN * tried[-2][0] and error > accuracy:
+        stuck = turn > 0 and error > GAIN * tried[-2][0] and error > accuracy
+        if stuck and change == 1 / TIGHTEST:
             break  # it is not the cut that makes the error
-        allowed *= min(max(AIM * accuracy / max(error, 1e-300), 1 / TIGHTEST), TIGHTEST)
+        change = AIM * accuracy / max(error, 1e-300)
+        change = 1 / TIGHTEST if stuck else min(max(change, 1 / TIGHTEST), TIGHTEST)
+        allowed *= change
     good = [each for each in tried if each[0] <= accuracy]
     if not good:
         raise UsageError(

@@ -8,8 +8,8 @@ Lawson's iteration (C. L. Lawson, thesis, 1961).
 
 from __future__ import annotations
 
-from particlesim.compiler.elementary import polynomial
 from particlesim.compiler.intrinsics import bits_of, number_of
+from particlesim.compiler.roots import polynomial
 
 _MAGIC = 0x5FE6EB50C7B537A9
 """Half of 3 · 2^1022's exponent bits, moved to where the worst relative error is least: 0.0344."""
