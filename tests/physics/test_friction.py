@@ -280,3 +280,26 @@ def test_what_makes_no_sense_is_refused(plane: dict[str, Any], said: str) -> Non
     with pytest.raises(ps.ScenarioError) as refused:
         slide(0.1, 0.01, [plane])
     assert said in str(refused.value)
+
+
+def test_what_slides_into_a_crease_of_thin_sheets_stays_on_their_side() -> None:
+    # It slides along one sheet into another. Its free step ends 2 mm behind sheets of 0.2 mm, where gaps are positive again:
+    # it may not lie on one of them and pass the other.
+    sheet = {"type": "rectangle", "size": [2.2, 2.2], "thickness": 2e-4, "friction": 0.2}
+    final = simulate(
+        0.09,
+        0.03,
+        particles=[points((-0.13, 0.6, -1), velocity=[[63.0, -19.0, 0]], radius=0.0)],
+        forces=[{"type": "gravity", "acceleration": [-7.97, 4.87, -4.63]}],
+        colliders=[
+            {"name": "x", "center": [1.0001, 0, 0], "orientation": {"axis": [0, 0, 1], "angle": 90}, **sheet},
+            {
+                "name": "z",
+                "center": [0, 0, -1.0001],
+                "orientation": {"axis": [1, 0, 0], "angle": 90},
+                **sheet,
+            },
+        ],
+    ).final
+    assert final.position[0, 0] <= 1 + 1e-12
+    assert final.position[0, 2] == pytest.approx(-1, abs=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.colliders.response import crossable, yielded
+from particlesim.colliders.response import crossable, opposite, yielded
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, contact, gap
 
@@ -72,18 +72,26 @@ def ahead(colliders: Any, on: Any, p: Any) -> Any:
     return min(free, ahead(colliders[1:], on[1:], p))
 
 
-def sunk(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
-    """Whether the particle is deeper than `slack` in a collider on which it lies."""
+def sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
+    """Whether the end q of a step from p is deeper than `slack` in a collider on which the particle lies, or behind it."""
     if len(colliders) == 0:
         return False
-    return (on[0] & (gap(colliders[0], p) < -slack)) | sunk(colliders[1:], on[1:], p, slack)
+    below = (gap(colliders[0], q) < -slack) | _behind(colliders[0], p, q)
+    return (on[0] & below) | sunk(colliders[1:], on[1:], p, q, slack)
 
 
-def loose(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
-    """Whether the particle is off or in a collider on which it should lie by more than `slack`, as another moved it."""
+def loose(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
+    """Whether the end q of a step from p is off, in or behind a collider on which the particle should lie by more than
+    `slack`, as another moved it."""
     if len(colliders) == 0:
         return False
-    return (on[0] & (abs(gap(colliders[0], p)) > slack)) | loose(colliders[1:], on[1:], p, slack)
+    off = (abs(gap(colliders[0], q)) > slack) | _behind(colliders[0], p, q)
+    return (on[0] & off) | loose(colliders[1:], on[1:], p, q, slack)
+
+
+def _behind(c: Any, p: Any, q: Any) -> Any:
+    """Whether q is on the other side of a collider, such as a thin sheet, where gaps are positive again."""
+    return opposite(c, p, q) if crossable(c) else False
 
 
 def inside(colliders: Any, on: Any, p: Any, alone: bool = False) -> Any:

@@ -77,7 +77,7 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     if len(contacts.continuous) > 1 or crossable(
         contacts.continuous[0]
     ):  # else nothing has moved it off the plane
-        calm &= not loose(contacts.continuous, on, r, slack)
+        calm &= not loose(contacts.continuous, on, p, r, slack)
     calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r, alone)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
@@ -139,7 +139,7 @@ def _glide(
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
         r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
-        if loose(contacts.continuous, on, r, slack):
+        if loose(contacts.continuous, on, p, r, slack):
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
         if any(on):
             q, memory = r, restart(memory)
@@ -164,21 +164,21 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
             _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
-            if not sunk(contacts.continuous, on, lain, slack):
+            if not sunk(contacts.continuous, on, p, lain, slack):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):
         for j, d in enumerate(contacts.continuous[:k]):
             if on[k] & on[j] & (not found):
                 crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
-                if presses and not sunk(contacts.continuous, on, crept, slack):
+                if presses and not sunk(contacts.continuous, on, p, crept, slack):
                     r, turn, found = crept, bend, True
     if not found:
         sweeps = 0
-        while turn >= 1 and sunk(contacts.continuous, on, r, slack) and sweeps < MAX_SWEEPS:
+        while turn >= 1 and sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
             r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
-        if sunk(contacts.continuous, on, r, slack):
+        if sunk(contacts.continuous, on, p, r, slack):
             zero = h - h
             r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
     return r, on, turn
