@@ -71,7 +71,7 @@ class IslandStability:
         """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
         name = " and ".join(repr(group) for group in self.groups)
         if not self.growth > math.log10(TOLERATED):
-            if not dt * self.folds > self.step > 0:
+            if self.folds <= 1 or not dt * self.folds > self.step > 0:
                 return None
             return (
                 f"dt = {dt:.6g} s is stable for {name} as it begins, up to {self.step:.3g} s, but perhaps not where it "
