@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from particlesim.colliders.dents import dented
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
@@ -139,7 +140,9 @@ def _glide(
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
         r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
-        if loose(contacts.continuous, on, p, r, slack):
+        # The way along a shape with dents may end at another part of it: what is behind that does not matter.
+        blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
+        if loose(contacts.continuous, on, p, r, slack) and not blocked:
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
         if any(on):
             q, memory = r, restart(memory)
