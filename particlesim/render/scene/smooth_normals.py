@@ -8,7 +8,7 @@ import numpy as np
 
 from particlesim.render.kernels.records import Array, Ints
 
-CREASE = 50.0
+CREASE = 40.0
 """Faces that meet at a sharper angle than this [degrees] keep their own normals, as on the edges of a cube."""
 
 
