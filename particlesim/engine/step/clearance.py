@@ -106,7 +106,9 @@ def holds(contacts: Any) -> bool:
     """Whether particles may stand on some collider, held by friction, until forces change: all colliders are at rest."""
     colliders = contacts.continuous + contacts.discrete
     rough = any(c.response.friction is not None and c.response.belt is None for c in contacts.continuous)
-    return rough and not any(isinstance(c.shape, MovingRecord) for c in colliders)
+    return rough and not any(
+        not isinstance(c, BoundsRecord) and isinstance(c.shape, MovingRecord) for c in colliders
+    )
 
 
 @outlined
