@@ -242,3 +242,34 @@ def test_a_grain_falls_on_a_ball_from_a_file_and_on_one_that_is_cut(tmp_path: Pa
         final = ps.run(made).final
         # the spline through samples 0.1 apart is 1e-4 off at most; bounces double what that changes
         assert final.position[0] == pytest.approx([0, top + 0.05 + e * e * h, 0], abs=1e-3)
+
+
+def test_emitted_balls_come_to_rest_on_a_rough_hill_within_bounds() -> None:
+    final = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": 0.3, "dt": 2e-3, "seed": 1},
+                "emitters": [
+                    {
+                        "name": "balls",
+                        "rate": 100,
+                        "shape": {"type": "point", "position": [0, 1.1, 0]},
+                        "radius": 0.005,
+                        "density": 1000.0,
+                        "die": {"outside": [[-2, -1, -2], [2, 3, 2]]},
+                    }
+                ],
+                "forces": [{"type": "gravity"}],
+                "colliders": [
+                    {
+                        "type": "formula",
+                        "distance": "x**2 + y**2 + z**2 - 1",
+                        "size": [2.5] * 3,
+                        "friction": 0.4,
+                    }
+                ],
+                "planes": [{"friction": 0.3}],
+            }
+        )
+    ).final
+    assert len(final.position) and (np.linalg.norm(final.position, axis=1) > 1.005 - 1e-12).all()
