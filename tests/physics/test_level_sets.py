@@ -272,4 +272,5 @@ def test_emitted_balls_come_to_rest_on_a_rough_hill_within_bounds() -> None:
             }
         )
     ).final
-    assert len(final.position) and (np.linalg.norm(final.position, axis=1) > 1.005 - 1e-12).all()
+    assert len(final.position) > 0
+    assert (np.linalg.norm(final.position, axis=1) > 1.005 - 1e-12).all()
