@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
-from particlesim.bonds.pairs import SINGLE
 from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
@@ -41,10 +40,12 @@ from particlesim.engine.rigid.joint_system import (
 from particlesim.engine.rigid.joints import ROD
 from particlesim.engine.rigid.kernel import (
     FULL,
+    GOOD,
     UNHELD,
     Scene,
     Stretch,
     close_joints,
+    hold_ends,
     look_for_contacts,
     step_bodies,
     sum_energies,
@@ -52,12 +53,13 @@ from particlesim.engine.rigid.kernel import (
     velocities_of,
 )
 from particlesim.engine.rigid.pieces import pieces_of
+from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.spring_layout import Laid, body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
-from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left
+from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left, renew
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
@@ -79,7 +81,7 @@ ROOM = 16
 
 class RigidIsland(BaseIsland):
     """All rigid bodies; their states are stretches of the island's arrays. `particles` are those of other islands, which
-    springs may tie to bodies."""
+    springs and rods may tie to bodies."""
 
     def __init__(
         self,
@@ -99,12 +101,15 @@ class RigidIsland(BaseIsland):
         self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
-        self._made = made_joints(scenario, offset, self.bodies())
-        laid = body_springs(scenario, offset, self.bodies(), particles)
+        held = held_rows(scenario, particles)
+        seats = seats_of(offset, {state.name: state.count for state in self.states}, held, count)
+        laid = body_springs(scenario, seats, self.bodies(), particles)
         # Those to particles come last, as they do in steps with guests.
         self._springs = tuple(sorted(laid, key=lambda each: each.tied is not None))
-        self.ties = Ties(laid, particles)
-        """The springs to particles."""
+        self.ties = Ties(laid, held, particles)
+        """The springs and rods to particles."""
+        self._crew: tuple[Bodies, Motion] | None = None
+        self._made = made_joints(scenario, seats, self._on_rods()[0])
         self.broken = {each.name: each.springs.broke for each in laid if each.breaks}
         """When each of the springs that may break did [s], infinity while it holds, by the names of their sets."""
         given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
@@ -136,14 +141,56 @@ class RigidIsland(BaseIsland):
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
-        b = self.bodies()
+        b, motion = self._on_rods()
         given = b.v.copy(), b.spin.copy()
-        close_joints(self._scene, b, self._motion)
+        close_joints(self._scene, b, motion)
+        self._take(b)
         require_speeds(self._made, b, given)
 
     def fit(self) -> None:
         if self._made:
-            close_joints(self._scene, self.bodies(), self._motion)
+            b, motion = self._on_rods()
+            close_joints(self._scene, b, motion)
+            self._take(b)
+
+    def _on_rods(self) -> tuple[Bodies, Motion]:
+        """The bodies with the particles that rods hold at them, and room for what they do."""
+        b = self.bodies()
+        if not self.ties.held:
+            return b, self._motion
+        visitors = self.ties.visitors(held=True)
+        if self._crew is None:
+            whole = joined(b, visitors)
+            self._crew = whole, new_motion(whole.w.size)
+        fill(self._crew[0], b, visitors)
+        return self._crew
+
+    def _take(self, whole: Bodies) -> None:
+        """Bodies and particles on rods have become those of `_on_rods`."""
+        if self.ties.held:
+            self._have(whole)
+            self.ties.take(whole.x[:, self._joined.whole.count :], whole.v[:, self._joined.whole.count :])
+
+    def _have(self, whole: Bodies) -> None:
+        """Bodies have become the first ones of others."""
+        b = self.bodies()
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, : b.w.size]
+
+    def hold_ends(self, step: int, *, touched: bool) -> Fault | None:
+        """After all islands have made a step: rods to particles fit again. What that takes from particles that have touched
+        a collider is the work of contact."""
+        self.ties.arrive()
+        if not self.ties.held:
+            return None
+        whole, motion = self._on_rods()
+        book = self.books is not None and touched
+        before = _kinetic(whole, motion) if book else 0.0
+        held = hold_ends(self._scene, whole, motion, self._joined.whole.count, 0.5 * self.dt)
+        if book and self.books is not None:
+            self.books.add("contact", _kinetic(whole, motion) - before + self.ties.unforeseen())
+        self._take(whole)
+        return None if held else self._fault(step, opened=True)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
@@ -162,17 +209,16 @@ class RigidIsland(BaseIsland):
 
     def _receive(self, step: int, visitors: Visitors) -> Fault | None:
         """A step with particles among the bodies."""
-        b = self.bodies()
-        n, report = b.w.size, np.zeros(2)
+        b, report = self.bodies(), np.zeros(2)
         whole, scene, motion = self._received(b, visitors)
         guests = scene.guests
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] != FULL:
                 return self._fault(step, opened=report[0] == UNHELD)
             self._make_room(2 * int(report[1]))
-            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
-        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
-            mine[:] = after[:, :n]
+            fill(whole, b, visitors)  # from its beginning
+            report[0] = GOOD
+        self._have(whole)
         self.left = left(whole, guests, visitors, self.dt)
         return None
 
@@ -183,13 +229,13 @@ class RigidIsland(BaseIsland):
         if party is not None and np.array_equal(party[1].guests.id, visitors.id):
             whole, scene, motion = party
             fill(whole, b, visitors)
-            scene.guests.lean[:] = visitors.lean
+            renew(scene.guests, visitors, self.dt)
             return whole, scene, motion
         whole, booking = joined(b, visitors), self._booking()
         springs = (*booking.springs, *self.ties.springs(visitors, b.w.size))
-        scene = booking._replace(guests=guests_of(visitors, b.w.size), springs=springs)
+        scene = booking._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
         if scene.joints is not None:
-            strangers = np.zeros(len(visitors.w), scene.joined.dtype)
+            strangers = np.zeros(len(visitors.w) - visitors.held, scene.joined.dtype)
             scene = scene._replace(joined=np.append(scene.joined, strangers))
         self._party = whole, scene, new_motion(whole.w.size)
         return self._party
@@ -210,7 +256,8 @@ class RigidIsland(BaseIsland):
         if opened:
             j = self._scene.joints
             g = int(j.failed[0])
-            member, row = self._joined.member_of(int(j.first[g]))
+            ends = (int(i) for i in (j.first[g], j.second[g]) if WORLD < i < b.w.size)
+            member, row = self._joined.member_of(next(ends, 0))
             return Fault(member, row, step, unclosed=Unclosed(self._made[int(self._order[g])].name))
         good = np.isfinite(b.x).all(axis=0) & np.isfinite(b.v).all(axis=0)
         good &= np.isfinite(b.turn).all(axis=0) & np.isfinite(b.spin).all(axis=0)
@@ -255,12 +302,14 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.left.values()]
+        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.gained.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
-        scene = self._scene._replace(work=None)
+        # What hangs on rods is not there: they do without it.
+        joints = None if self.ties.held else self._scene.joints
+        scene = self._scene._replace(work=None, joints=joints)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -335,12 +384,18 @@ class RigidIsland(BaseIsland):
     def topology(self) -> list[Topology]:
         ids = {state.name: state.id[: state.count] for state in (*self.states, *self._particles.values())}
         rest = {each.name: each.springs.rest for each in self._springs}
-        rods = (each for each in self._made if each.kind == ROD)
-        lengths = np.array([each.length for each in rods])
-        for name, each in self._scenario.body_rods:
-            number = len(each.pairs or SINGLE)
-            rest[name], lengths = lengths[:number], lengths[number:]
-        return lines(self._scenario, ids, rest, self.broken)
+        lengths = np.array([each.length for each in self._made if each.kind == ROD])
+        return [
+            *lines(self._scenario, ids, rest, self.broken),
+            *rod_lines(self._scenario, ids, lengths),
+        ]
+
+
+def _kinetic(b: Bodies, motion: Motion) -> float:
+    """Kinetic energy of bodies, and of particles among them that nothing holds [J]."""
+    velocities_of(b, motion)
+    mass = np.divide(1.0, b.w, out=np.zeros_like(b.w), where=b.w > 0)
+    return float(0.5 * ((mass * b.v**2).sum() + (motion.now[:, 3:].T * b.spin).sum()))
 
 
 def copy_of(memory: Memory) -> Memory:
@@ -392,8 +447,9 @@ def _scene(
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
-    joints, order = new_joints(made, n) if made else (None, np.empty(0, np.int64))
-    joined, partners, partner_from = partners_of(scenario, made, n)
+    ends = max((max(each.first, each.second) + 1 for each in made), default=0)
+    joints, order = new_joints(made, max(n, ends)) if made else (None, np.empty(0, np.int64))
+    joined, partners, partner_from = partners_of(scenario, made, max(n, ends))
     feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
     scene = Scene(
         stretches,
