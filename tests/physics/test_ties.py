@@ -17,7 +17,7 @@ from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
-from particlesim.errors import ScenarioError
+from particlesim.errors import ScenarioError, UsageError
 from particlesim.runs.validity import stiff
 
 BALL = {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}, "mass": 2.0}
@@ -283,6 +283,17 @@ def test_steps_too_long_for_ties_are_told() -> None:
     assert stiff(World(ps.from_table(table(0.99 * longest, 0.99 * longest, **given)))) == ()
     (told,) = stiff(World(ps.from_table(table(1.01 * longest, 1.01 * longest, **given))))
     assert f"{longest:.3g} s" in told
+
+
+def test_the_work_of_a_motion_that_leads_an_end_is_refused() -> None:
+    led = {
+        "particles": [bead([1, 0, 0], pinned=[0])],
+        "bodies": [BALL],
+        "rods": [{"between": ["ball", "bead"]}],
+        "motions": [{"on": "bead", "path": ["0.1 * sin(t)", "0", "0"]}],
+    }
+    with pytest.raises(UsageError, match="the work of such a motion is not booked"):
+        World(ps.from_table(table(0.1, 1e-3, output={"work": True, "ledger": True}, **led)))
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ ROOM = 16
 
 class RigidIsland(BaseIsland):
     """All rigid bodies; their states are stretches of the island's arrays. `particles` are those of other islands, which
-    springs and rods may tie to bodies."""
+    springs and rods may tie to bodies. Raises UsageError for joints and ties that cannot be."""
 
     def __init__(
         self,
@@ -108,6 +108,8 @@ class RigidIsland(BaseIsland):
         self._springs = tuple(sorted(laid, key=lambda each: each.tied is not None))
         self.ties = Ties(laid, held, particles)
         """The springs and rods to particles."""
+        if self.books is not None:
+            self.ties.refuse_led()
         self._crew: tuple[Bodies, Motion] | None = None
         self._made = made_joints(scenario, seats, self._on_rods()[0])
         self.broken = {each.name: each.springs.broke for each in laid if each.breaks}

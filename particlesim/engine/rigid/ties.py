@@ -23,6 +23,7 @@ from particlesim.engine.rigid.spring_layout import Laid
 from particlesim.engine.rigid.springs import BodySprings
 from particlesim.engine.rigid.visit import Visitors, among
 from particlesim.engine.state.group_state import GroupState
+from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 
 
@@ -47,6 +48,19 @@ class Ties:
         self.given = self.awaited = np.zeros((3, 0))
         """Of the present step, and of particles on rods [m/s], shape [3, n]: velocities that bodies have given them, and
         changes by what else acts on them for which those are right."""
+
+    def refuse_led(self) -> None:
+        """Raises UsageError where motions lead some of these particles: the work at such ends is not known."""
+        for name, state in self._states.items():
+            led = [
+                row for each in state.driven for row in np.intersect1d(each.rows, self.rows[name]).tolist()
+            ]
+            if led:
+                raise UsageError(
+                    f"a motion leads particle {led[0]} of {name!r}, which springs or rods join to bodies: the work of "
+                    "such a motion is not booked",
+                    "leave out work under [output], or lead another particle of the group",
+                )
 
     def __bool__(self) -> bool:
         return bool(self.rows)
