@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
+from particlesim.engine.islands.rigid_scene import scene_of, still_of
 from particlesim.engine.ledger.sums import measure
-from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     NOBODY,
@@ -23,18 +22,13 @@ from particlesim.engine.rigid.bodies import (
     Bodies,
     Memory,
     Motion,
-    Surfaces,
     new_contacts,
     new_memory,
     new_motion,
 )
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.joint_system import (
-    Made,
     made_joints,
-    new_joints,
-    new_stops,
-    partners_of,
     require_speeds,
 )
 from particlesim.engine.rigid.joints import ROD
@@ -43,7 +37,6 @@ from particlesim.engine.rigid.kernel import (
     GOOD,
     UNHELD,
     Scene,
-    Stretch,
     close_joints,
     hold_ends,
     look_for_contacts,
@@ -52,27 +45,21 @@ from particlesim.engine.rigid.kernel import (
     sum_forces_on,
     velocities_of,
 )
-from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.solver import address
-from particlesim.engine.rigid.spring_layout import Laid, body_springs, lines
+from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
 from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left, renew
-from particlesim.engine.rigid.walls import Wall
-from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
 from particlesim.model.arrays import Floats, Ints
-from particlesim.model.attributes import FURTHER
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
-SLOP = 1e-4
-"""Overlap that contacts leave alone, in units of the smallest size: impulses take up what rounding and steps leave of it."""
 DEEP = 10.0
 """Overlap at the start that is told, in units of that which contacts leave alone."""
 ROOM = 16
@@ -97,7 +84,7 @@ class RigidIsland(BaseIsland):
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
-        self._still = _still(groups, owner)
+        self._still = still_of(groups, owner)
         self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
@@ -115,7 +102,7 @@ class RigidIsland(BaseIsland):
         self.broken = {each.name: each.springs.broke for each in laid if each.breaks}
         """When each of the springs that may break did [s], infinity while it holds, by the names of their sets."""
         given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
-        self._scene, self._order = _scene(*given, scenario, self._made, self._springs, self.books)
+        self._scene, self._order = scene_of(*given, scenario, self._made, self._springs, self.books)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -414,99 +401,3 @@ def larger(memory: Memory, contacts: int) -> Memory:
         found.keys[:, at] = memory.keys[:, old]
         found.impulse[:, at] = memory.impulse[:, old]
     return found
-
-
-def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, ...]:
-    """What never changes of bodies, as `Bodies` has it from `w` on."""
-    mass = np.array([group.weight for group in groups])[owner]
-    inertia = np.array([group.inertia() for group in groups]).T[:, owner]
-    reach = np.array([group.shape.reach() for group in groups])[owner]
-    pieces = pieces_of([group.shape.own_pieces() for group in groups])
-    return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
-
-
-def _scene(
-    structure: Island,
-    groups: Sequence[BodyGroup],
-    bounds: Sequence[int],
-    owner: NDArray[np.int64],
-    whole: GroupState,
-    scenario: Scenario,
-    made: Sequence[Made],
-    springs: Sequence[Laid],
-    books: Books | None,
-) -> tuple[Scene, NDArray[np.int64]]:
-    """What acts on the bodies, and which of the joints that were made each one of it is."""
-    stretches = tuple(
-        _stretch(a, b, [force.record() for force in forces], group)
-        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
-    )
-    walls: list[Wall] = []
-    for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
-        on = np.array([collider in colliders for colliders in structure.colliders], np.int64)
-        belt = collider.surface_velocity or (0.0, 0.0, 0.0)
-        shape = collider.body()
-        walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
-    spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
-    n = whole.count
-    ends = max((max(each.first, each.second) + 1 for each in made), default=0)
-    joints, order = new_joints(made, max(n, ends)) if made else (None, np.empty(0, np.int64))
-    joined, partners, partner_from = partners_of(scenario, made, max(n, ends))
-    feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
-    scene = Scene(
-        stretches,
-        tuple(each.springs for each in springs if each.tied is None),
-        tuple(walls),
-        surfaces_of(groups),
-        np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
-        whole.mass[:n].astype(float),
-        whole.radius[:n].astype(float),
-        tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
-        SLOP * min(group.shape.fineness() for group in groups),
-        2 if feel or any(np.any(each.springs.c > 0) for each in springs) else 1,
-        joints,
-        new_stops(made, order),
-        joined,
-        partners,
-        partner_from,
-        None if books is None else _work(books, springs, groups),
-    )
-    return scene, order
-
-
-def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:
-    """How the work on bodies is booked."""
-
-    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
-        return tuple(through_surface(record, group.shape) or record for record in records)
-
-    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
-    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
-    at = {name: k for k, name in enumerate(books.names)}
-    damper = np.array([at.get(each.name, -1) for each in springs], np.int64)
-    breaking = np.array([at.get(f"{each.name}.breaking", -1) for each in springs], np.int64)
-    return Work(spent, cause, stored, damper, breaking, at["contact"], at.get("motors", -1), books.totals)
-
-
-def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
-    """The forces on the bodies of a group, on points that have their mass and through their surface."""
-    others = [through_surface(record, group.shape) for record in records]
-    return Stretch(
-        first,
-        last,
-        tuple(record for record, other in zip(records, others, strict=True) if other is None),
-        tuple(other for other in others if other is not None),
-    )
-
-
-def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
-    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions."""
-    lively = np.array([group.restitution for group in groups])
-    static, kinetic = np.array([group.coefficients for group in groups]).T
-    return Surfaces(
-        np.ones((len(groups), len(groups))),
-        np.minimum.outer(lively, lively),
-        np.sqrt(np.multiply.outer(static, static)),
-        np.sqrt(np.multiply.outer(kinetic, kinetic)),
-    )
