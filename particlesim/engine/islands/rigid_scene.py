@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
+from particlesim.bodies.pieces import BOX, HULL
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import Surfaces
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.joint_system import Made, new_joints, new_stops, partners_of
 from particlesim.engine.rigid.kernel import Scene, Stretch
 from particlesim.engine.rigid.pieces import pieces_of
+from particlesim.engine.rigid.rolling import Rolling
 from particlesim.engine.rigid.spring_layout import Laid
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
@@ -113,7 +115,8 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
-    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions."""
+    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions, the larger
+    rolling friction."""
     lively = np.array([group.restitution for group in groups])
     static, kinetic = np.array([group.coefficients for group in groups]).T
     return Surfaces(
@@ -121,4 +124,12 @@ def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
         np.minimum.outer(lively, lively),
         np.sqrt(np.multiply.outer(static, static)),
         np.sqrt(np.multiply.outer(kinetic, kinetic)),
+        _rolling(groups),
     )
+
+
+def _rolling(groups: Sequence[BodyGroup]) -> Rolling | None:
+    """Rolling friction of groups; None where all roll freely."""
+    friction = np.array([group.rolling_friction for group in groups], float)
+    flat = [all(piece.kind in (BOX, HULL) for piece in group.shape.own_pieces()) for group in groups]
+    return Rolling(friction, np.array(flat, float)) if friction.any() else None
