@@ -1,9 +1,10 @@
-"""A heap of falling boxes, in psim and in MuJoCo: CPU time for a simulated second, and how deep boxes sink into each other.
+"""A heap of falling boxes, in psim, MuJoCo and Newton: CPU time for a simulated second, and how deep boxes sink into each other.
 
     python tests/bench/bench_bodies.py [--side 10] [--duration 1.5] [--rounds 2] [--dt 2e-3] [--peer-dt 2e-3 4e-3]
+        [--solvers CG] [--newton /path/to/python] [--iterations 2 10]
 
 Boxes of 10 × 20 × 40 cm, turned at random, fall from a lattice with `side`³ places onto a plane and on each other. MuJoCo
-(pip install mujoco) has the same boxes, masses, frictions and orientations. The depth is measured by psim's own search for
+(pip install mujoco) and Newton's XPBD (by a Python that has it) have the same boxes, masses, frictions and orientations. The depth is measured by psim's own search for
 contacts in both, as the mean over moments of the deepest and of the mean of all contacts that overlap. Each runs in turn, on
 one thread, several rounds; the best of each counts.
 """
@@ -11,10 +12,12 @@ one thread, several rounds; the best of each counts.
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from typing import Any
 
 import numpy as np
+from newton_peer import Newton
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -119,6 +122,27 @@ class MuJoCo:
         b.x[:], b.turn[:] = q[:3], q[3:]
 
 
+class XPBD:
+    """The same boxes in Newton."""
+
+    def __init__(self, python: str, spare: Ours, dt: float, iterations: int, folder: str) -> None:
+        b = spare.island.bodies()
+        given = {"x": b.x.T, "q": b.turn[[1, 2, 3, 0]].T, "size": SIZE, "density": DENSITY}
+        start = f"{folder}/{iterations}-{dt:g}.npz"
+        self.peer = Newton(python, "boxes", start, dt, iterations, friction=FRICTION, **given)
+        self.name = f"Newton XPBD, {iterations} iterations, dt = {dt * 1e3:g} ms"
+        self.steps, self.island, self.spent = round(spare.per_frame / dt), spare.island, 0.0
+
+    def frame(self) -> None:
+        """Advance to the next frame."""
+        self.spent = self.peer.spent(self.steps)
+
+    def place(self) -> None:
+        """Put the bodies of the island where those of Newton are."""
+        q, b = self.peer.now(), self.island.bodies()
+        b.x[:], b.turn[:] = q[:3], q[[6, 3, 4, 5]]
+
+
 def main() -> None:
     """Measure, print."""
     parser = argparse.ArgumentParser(
@@ -131,27 +155,36 @@ def main() -> None:
     parser.add_argument("--peer-dt", type=float, nargs="*", default=[2e-3])
     parser.add_argument("--solvers", nargs="*", default=["Newton"])
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--newton")
+    parser.add_argument("--iterations", type=int, nargs="*", default=[2])
     asked = parser.parse_args()
     best: dict[str, float] = {}
     deep: dict[str, tuple[float, float, float]] = {}
     ps.run(scene(2, 1e-2, 0.1), threads=1)
     for _ in range(asked.rounds):
+        folder = tempfile.mkdtemp()
         made: list[Any] = [Ours(asked.side, dt, asked.duration, asked.threads) for dt in asked.dt]
         spare = Ours(asked.side, asked.peer_dt[0] if asked.peer_dt else 1e-3, asked.duration, 1)
         for dt in asked.peer_dt:
             given = (spare.island, dt, spare.frames, spare.per_frame)
             made.extend(MuJoCo(*given, solver) for solver in asked.solvers)
+            iterations = asked.iterations if asked.newton else ()
+            made.extend(XPBD(asked.newton, spare, dt, number, folder) for number in iterations)
         spent = dict.fromkeys((each.name for each in made), 0.0)
         seen: dict[str, list[tuple[float, float, int]]] = {each.name: [] for each in made}
         for k in range(spare.frames):
             for each in made:
                 begin = time.process_time()
                 each.frame()
-                spent[each.name] += time.process_time() - begin
+                took = time.process_time() - begin
+                spent[each.name] += each.spent if isinstance(each, XPBD) else took
                 if 2 * k >= spare.frames:
-                    if isinstance(each, MuJoCo):
+                    if not isinstance(each, Ours):
                         each.place()
                     seen[each.name].append(depths(each.island))
+        for each in made:
+            if isinstance(each, XPBD):
+                each.peer.close()
         for name, seconds in spent.items():
             best[name] = min(best.get(name, np.inf), seconds / asked.duration)
             deep[name] = tuple(np.mean(seen[name], axis=0))  # type: ignore[assignment]

@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from newton_peer import Newton
 from numpy.typing import NDArray
 
 import particlesim as ps
@@ -180,6 +181,25 @@ def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> N
         print(f"LAMMPS takes {min(theirs) / min(mine):.2f} times as long")
 
 
+def against_newton(rounds: int, python: str, given: Path) -> None:
+    """CPU time for each grain and step of psim and of Newton's particles, from the same places."""
+    x = settled(given)
+    number, e_star = len(x), YOUNG / (2 * (1 - POISSON**2))
+    one = simulation(x, loose(number)[1])
+    one.advance_to(WARM)
+    mass = DENSITY * 4 / 3 * np.pi * RADIUS**3
+    stiffness = 4 / 3 * e_star * (RADIUS / 2 * 1e-3 * RADIUS) ** 0.5  # at an overlap of a thousandth
+    with tempfile.TemporaryDirectory() as folder:
+        start = {"x": x[:, [0, 2, 1]], "mass": mass, "radius": RADIUS, "friction": FRICTION}
+        peer = Newton(python, "grains", f"{folder}/start.npz", DT, stiffness=stiffness, **start)
+        spent = [(timed(one, 100) / 100, peer.spent(30) / 30) for _ in range(rounds)]
+        peer.close()
+    mine, theirs = (min(each) / number * 1e9 for each in zip(*spent, strict=True))
+    print(
+        f"psim {mine:.0f} ns, Newton {theirs:.0f} ns for each grain and step: {theirs / mine:.2f} times as long"
+    )
+
+
 def growth(rounds: int) -> None:
     """CPU time for each grain and step of more and more grains, that lie in a lattice."""
     found = {}
@@ -214,11 +234,14 @@ def main() -> None:
     parser.add_argument("--grains", type=int, default=100_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--lammps")
+    parser.add_argument("--newton", help="a Python that has newton; with --settled")
     parser.add_argument("--settled", type=Path)
     parser.add_argument("--growth", action="store_true")
     given = parser.parse_args()
     if given.lammps:
         against_lammps(given.grains, given.rounds, given.lammps, given.settled)
+    if given.newton:
+        against_newton(given.rounds, given.newton, given.settled)
     if given.growth:
         growth(given.rounds)
 
