@@ -25,6 +25,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
@@ -293,11 +294,12 @@ def move_apart(each: Any, c: Any) -> None:
 
 
 def colliders_of(part: Any) -> Any:
-    """All colliders of a group."""
+    """All colliders of a group that have a surface."""
     if len(part.rubbing) > 0:
         return part.rubbing
     contacts = part.contacts
-    return contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    found = contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    return tuple(c for c in found if not isinstance(c.shape, BoundsRecord))
 
 
 def whole(n: Any, like: Any) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.response import along
 from particlesim.laws.registry import gap, moved_to, normal
@@ -24,7 +23,7 @@ class Hit(NamedTuple):
 
 def silence(colliders: Any, p: Any) -> Any:
     """No impact; None where nobody would hear of one."""
-    if all(isinstance(c, BoundsRecord) or c.response.heard is None for c in colliders):
+    if all(c.response.heard is None for c in colliders):
         return None
     zero = p.x - p.x
     return Hit(-1, zero, p, zero, zero, zero)
@@ -35,7 +34,7 @@ def hear(colliders: Any, p: Any, hit: Any) -> Any:
     if hit is None:
         return None
     for c in colliders:
-        if not isinstance(c, BoundsRecord) and c.response.heard is not None:
+        if c.response.heard is not None:
             local, shape = p, c.shape
             if isinstance(c.shape, MovingRecord):
                 local, shape = ride(c.shape, p), c.shape.shape
