@@ -29,7 +29,7 @@ from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.interactions.contacts import with_masses
+from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.interaction import Floats, Site
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
@@ -103,6 +103,7 @@ class Impulses(NearLists, ImpulseColumns):
         pass
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        hold_stuck(self, c, share)
         bring_up(self, c, share, t)
         if share.number == 0:
             resolve(self, parts, c, before, t)

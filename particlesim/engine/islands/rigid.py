@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.bonds.pairs import SINGLE
+from particlesim.colliders import Collider
 from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
@@ -225,7 +226,7 @@ class RigidIsland(BaseIsland):
             self._make_room(2 * int(k.number.sum()))
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
-        colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
+        colliders = _met(self._structure)
         ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
@@ -368,6 +369,11 @@ def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, 
     return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
 
 
+def _met(structure: Island) -> list[Collider]:
+    """All colliders of an island, each once."""
+    return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
+
+
 def _scene(
     structure: Island,
     groups: Sequence[BodyGroup],
@@ -385,8 +391,8 @@ def _scene(
         for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
     )
     walls: list[Wall] = []
-    for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
-        on = np.array([collider in colliders for colliders in structure.colliders], np.int64)
+    for collider in _met(structure):
+        on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
         belt = collider.surface_velocity or (0.0, 0.0, 0.0)
         shape = collider.body()
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.response import along
-from particlesim.laws.registry import gap, moved_to, normal
+from particlesim.laws.registry import gap_and_normal, moved_to, normal
 
 
 class Hit(NamedTuple):
     """An impact: the number of the collider, and the speed along its normal relative to it, 0 for none; the particle before
-    it, with its time, and the normal."""
+    it, with its time, on the surface, and the normal."""
 
     collider: Any
     speed: Any
@@ -40,16 +40,17 @@ def hear(colliders: Any, p: Any, hit: Any) -> Any:
                 local, shape = ride(c.shape, p), c.shape.shape
             speed = -along(normal(shape, local), local)
             zero = p.x - p.x
-            n = tuple(zero if axis is None else axis for axis in normal(c.shape, p))
-            new = (gap(c, p) < 0) & (speed > 0) & (not hit.speed > 0)
+            g, axes = gap_and_normal(c, p)
+            n = tuple(zero if axis is None else axis for axis in axes)
+            new = (g < 0) & (speed > 0) & (not hit.speed > 0)
             hit = Hit(
                 c.response.heard if new else hit.collider,
                 speed if new else hit.speed,
                 moved_to(
                     p,
-                    p.x if new else hit.p.x,
-                    p.y if new else hit.p.y,
-                    p.z if new else hit.p.z,
+                    p.x - g * n[0] if new else hit.p.x,
+                    p.y - g * n[1] if new else hit.p.y,
+                    p.z - g * n[2] if new else hit.p.z,
                     p.vx if new else hit.p.vx,
                     p.vy if new else hit.p.vy,
                     p.vz if new else hit.p.vz,
