@@ -303,6 +303,9 @@ def test_particles_that_come_later_have_the_accuracy_too() -> None:
         simulation.advance_to(2)
         forces.append(np.hstack([state.velocity.T for state in simulation.states]))
         simulation.close()
+    none_yet = Simulation(ps.from_table(table(0.03, 0.01, **{**parts, "particles": []})), threads=1)
+    assert none_yet.ledger()["potential.gravity"] == 0
+    none_yet.close()
     direct, tree = forces
     error = np.linalg.norm(tree - direct, axis=0) / np.linalg.norm(direct, axis=0)
     assert np.sqrt(np.mean(error[2:] ** 2)) < 1e-3

@@ -112,6 +112,8 @@ def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any,
     angles alone is found beforehand.
     """
     count = x.size
+    if count == 0:  # before the first birth, and after the last death
+        return
     first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
     lo, side_length = _enclose(tree, x, y, z, first, last, share)
     side = _order(tree, x, y, z, first, last, lo, 1 / side_length, share)

@@ -118,7 +118,7 @@ class TreePairs(Interaction, TreeColumns):
             float(self.limits[calibration.ERROR]),
             f"multipoles of order {len(self.tree.form.order)}",
         )
-        if error > 0:
+        if error > np.finfo(float).eps:  # measured
             told += f", rms relative force error {error:.1e} at the start"
         if self.tree.report[FULL]:
             told += "; there was no room for all cells, so that some leaves were large and sums slower"
