@@ -70,6 +70,11 @@ class Bodies(Rubbing, Particles):
     friction: Annotated[Number, Ge(0)] | Friction = 0.5
     """Coefficient of Coulomb friction between bodies, or a table with one at rest and one in motion; of two different ones
     the geometric mean counts. On colliders that of the collider counts."""
+    rolling_friction: Annotated[Number, Ge(0)] = 0.0
+    """Coefficient of rolling friction μ_r on colliders and bodies: rolling is held back by a moment of up to μ_r R N, with R
+    the radius of a ball (the height of the centre of other shapes above the contact), or the reduced radius
+    r₁ r₂/(r₁ + r₂) of two round ones. Of two different coefficients the larger counts. What is not flat or round to
+    perfection has some 0.001 to 0.1."""
 
     @model_validator(mode="after")
     def _size(self) -> Bodies:

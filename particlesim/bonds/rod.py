@@ -46,8 +46,8 @@ class Rods(Model):
     """Indices of the joined particles, a pair for every rod; needless between two groups of one particle."""
     points: tuple[Vector[Metres], Vector[Metres]] | None = None
     """Rods at rigid bodies: where both ends are, from the centres of their bodies along the axes that these have before they
-    are turned, and for "world", which may be the second of `between`, the place. The centres unless given. With points,
-    `pairs` are the first bodies of both groups unless given."""
+    are turned, and for "world", which may be the second of `between`, the place; of a particle [0, 0, 0]. The centres unless
+    given. With points, `pairs` are the first of both groups unless given."""
     length: Annotated[Metres, Gt(0)] | None = None
     """Length of every rod; the distance at the start unless given. Particles must be this far apart at the start, to one
     part in ten thousand; what is missing is corrected before the first step."""

@@ -54,7 +54,7 @@ class Guard:
         # Particles and bodies that touch, or that springs join, give energy to each other.
         meetings = meetings_of(world.scenario)
         meeting = {name for each in meetings for name in (each.particles, each.bodies)}
-        meeting |= {name for each in world.scenario.ties for name in each.groups()}
+        meeting |= world.scenario.tied
         self._judged = [
             judged and not any(group.name in meeting for group in structure.groups)
             for judged, (_, structure) in zip(self._judged, pairs, strict=True)

@@ -97,6 +97,8 @@ class Simulation(World):
                     self._meetings.dismiss()
                 else:
                     self._advance(number, self.step, last, fresh)
+            if (fault := self._meetings.hold_ends(self.step)) is not None:
+                raise not_finite(self, self._order[0], fault, self.step)
             self.step = last
             fresh = not singly or last % RENEWAL == 0
             if between is not None and last < step and fresh:

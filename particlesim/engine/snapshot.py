@@ -52,7 +52,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
     ),
     "Guard": frozenset(("_judged", "_from", "_drift")),
     "Account": frozenset(("_names", "_absolute")),
-    "Books": frozenset(("names", "_spent", "_stored")),
+    "Books": frozenset(("names", "_spent", "_stored", "jolts")),
     "RigidIsland": frozenset(
         (
             "_joined",
@@ -67,12 +67,12 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_contacts",
             "_kept",
             "_kept_memory",
-            *("_made", "_springs", "_order", "_scenario", "_particles", "_party"),
+            *("_made", "_springs", "_order", "_scenario", "_particles", "_party", "_crew"),
             "kept_from",
             "impacts",
         )
     ),
-    "Ties": frozenset(("_sets", "_states", "rows")),
+    "Ties": frozenset(("_sets", "_states", "rows", "held", "given", "awaited")),
     "IndependentIsland": frozenset(("program", "_booking", "_rooms", "impacts")),
     "CoupledIsland": frozenset(
         {

@@ -226,7 +226,8 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
             name = parent[name]
         return name
 
-    rods, interactions = scenario.rod_sets, interactions_of(scenario)
+    hung, interactions = {each.name for each in scenario.hung_rods}, interactions_of(scenario)
+    rods = tuple(each for each in scenario.rod_sets if each.name not in hung)
     for first, *others in (each.groups for each in (*interactions, *rods)):
         for other in others:
             parent[root(other)] = root(first)

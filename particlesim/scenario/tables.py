@@ -149,10 +149,12 @@ class Tables(Model):
         return tuple((label, springs) for springs, label in self._labelled_springs if self.at_bodies(springs))
 
     @property
-    def ties(self) -> tuple[Springs, ...]:
-        """Springs from rigid bodies to particles."""
+    def tied(self) -> frozenset[str]:
+        """Groups of particles and bodies which springs or rods join with each other."""
         others = {WORLD, *(body.name for body in self.bodies)}
-        return tuple(springs for _, springs in self.body_springs if not others.issuperset(springs.groups()))
+        joints: list[tuple[str, Springs | Rods]] = [*self.body_springs, *self.body_rods]
+        found = [each.groups() for _, each in joints if not others.issuperset(each.groups())]
+        return frozenset().union(*found, *(each.groups for each in self.hung_rods))
 
     @property
     def body_rods(self) -> tuple[tuple[str, Rods], ...]:
@@ -162,6 +164,18 @@ class Tables(Model):
             for rods, label in zip(self.rods, self._rod_labels, strict=True)
             if self.at_bodies(rods)
         )
+
+    @property
+    def hung_rods(self) -> tuple[RodSet, ...]:
+        """Rods between particles that hang on rigid bodies by rods, which bodies hold together with their own."""
+        names = {name for _, rods in self.body_rods for name in rods.groups()}
+        found: dict[str, RodSet] = {}
+        left = {each.name: each for each in self.rod_sets}
+        while near := {name: each for name, each in left.items() if not names.isdisjoint(each.groups)}:
+            found |= near
+            names.update(*(each.groups for each in near.values()))
+            left = {name: each for name, each in left.items() if name not in near}
+        return tuple(each for each in self.rod_sets if each.name in found)
 
     @property
     def _rod_labels(self) -> tuple[str, ...]:

@@ -99,6 +99,19 @@ def test_a_block_slides_up_a_slope_and_down_again(dt: float) -> None:
     assert position == pytest.approx((-v * v / (2 * rise) + fall * s * s / 2) * downhill(angle), rel=1e-10)
 
 
+def test_friction_never_works_for_a_puck_that_turns_within_a_step() -> None:
+    # Uphill and a little aside, so that it turns round a bend: friction takes from the energy all along its way.
+    angle, dt = 1.4, 1e-2
+    uphill = np.linspace(0.01, 0.12, 12)
+    start = [tuple(-u * downhill(angle) + (0, 0, 0.003)) for u in uphill]
+    pucks = points(*[(0, 0, z) for z in range(12)], velocity=start, radius=0.0)
+    final = simulate(dt, dt, particles=[pucks], forces=GRAVITY, planes=[slope(angle, friction=0.02)]).final
+    energy = (final.velocity**2).sum(axis=1) / 2 + G * final.position[:, 1]
+    gained = energy - (np.array(start) ** 2).sum(axis=1) / 2
+    path = np.linalg.norm(final.position[:, :2], axis=1)
+    assert (gained < -1e-3 * 0.02 * G * math.cos(angle) * path).all()
+
+
 def test_a_puck_on_a_slope_curls_as_it_should() -> None:
     # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck
     # that is pushed across ends downhill with half of its speed.

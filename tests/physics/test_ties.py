@@ -1,4 +1,4 @@
-"""Springs from rigid bodies to particles, against closed forms, what is conserved, and what the books say."""
+"""Springs and rods from rigid bodies to particles, against closed forms, what is conserved, and what the books say."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, record, simulate, table
+from scipy.linalg import eigh
+from simulate import EPS, G, record, simulate, table
 
 import particlesim as ps
 from particlesim.engine.islands.rigid import RigidIsland
+from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
-from particlesim.errors import ScenarioError
+from particlesim.errors import ScenarioError, UsageError
 from particlesim.runs.validity import stiff
 
 BALL = {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}, "mass": 2.0}
@@ -54,13 +56,14 @@ def test_two_masses_on_a_spring_swing_about_their_centre() -> None:
         assert errors[1] < 0.2 * (omega * 5e-3) ** 2 * omega
 
 
-def hung(h: float, steps: int, **other: Any) -> dict[str, Any]:
-    """A box that tumbles on an elastic rope of four beads, from a corner; nothing holds the rope."""
+def hung(h: float, steps: int, rods: str = "", **other: Any) -> dict[str, Any]:
+    """A box that tumbles on an elastic rope of four beads, from a corner; nothing holds the rope. `rods` instead of springs:
+    for the "tie" from the rope to the box, or for "all"."""
     rope = {
         "name": "rope",
         "layout": {"type": "rope", "start": [0.4, 0.3, 0.2], "end": [1.0, 0.3, 0.2], "count": 4},
         "mass": 0.1,
-        "springs": {"structural": 300.0},
+        "springs": {"rigid": True} if rods == "all" else {"structural": 300.0},
     }
     box = {
         "name": "box",
@@ -69,18 +72,14 @@ def hung(h: float, steps: int, **other: Any) -> dict[str, Any]:
         "velocity": [0.3, -0.5, 0.2],
         "angular_velocity": [1.0, 2.0, -3.0],
     }
-    spring = {
-        "between": ["rope", "box"],
-        "pairs": [[0, 0]],
-        "points": [[0, 0, 0], [0.15, 0.1, 0.05]],
-        "stiffness": 60.0,
-        "rest_length": 0.25,
-        "damping": 0.1,
-        "name": "tie",
-        **other,
-    }
+    ends = {"between": ["rope", "box"], "points": [[0, 0, 0], [0.15, 0.1, 0.05]], "name": "tie"}
     output = {"ledger": True, "work": True, "every": max(steps // 20, 1)}
-    return table(steps * h, h, particles=[rope], bodies=[box], springs=[spring], output=output)
+    parts = {"particles": [rope], "bodies": [box], "output": output}
+    if rods:  # which begins across the rod
+        box |= {"velocity": [0.3, -0.5, 1 / 6], "angular_velocity": [5.0, 4.0, 3.0]}
+        return table(steps * h, h, rods=[ends], **parts)
+    spring = {"stiffness": 60.0, "rest_length": 0.25, "damping": 0.1, **ends, **other}
+    return table(steps * h, h, springs=[spring], **parts)
 
 
 def test_momentum_and_angular_momentum_are_kept_and_all_energy_is_booked() -> None:
@@ -95,6 +94,127 @@ def test_momentum_and_angular_momentum_are_kept_and_all_energy_is_booked() -> No
         assert rows["work.tie"][-1] == pytest.approx(-0.0557, abs=1e-4)  # as steps of a tenth have it
         balances.append(np.abs(rows["balance"]).max())
     assert 3.7 < balances[0] / balances[1] < 4.3  # what is left is the error of the steps, of second order
+
+
+@pytest.mark.parametrize("rods", ["tie", "all"])
+def test_rods_keep_momentum_energy_and_their_lengths(rods: str) -> None:
+    # A chain of springs, or of rods that are solved for together with the one at the box.
+    balances = []
+    for h, steps in ((4e-3, 100), (2e-3, 200)):
+        simulation = Simulation(ps.from_table(hung(h, steps, rods)), threads=1)
+        start = simulation.ledger()
+        for last in range(10, steps + 1, 10):
+            simulation.advance_to(last)
+            rope, box = simulation.states
+            corner = box.x[:, 0] + np.reshape(matrix(box.turn[:, 0]), (3, 3)) @ [0.15, 0.1, 0.05]
+            assert np.linalg.norm(rope.x[:, 0] - corner) == pytest.approx(math.sqrt(0.125), abs=1e-14)
+            if rods == "all":
+                lengths = np.linalg.norm(np.diff(rope.x[:, :4], axis=1), axis=0)
+                assert lengths == pytest.approx([0.2] * 3, abs=1e-14)
+        now = simulation.ledger()
+        for name in ("momentum", "angular_momentum"):
+            for axis in "xyz":
+                key = f"{name}.{axis}"
+                assert abs(now[key] - start[key]) < 4 * EPS * steps, key  # each of size 1
+        balances.append(abs(now["balance"]))
+        simulation.close()
+    assert balances[1] < 1e-6
+    assert 3.6 < balances[0] / balances[1] < 4.4
+
+
+def test_a_bead_below_a_bar_swings_in_its_modes() -> None:
+    # A bar on a ball joint, and a bead on a rod from its lower end. For small angles θ of the bar and φ of the rod
+    # T = ½ (I + m l²) θ'² + m l b θ'φ' + ½ m b² φ'², V = ½ (M d + m l) g θ² + ½ m g b φ²: two modes, each begun at its
+    # greatest angles, and seen after a whole period.
+    l, b, mass, m = 1.0, 0.5, 2.0, 0.5  # noqa: E741
+    inertia = mass * ((0.1**2 + l**2) / 12 + l**2 / 4)
+    kinetic = np.array([[inertia + m * l * l, m * l * b], [m * l * b, m * b * b]])
+    stored = np.diag([(mass * l / 2 + m * l) * G, m * G * b])
+    squares, modes = eigh(stored, kinetic)
+    for square, mode in zip(squares, modes.T, strict=True):
+        theta, phi = 1e-4 * mode / np.abs(mode).max()
+        end = np.array([math.sin(theta), -math.cos(theta), 0.0])
+        bar = {
+            "name": "bar",
+            "shape": {"type": "box", "size": [0.1, l, 0.1]},
+            "mass": mass,
+            "position": (0.5 * end).tolist(),
+            "orientation": {"axis": [0, 0, 1], "angle": math.degrees(theta)},
+        }
+        start = end + b * np.array([math.sin(phi), -math.cos(phi), 0.0])
+        period, errors = 2 * math.pi / math.sqrt(square), []
+        for steps in (40, 80):
+            after = simulate(
+                period,
+                period / steps,
+                particles=[bead(start.tolist())],
+                bodies=[bar],
+                joints=[{"type": "ball", "between": ["bar", "world"], "anchor": [0, 0, 0]}],
+                rods=[{"between": ["bead", "bar"], "points": [[0, 0, 0], [0, -l / 2, 0]], "length": b}],
+                forces=[{"type": "gravity"}],
+            ).final
+            errors.append(np.abs(after.velocity[:, 0]).max() / math.sqrt(square))
+        assert errors[1] < 1e-4 * (2 * math.pi / 80) ** 2  # the phase is late by (ω h)²/24 of 2π
+        assert 3.5 < errors[0] / errors[1] < 4.5
+
+
+def test_a_box_that_lies_holds_a_bead_below_it() -> None:
+    # The solver of contacts knows what hangs on the box: it neither sinks nor slides nor tilts.
+    box = {
+        "name": "box",
+        "shape": {"type": "box", "size": [0.4, 0.2, 0.4]},
+        "position": [0, 0.1, 0],
+        "mass": 2.0,
+    }
+    simulation = Simulation(
+        ps.from_table(
+            table(
+                0.4,
+                2e-3,
+                particles=[bead([0.1, -0.5, 0])],
+                bodies=[box],
+                rods=[{"between": ["box", "bead"], "points": [[0.1, -0.1, 0], [0, 0, 0]]}],
+                planes=[{"normal": [0, 1, 0], "friction": 0.5, "on": ["box"]}],
+                forces=[{"type": "gravity"}],
+            )
+        ),
+        threads=1,
+    )
+    simulation.advance_to(100)
+    hanging, lying = (state.x[:, 0].copy() for state in simulation.states)
+    simulation.advance_to(200)
+    assert simulation.states[0].x[:, 0] == pytest.approx(hanging, abs=2e-6)
+    assert simulation.states[1].x[:, 0] == pytest.approx(lying, abs=1e-7)
+    assert lying == pytest.approx([0, 0.1, 0], abs=2e-5)
+    simulation.close()
+
+
+def test_dampers_of_light_beads_take_nothing_from_a_load_at_rest() -> None:
+    # 1 kg on a bead of 10 g, which gets Δv = M g h/m in every step and gives it to its own spring: at rest for its damper.
+    k, m, load = 400.0, 0.01, 1.0
+    springs = [
+        {
+            "on": "bead",
+            "pairs": [[0, 1]],
+            "name": "own",
+            "rest_length": 0.5 - (m + load) * G / k,
+            "damping": 1.0,
+        },
+        {"between": ["ball", "bead"], "pairs": [[0, 1]], "rest_length": 0.3 - load * G / k},
+    ]
+    beads = {"type": "points", "position": [[0, 0, 0], [0, -0.5, 0]]}
+    rows = simulate(
+        0.1,
+        1e-3,
+        particles=[{"name": "bead", "mass": m, "layout": beads, "pinned": [0]}],
+        bodies=[BALL | {"mass": load, "position": [0, -0.8, 0]}],
+        springs=[each | {"stiffness": k} for each in springs],
+        forces=[{"type": "gravity"}],
+        output={"ledger": True, "work": True},
+    ).ledger
+    taken = 1.0 * (load * G * 1e-3 / m) ** 2 / 3 * 0.1  # by a damper on the way from Δv to 0
+    assert abs(rows["work.own"][-1]) < 0.01 * taken
+    assert abs(rows["balance"][-1]) < 0.05 * taken
 
 
 def test_springs_find_their_particles_in_any_order() -> None:
@@ -133,21 +253,25 @@ def test_ties_break_for_good_and_what_they_held_is_booked(tmp_path: Path) -> Non
     assert end[0, 0] - end[1, 0] == pytest.approx(math.sqrt(36 - 2 * lost / 0.4), rel=1e-4)
 
 
-def test_a_run_that_goes_on_from_a_snapshot_has_the_same_bits() -> None:
-    scenario = ps.from_table(hung(2e-3, 200, break_force=4.0))
+@pytest.mark.parametrize("rods", ["", "tie"])
+def test_a_run_that_goes_on_from_a_snapshot_has_the_same_bits(rods: str) -> None:
+    scenario = ps.from_table(hung(2e-3, 200, rods, break_force=4.0))
     whole, half, rest = (Simulation(scenario, threads=threads) for threads in (1, 2, 1))
     whole.advance_to(200)
     half.advance_to(90)
     restore(rest, snapshot(half))
     rest.step = half.step
     rest.advance_to(200)
-    assert np.isfinite(whole.broke()["tie"]).all()
-    assert (whole.broke()["tie"] == rest.broke()["tie"]).all()
+    if not rods:
+        assert np.isfinite(whole.broke()["tie"]).all()
+        assert (whole.broke()["tie"] == rest.broke()["tie"]).all()
     for one, other in zip(whole.states, rest.states, strict=True):
         assert (one.x == other.x).all()
         assert (one.v == other.v).all()
     # The forces of the spring on both ends, as frames would have them, cancel.
-    assert rest.forces_on(rest.states[0]).sum(axis=0) == pytest.approx(-rest.forces_on(rest.states[1])[0])
+    assert rest.forces_on(rest.states[0]).sum(axis=0) == pytest.approx(
+        -rest.forces_on(rest.states[1])[0], abs=1e-12
+    )
     for each in (whole, half, rest):
         each.close()
 
@@ -161,6 +285,17 @@ def test_steps_too_long_for_ties_are_told() -> None:
     assert f"{longest:.3g} s" in told
 
 
+def test_the_work_of_a_motion_that_leads_an_end_is_refused() -> None:
+    led = {
+        "particles": [bead([1, 0, 0], pinned=[0])],
+        "bodies": [BALL],
+        "rods": [{"between": ["ball", "bead"]}],
+        "motions": [{"on": "bead", "path": ["0.1 * sin(t)", "0", "0"]}],
+    }
+    with pytest.raises(UsageError, match="the work of such a motion is not booked"):
+        World(ps.from_table(table(0.1, 1e-3, output={"work": True, "ledger": True}, **led)))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -168,8 +303,8 @@ def test_steps_too_long_for_ties_are_told() -> None:
         ({"springs": [tie(pairs=[[0, 1]])]}, "'bead' has no particle 1"),
         ({"springs": [tie(within=0.5) | {"pairs": None}]}, "springs at bodies are listed"),
         (
-            {"springs": [], "rods": [{"between": ["ball", "bead"], "pairs": [[0, 0]]}]},
-            "rods join rigid bodies",
+            {"joints": [{"type": "ball", "between": ["ball", "bead"], "anchor": [0, 0, 0]}]},
+            "joints join rigid bodies",
         ),
         (
             {"particles": [bead([1, 0, 0], dynamics={"type": "first_order", "drag": 1.0})]},

@@ -14,7 +14,7 @@ from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
 from particlesim.engine.islands.stepping import Stepper
 from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
-from particlesim.engine.ledger.work import Books, moved
+from particlesim.engine.ledger.work import Books, moved, unjolted
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.step.contacts import Simple
 from particlesim.graph.graph import Island
@@ -52,6 +52,7 @@ class Bookkeeper:
             parts = tuple(part._replace(contacts=Simple(()), cores=None) for part in layout.parts)
             self._stepper.copy(layout, parts, copies, free, step, 1)
             given = self._given()
+        columns = unjolted(columns, self.books.jolts)
         return Opened(columns, begin, h, free, interactions=interactions, effort=given)
 
     def close(self, opened: Opened, now: Moment, last: int) -> None:

@@ -16,6 +16,7 @@ from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland
 from particlesim.engine.islands.births import Births
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
+from particlesim.engine.ledger.work import unjolted
 from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.contacts import Simple
@@ -152,7 +153,8 @@ class IndependentIsland(BaseIsland):
             program = self.program._replace(contacts=Simple(()))
             room = new_room(free, self._block)
             step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_), room)
-        return Opened(kept, begin, h, free)
+        jolts = () if self.books is None or self._adaptive else self.books.jolts
+        return Opened(unjolted(kept, jolts), begin, h, free)
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""

@@ -1,13 +1,15 @@
-"""Particles and rigid bodies that touch each other, or that springs join: islands of their own, whose particles are guests
-among the bodies for a step (`engine.rigid.grains`, `engine.rigid.ties`)."""
+"""Particles and rigid bodies that touch each other, or that springs and rods join: islands of their own, whose particles are
+guests among the bodies for a step (`engine.rigid.grains`, `engine.rigid.ties`)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
@@ -32,7 +34,7 @@ class Surfaces(NamedTuple):
 
 
 class Meetings:
-    """All contacts of particles with bodies in a scenario, and springs from ones to the others."""
+    """All contacts of particles with bodies in a scenario, and springs and rods from ones to the others."""
 
     def __init__(
         self, scenario: Scenario, islands: Sequence[BaseIsland], states: Sequence[GroupState]
@@ -53,12 +55,14 @@ class Meetings:
                 self._surfaces[each.particles], (1.0, each.restitution, *each.friction), strict=True
             ):
                 column[names.index(each.bodies)] = value
-        self._tied = {} if self._bodies is None else self._bodies.ties.rows
+        ties = None if self._bodies is None else self._bodies.ties
+        self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
         for name in self._tied:
             if name not in self._surfaces:
                 self._surfaces[name] = Surfaces(*np.zeros((4, len(names))))
                 self._states.append(next(state for state in states if state.name == name))
-        self._rows: list[Ints] = []
+        self._chosen: list[tuple[GroupState, Ints]] = []
+        self._worked: list[float] = []
 
     def __bool__(self) -> bool:
         return bool(self._states)
@@ -73,7 +77,8 @@ class Meetings:
         from particlesim.engine.rigid.visit import among
 
         assert self._bodies is not None
-        bodies, self._rows = self._bodies.bodies(), []
+        bodies, ties = self._bodies.bodies(), self._bodies.ties
+        self._chosen = ties.on_rods()
         for state in self._states:
             n = state.count
             x, v = (np.ascontiguousarray(each[:, :n], float) for each in (state.x, state.v))
@@ -82,22 +87,29 @@ class Meetings:
             if touch.any():
                 near_bodies(bodies, touch, x, v, radius, self._dt, near)
             near[self._tied.get(state.name, [])] = 1
-            self._rows.append(np.flatnonzero(near))
-        surfaces = np.array([np.array(each) for each in self._surfaces.values()]).transpose(1, 0, 2)
-        chosen = list(zip(self._states, self._rows, strict=True))
-        self._bodies.visitors = among(chosen, np.ascontiguousarray(surfaces), self._bodies.ties.lean(chosen))
+            near[self._held.get(state.name, [])] = 0
+            self._chosen.append((state, np.flatnonzero(near)))
+        names = (*self._held, *self._surfaces)
+        surfaces = np.array([np.array(self._surfaces[name]) for name in names]).transpose(1, 0, 2)
+        number = sum(len(rows) for rows in self._held.values())
+        gain = ties.gain(self._chosen)
+        self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), gain, number)
 
     def dismiss(self) -> None:
         """After it: particles get their new velocities, and methods that remember the old ones start anew."""
         assert self._bodies is not None
-        after = self._bodies.left
+        after, visitors = self._bodies.left, self._bodies.visitors
+        assert visitors is not None
         self._bodies.visitors = None
+        self._forget_jolts()
         first = 0
-        for state, rows in zip(self._states, self._rows, strict=True):
+        for state, rows in self._chosen:
             part = slice(first, first + len(rows))
             first += len(rows)
             changed = after.moved[part]
             rows = rows[changed]
+            if state.name in self._tied:
+                self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])
             state.x[:, rows] += after.shift[:, part][:, changed].astype(state.dtype)
             state.v[:, rows] = after.v[:, part][:, changed]
             if SPIN in state.parts:
@@ -106,7 +118,33 @@ class Meetings:
                 state.memory[-1, rows] = 0
             if len(rows):
                 self._islands[state.name].fit()
-        self._bodies.ties.remember()
+        self._bodies.ties.leave(after.v - visitors.v, visitors.gain)
+        self._worked = self._contact_work()
+
+    def hold_ends(self, step: int) -> Fault | None:
+        """After all islands have made a step: rods from bodies to particles fit again."""
+        if self._bodies is None or not self._bodies.ties:
+            return None
+        return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
+
+    def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
+        """Let books know of what springs and rods do to particles before these make their own step."""
+        island = self._islands[state.name]
+        if island.books is not None:
+            before = takewhile(lambda each: each is not state, island.states)
+            change = np.concatenate([shift, v - state.v[:, rows]])
+            island.books.jolts.append((sum(each.count for each in before) + rows, change))
+
+    def _forget_jolts(self) -> None:
+        for name in self._tied:
+            books = self._islands[name].books
+            if books is not None:
+                books.jolts.clear()
+
+    def _contact_work(self) -> list[float]:
+        """The work that contact has done on groups of particles which rods hold [J], where that is booked."""
+        books = (self._islands[name].books for name in self._held)
+        return [each.work_of("contact") for each in books if each is not None]
 
 
 def _bodies_among(islands: Sequence[BaseIsland]) -> RigidIsland:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
-from particlesim.bonds.pairs import SINGLE
-from particlesim.colliders import Collider
 from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
+from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, still_of
 from particlesim.engine.ledger.sums import measure
-from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     NOBODY,
@@ -25,53 +22,44 @@ from particlesim.engine.rigid.bodies import (
     Bodies,
     Memory,
     Motion,
-    Surfaces,
     new_contacts,
     new_memory,
     new_motion,
 )
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.joint_system import (
-    Made,
     made_joints,
-    new_joints,
-    new_stops,
-    partners_of,
     require_speeds,
 )
 from particlesim.engine.rigid.joints import ROD
 from particlesim.engine.rigid.kernel import (
     FULL,
+    GOOD,
     UNHELD,
     Scene,
-    Stretch,
     close_joints,
+    hold_ends,
     look_for_contacts,
     step_bodies,
     sum_energies,
     sum_forces_on,
     velocities_of,
 )
-from particlesim.engine.rigid.pieces import pieces_of
+from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.solver import address
-from particlesim.engine.rigid.spring_layout import Laid, body_springs, lines
+from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
-from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left
-from particlesim.engine.rigid.walls import Wall
-from particlesim.engine.rigid.work import Work
+from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left, renew
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
 from particlesim.model.arrays import Floats, Ints
-from particlesim.model.attributes import FURTHER
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
-SLOP = 1e-4
-"""Overlap that contacts leave alone, in units of the smallest size: impulses take up what rounding and steps leave of it."""
 DEEP = 10.0
 """Overlap at the start that is told, in units of that which contacts leave alone."""
 ROOM = 16
@@ -80,7 +68,7 @@ ROOM = 16
 
 class RigidIsland(BaseIsland):
     """All rigid bodies; their states are stretches of the island's arrays. `particles` are those of other islands, which
-    springs may tie to bodies."""
+    springs and rods may tie to bodies. Raises UsageError for joints and ties that cannot be."""
 
     def __init__(
         self,
@@ -96,20 +84,25 @@ class RigidIsland(BaseIsland):
         groups = [group for group in structure.groups if isinstance(group, BodyGroup)]
         count = self._joined.whole.count
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
-        self._still = _still(groups, owner)
+        self._still = still_of(groups, owner)
         self._shapes = tuple(group.shape for group in groups)
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
-        self._made = made_joints(scenario, offset, self.bodies())
-        laid = body_springs(scenario, offset, self.bodies(), particles)
+        held = held_rows(scenario, particles)
+        seats = seats_of(offset, {state.name: state.count for state in self.states}, held, count)
+        laid = body_springs(scenario, seats, self.bodies(), particles)
         # Those to particles come last, as they do in steps with guests.
         self._springs = tuple(sorted(laid, key=lambda each: each.tied is not None))
-        self.ties = Ties(laid, particles)
-        """The springs to particles."""
+        self.ties = Ties(laid, held, particles)
+        """The springs and rods to particles."""
+        if self.books is not None:
+            self.ties.refuse_led()
+        self._crew: tuple[Bodies, Motion] | None = None
+        self._made = made_joints(scenario, seats, self._on_rods()[0])
         self.broken = {each.name: each.springs.broke for each in laid if each.breaks}
         """When each of the springs that may break did [s], infinity while it holds, by the names of their sets."""
         given = (structure, groups, self._joined.bounds, owner, self._joined.whole)
-        self._scene, self._order = _scene(*given, scenario, self._made, self._springs, self.books)
+        self._scene, self._order = scene_of(*given, scenario, self._made, self._springs, self.books)
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
@@ -137,14 +130,56 @@ class RigidIsland(BaseIsland):
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
-        b = self.bodies()
+        b, motion = self._on_rods()
         given = b.v.copy(), b.spin.copy()
-        close_joints(self._scene, b, self._motion)
+        close_joints(self._scene, b, motion)
+        self._take(b)
         require_speeds(self._made, b, given)
 
     def fit(self) -> None:
         if self._made:
-            close_joints(self._scene, self.bodies(), self._motion)
+            b, motion = self._on_rods()
+            close_joints(self._scene, b, motion)
+            self._take(b)
+
+    def _on_rods(self) -> tuple[Bodies, Motion]:
+        """The bodies with the particles that rods hold at them, and room for what they do."""
+        b = self.bodies()
+        if not self.ties.held:
+            return b, self._motion
+        visitors = self.ties.visitors(held=True)
+        if self._crew is None:
+            whole = joined(b, visitors)
+            self._crew = whole, new_motion(whole.w.size)
+        fill(self._crew[0], b, visitors)
+        return self._crew
+
+    def _take(self, whole: Bodies) -> None:
+        """Bodies and particles on rods have become those of `_on_rods`."""
+        if self.ties.held:
+            self._have(whole)
+            self.ties.take(whole.x[:, self._joined.whole.count :], whole.v[:, self._joined.whole.count :])
+
+    def _have(self, whole: Bodies) -> None:
+        """Bodies have become the first ones of others."""
+        b = self.bodies()
+        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
+            mine[:] = after[:, : b.w.size]
+
+    def hold_ends(self, step: int, *, touched: bool) -> Fault | None:
+        """After all islands have made a step: rods to particles fit again. What that takes from particles that have touched
+        a collider is the work of contact."""
+        self.ties.arrive()
+        if not self.ties.held:
+            return None
+        whole, motion = self._on_rods()
+        book = self.books is not None and touched
+        before = _kinetic(whole, motion) if book else 0.0
+        held = hold_ends(self._scene, whole, motion, self._joined.whole.count, 0.5 * self.dt)
+        if book and self.books is not None:
+            self.books.add("contact", _kinetic(whole, motion) - before + self.ties.unforeseen())
+        self._take(whole)
+        return None if held else self._fault(step, opened=True)
 
     def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
@@ -163,17 +198,16 @@ class RigidIsland(BaseIsland):
 
     def _receive(self, step: int, visitors: Visitors) -> Fault | None:
         """A step with particles among the bodies."""
-        b = self.bodies()
-        n, report = b.w.size, np.zeros(2)
+        b, report = self.bodies(), np.zeros(2)
         whole, scene, motion = self._received(b, visitors)
         guests = scene.guests
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] != FULL:
                 return self._fault(step, opened=report[0] == UNHELD)
             self._make_room(2 * int(report[1]))
-            whole.x[:, n:] = visitors.x + 0.5 * self.dt * visitors.v
-        for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
-            mine[:] = after[:, :n]
+            fill(whole, b, visitors)  # from its beginning
+            report[0] = GOOD
+        self._have(whole)
         self.left = left(whole, guests, visitors, self.dt)
         return None
 
@@ -184,13 +218,13 @@ class RigidIsland(BaseIsland):
         if party is not None and np.array_equal(party[1].guests.id, visitors.id):
             whole, scene, motion = party
             fill(whole, b, visitors)
-            scene.guests.lean[:] = visitors.lean
+            renew(scene.guests, visitors, self.dt)
             return whole, scene, motion
         whole, booking = joined(b, visitors), self._booking()
         springs = (*booking.springs, *self.ties.springs(visitors, b.w.size))
-        scene = booking._replace(guests=guests_of(visitors, b.w.size), springs=springs)
+        scene = booking._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
         if scene.joints is not None:
-            strangers = np.zeros(len(visitors.w), scene.joined.dtype)
+            strangers = np.zeros(len(visitors.w) - visitors.held, scene.joined.dtype)
             scene = scene._replace(joined=np.append(scene.joined, strangers))
         self._party = whole, scene, new_motion(whole.w.size)
         return self._party
@@ -211,7 +245,8 @@ class RigidIsland(BaseIsland):
         if opened:
             j = self._scene.joints
             g = int(j.failed[0])
-            member, row = self._joined.member_of(int(j.first[g]))
+            ends = (int(i) for i in (j.first[g], j.second[g]) if WORLD < i < b.w.size)
+            member, row = self._joined.member_of(next(ends, 0))
             return Fault(member, row, step, unclosed=Unclosed(self._made[int(self._order[g])].name))
         good = np.isfinite(b.x).all(axis=0) & np.isfinite(b.v).all(axis=0)
         good &= np.isfinite(b.turn).all(axis=0) & np.isfinite(b.spin).all(axis=0)
@@ -226,7 +261,7 @@ class RigidIsland(BaseIsland):
             self._make_room(2 * int(k.number.sum()))
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
-        colliders = _met(self._structure)
+        colliders = colliders_of(self._structure)
         ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
@@ -256,12 +291,14 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.left.values()]
+        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.gained.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
-        scene = self._scene._replace(work=None)
+        # What hangs on rods is not there: they do without it.
+        joints = None if self.ties.held else self._scene.joints
+        scene = self._scene._replace(work=None, joints=joints)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -336,12 +373,18 @@ class RigidIsland(BaseIsland):
     def topology(self) -> list[Topology]:
         ids = {state.name: state.id[: state.count] for state in (*self.states, *self._particles.values())}
         rest = {each.name: each.springs.rest for each in self._springs}
-        rods = (each for each in self._made if each.kind == ROD)
-        lengths = np.array([each.length for each in rods])
-        for name, each in self._scenario.body_rods:
-            number = len(each.pairs or SINGLE)
-            rest[name], lengths = lengths[:number], lengths[number:]
-        return lines(self._scenario, ids, rest, self.broken)
+        lengths = np.array([each.length for each in self._made if each.kind == ROD])
+        return [
+            *lines(self._scenario, ids, rest, self.broken),
+            *rod_lines(self._scenario, ids, lengths),
+        ]
+
+
+def _kinetic(b: Bodies, motion: Motion) -> float:
+    """Kinetic energy of bodies, and of particles among them that nothing holds [J]."""
+    velocities_of(b, motion)
+    mass = np.divide(1.0, b.w, out=np.zeros_like(b.w), where=b.w > 0)
+    return float(0.5 * ((mass * b.v**2).sum() + (motion.now[:, 3:].T * b.spin).sum()))
 
 
 def copy_of(memory: Memory) -> Memory:
@@ -358,103 +401,3 @@ def larger(memory: Memory, contacts: int) -> Memory:
         found.keys[:, at] = memory.keys[:, old]
         found.impulse[:, at] = memory.impulse[:, old]
     return found
-
-
-def _still(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, ...]:
-    """What never changes of bodies, as `Bodies` has it from `w` on."""
-    mass = np.array([group.weight for group in groups])[owner]
-    inertia = np.array([group.inertia() for group in groups]).T[:, owner]
-    reach = np.array([group.shape.reach() for group in groups])[owner]
-    pieces = pieces_of([group.shape.own_pieces() for group in groups])
-    return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
-
-
-def _met(structure: Island) -> list[Collider]:
-    """All colliders of an island, each once."""
-    return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
-
-
-def _scene(
-    structure: Island,
-    groups: Sequence[BodyGroup],
-    bounds: Sequence[int],
-    owner: NDArray[np.int64],
-    whole: GroupState,
-    scenario: Scenario,
-    made: Sequence[Made],
-    springs: Sequence[Laid],
-    books: Books | None,
-) -> tuple[Scene, NDArray[np.int64]]:
-    """What acts on the bodies, and which of the joints that were made each one of it is."""
-    stretches = tuple(
-        _stretch(a, b, [force.record() for force in forces], group)
-        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
-    )
-    walls: list[Wall] = []
-    for collider in _met(structure):
-        on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
-        belt = collider.surface_velocity or (0.0, 0.0, 0.0)
-        shape = collider.body()
-        walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
-    spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
-    n = whole.count
-    joints, order = new_joints(made, n) if made else (None, np.empty(0, np.int64))
-    joined, partners, partner_from = partners_of(scenario, made, n)
-    feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
-    scene = Scene(
-        stretches,
-        tuple(each.springs for each in springs if each.tied is None),
-        tuple(walls),
-        surfaces_of(groups),
-        np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
-        whole.mass[:n].astype(float),
-        whole.radius[:n].astype(float),
-        tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
-        SLOP * min(group.shape.fineness() for group in groups),
-        2 if feel or any(np.any(each.springs.c > 0) for each in springs) else 1,
-        joints,
-        new_stops(made, order),
-        joined,
-        partners,
-        partner_from,
-        None if books is None else _work(books, springs, groups),
-    )
-    return scene, order
-
-
-def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:
-    """How the work on bodies is booked."""
-
-    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
-        return tuple(through_surface(record, group.shape) or record for record in records)
-
-    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
-    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
-    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
-    at = {name: k for k, name in enumerate(books.names)}
-    damper = np.array([at.get(each.name, -1) for each in springs], np.int64)
-    breaking = np.array([at.get(f"{each.name}.breaking", -1) for each in springs], np.int64)
-    return Work(spent, cause, stored, damper, breaking, at["contact"], at.get("motors", -1), books.totals)
-
-
-def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
-    """The forces on the bodies of a group, on points that have their mass and through their surface."""
-    others = [through_surface(record, group.shape) for record in records]
-    return Stretch(
-        first,
-        last,
-        tuple(record for record, other in zip(records, others, strict=True) if other is None),
-        tuple(other for other in others if other is not None),
-    )
-
-
-def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
-    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions."""
-    lively = np.array([group.restitution for group in groups])
-    static, kinetic = np.array([group.coefficients for group in groups]).T
-    return Surfaces(
-        np.ones((len(groups), len(groups))),
-        np.minimum.outer(lively, lively),
-        np.sqrt(np.multiply.outer(static, static)),
-        np.sqrt(np.multiply.outer(kinetic, kinetic)),
-    )

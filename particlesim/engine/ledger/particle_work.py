@@ -15,6 +15,7 @@ from particlesim.engine.ledger.work import (
     accelerations,
     halfway,
     halfway_between,
+    met_jolts,
     moved,
     weighted,
 )
@@ -101,7 +102,7 @@ class ParticleBooks:
             books.book_powers(0, [books.powers(0, c, t) for c, t in states], SIMPSON, step.h)
         if self._contact:
             change = books.energies(0, columns, finish) - books.energies(0, path, finish)
-            books.add("contact", float(change.sum()))
+            books.add("contact", float(change.sum()) - met_jolts(path, columns, books.jolts))
 
     @LENIENT
     def book_legs(self, legs: Legs, columns: Columns, method: EmbeddedRungeKutta) -> None:
@@ -243,7 +244,8 @@ class IslandBooks:
             books.add(
                 "contact",
                 self._energy(columns, interactions, parts, end)
-                - self._energy(path, interactions, parts, end),
+                - self._energy(path, interactions, parts, end)
+                - met_jolts(path, columns, books.jolts),
             )
 
     @LENIENT

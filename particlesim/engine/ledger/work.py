@@ -30,6 +30,7 @@ from particlesim.scenario.ledger_columns import causes, has_potential
 from particlesim.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class Books:
@@ -38,6 +39,9 @@ class Books:
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
         self.names = causes(scenario, [group.name for group in structure.groups])
         self.totals = np.zeros(len(self.names))
+        self.jolts: list[tuple[Ints, Floats]] = []
+        """What springs and rods at bodies have done to particles just before their own step: rows of the island, and the
+        changes of places and velocities [6, n]."""
         named = list(zip(scenario.labels.forces, scenario.forces, strict=True))
         self._spent = [_chosen(named, mine, dtype, conservative=False) for mine in structure.forces]
         self._stored = [_chosen(named, mine, dtype, conservative=True) for mine in structure.forces]
@@ -55,6 +59,10 @@ class Books:
     def add(self, name: str, joule: float) -> None:
         """Book an amount of energy [J]."""
         self.totals[self.names.index(name)] += joule
+
+    def work_of(self, name: str) -> float:
+        """What a cause has given so far [J]; 0 of causes that there are not."""
+        return float(self.totals[self.names.index(name)]) if name in self.names else 0.0
 
     def spends(self, member: int) -> bool:
         """Whether a group feels forces without a potential."""
@@ -107,6 +115,29 @@ def _chosen(
         if has_potential(law) is conservative and any(law is other for other in mine)
     ]
     return tuple(label for label, _ in here), tuple(record for _, record in here)
+
+
+def unjolted(columns: Columns, jolts: Sequence[tuple[Ints, Floats]]) -> Columns:
+    """Particles as they were before jolts: their velocities go from there to where they are in the end, and forces work on
+    that way, however soon after the jolt they take it back."""
+    for rows, change in jolts:
+        parts = {}
+        for name, by in zip(("x", "y", "z", "vx", "vy", "vz"), change, strict=True):
+            parts[name] = getattr(columns, name).copy()
+            parts[name][rows] -= by.astype(parts[name].dtype)
+        columns = columns._replace(**parts)
+    return columns
+
+
+def met_jolts(before: Columns, after: Columns, jolts: Sequence[tuple[Ints, Floats]]) -> float:
+    """What contact, which has changed the velocities at the end of a step, seems to take of a jolt and does not [J]:
+    J·Δv/2 of its impulse J, by the same way."""
+    total = 0.0
+    for rows, change in jolts:
+        for name, by in zip(("vx", "vy", "vz"), change[3:], strict=True):
+            gone = (getattr(after, name)[rows] - getattr(before, name)[rows]).astype(float)
+            total += 0.5 * float((after.m[rows] * gone * by).sum())
+    return total
 
 
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)

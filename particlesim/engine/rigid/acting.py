@@ -99,6 +99,10 @@ def sum_all_forces(scene: Any, b: Any, motion: Any, t: Any) -> None:
                 add_surface_forces(scene, stretch.others, b, motion, i, t)
     for springs in scene.springs:
         pull(springs, b, motion.now, motion.pull)
+    if scene.guests is not None:
+        for m in range(scene.guests.radius.size):
+            for axis in range(3):
+                motion.pull[scene.guests.first + m, axis] += scene.guests.other[axis, m]
 
 
 @outlined

@@ -32,12 +32,13 @@ class Bodies(NamedTuple):
 
 class Surfaces(NamedTuple):
     """What contact does between two groups [groups, groups]: whether they touch, restitution, static and kinetic
-    friction."""
+    friction; rolling friction (`rolling`), None without."""
 
     touch: Any
     restitution: Any
     static: Any
     kinetic: Any
+    rolling: Any = None
 
 
 class Contacts(NamedTuple):
@@ -46,8 +47,9 @@ class Contacts(NamedTuple):
     collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
     one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
     impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]; of those that
-    turn bodies only, limits and motors of joints (`stops`), what they are [k], 0 for others, and of motors the speed and the
-    greatest impulse [2, k]. `number`: how many there are, and how many found no room."""
+    turn bodies only, limits and motors of joints (`stops`) and rolling friction, what they are [k], 0 for others, and of
+    motors the speed and the greatest impulse, of rolling friction the contact that presses and the radius [2, k].
+    `number`: how many there are, and how many found no room."""
 
     first: Any
     second: Any

@@ -9,8 +9,9 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.grains import find_guests
 from particlesim.engine.rigid.narrow import touch
+from particlesim.engine.rigid.rolling import find_rolling
 from particlesim.engine.rigid.stops import find_stops
-from particlesim.engine.rigid.walls import touch_wall
+from particlesim.engine.rigid.walls import spin_of, touch_wall
 
 
 def are_joined(scene: Any, i: Any, j: Any) -> bool:
@@ -40,7 +41,10 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     for wall in scene.walls:
         for i in range(n):
             if wall.on[b.group[i]] > 0:
+                first = k.number[0]
                 touch_wall(wall, b, k, i, margin[i], t, h)
+                if scene.surfaces.rolling is not None:
+                    find_rolling(scene.surfaces.rolling, b, k, first, spin_of(wall.shape))
     for s in range(1, n):
         i, at = order[s], s
         begin = b.x[0, i] - b.reach[i] - margin[i]
@@ -71,7 +75,10 @@ def meet(scene: Any, b: Any, k: Any, margin: Any, i: Any, j: Any) -> None:
         dx, dy, dz = b.x[0, i] - b.x[0, j], b.x[1, i] - b.x[1, j], b.x[2, i] - b.x[2, j]
         near = b.reach[i] + b.reach[j] + margin[i] + margin[j]
         if dx * dx + dy * dy + dz * dz < near * near and not are_joined(scene, i, j):
+            first = k.number[0]
             touch(b, k, scene.surfaces, min(i, j), max(i, j), margin[i] + margin[j])
+            if scene.surfaces.rolling is not None:
+                find_rolling(scene.surfaces.rolling, b, k, first, (0.0, 0.0, 0.0))
 
 
 @outlined

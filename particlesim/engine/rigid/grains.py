@@ -38,8 +38,8 @@ class Guests(NamedTuple):
     whether they touch, restitution, static and kinetic friction [kinds, groups].
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
-    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; by how much what acts on
-    particles alone changes its velocity until the middle of the step [3, n] (`lean`).
+    [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
+    particles alone, as it was in the last step [N] [3, n] (`other`). How many of the first ones rods hold.
     """
 
     first: int
@@ -53,7 +53,8 @@ class Guests(NamedTuple):
     when: Any
     at: Any
     shift: Any
-    lean: Any
+    other: Any
+    held: int
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:

@@ -14,6 +14,7 @@ from particlesim.bonds.pairs import WORLD as WORLD_NAME
 from particlesim.bonds.rod import LENGTH_TOLERANCE, SPEED_TOLERANCE
 from particlesim.engine.rigid.bodies import WORLD, Bodies
 from particlesim.engine.rigid.joints import BALL, HINGE, ROD, ROWS, Joints
+from particlesim.engine.rigid.rods import rod_lists
 from particlesim.engine.rigid.rotation import angular_velocity, matrix
 from particlesim.engine.rigid.stops import Stops
 from particlesim.errors import UsageError
@@ -64,16 +65,16 @@ def centre(b: Bodies, i: int) -> Floats:
 
 
 def rows_of(
-    offset: Mapping[str, int], groups: tuple[str, str], pairs: Sequence[tuple[int, int]]
+    seats: Mapping[str, Ints], groups: tuple[str, str], pairs: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[int, int]]:
     """Rows of both bodies of every pair of indices."""
     for i, k in pairs:
-        yield offset[groups[0]] + i, WORLD if groups[1] == WORLD_NAME else offset[groups[1]] + k
+        yield int(seats[groups[0]][i]), WORLD if groups[1] == WORLD_NAME else int(seats[groups[1]][k])
 
 
 def own_points(scenario: Scenario, groups: tuple[str, str], points: Any) -> Floats:
     """The two ends that are given along the axes of shapes (None: the centres), along the principal axes; shape [2, 3]."""
-    found = np.array(points or np.zeros((2, 3)), float)
+    found = np.array(np.zeros((2, 3)) if points is None else points, float)
     axes = {group.name: group.shape.frame().axes for group in scenario.bodies}
     for k, name in enumerate(groups):
         if name in axes:
@@ -81,8 +82,8 @@ def own_points(scenario: Scenario, groups: tuple[str, str], points: Any) -> Floa
     return found
 
 
-def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> list[Made]:
-    """All joints and rods of bodies; `offset` is the row of the first body of every group.
+def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> list[Made]:
+    """All joints and rods of bodies, and of particles among them; `seats` are the rows of all by groups.
 
     Raises UsageError for rods whose ends are not where their length wants them.
     """
@@ -90,7 +91,7 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
     for joint in scenario.joints:
         pairs = joint.pairs or SINGLE
         anchors = joint.anchors * (1 if joint.several else len(pairs))
-        for k, (i, j) in enumerate(rows_of(offset, joint.groups(), pairs)):
+        for k, (i, j) in enumerate(rows_of(seats, joint.groups(), pairs)):
             middle = centre(b, i) if j == WORLD else 0.5 * (centre(b, i) + centre(b, j))
             place = np.array(anchors[k]) if anchors else middle
             one, two = (frame(b, m).T @ (place - centre(b, m)) for m in (i, j))
@@ -104,19 +105,17 @@ def made_joints(scenario: Scenario, offset: Mapping[str, int], b: Bodies) -> lis
             else:
                 ball = Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch)
                 found.append(ball._replace(stop=_cone(joint, frame(b, i), frame(b, j))))
-    for rods in scenario.rods:
-        if not scenario.at_bodies(rods):
-            continue
-        pairs, points = rods.pairs or SINGLE, own_points(scenario, rods.groups(), rods.points)
-        for k, (i, j) in enumerate(rows_of(offset, rods.groups(), pairs)):
-            name = rods.name if len(pairs) == 1 else f"{rods.name} {k}"
+    for rods in rod_lists(scenario):
+        points = own_points(scenario, rods.groups, rods.points)
+        for k, (i, j) in enumerate(rows_of(seats, rods.groups, rods.pairs)):
+            name = rods.name if len(rods.pairs) == 1 else f"{rods.name} {k}"
             ends = [frame(b, m) @ point + centre(b, m) for m, point in zip((i, j), points, strict=True)]
             apart = float(np.linalg.norm(ends[0] - ends[1]))
             length = apart if rods.length is None else rods.length
             if not abs(apart - length) <= LENGTH_TOLERANCE * length or apart == 0:
                 raise UsageError(
                     f"{name}: its ends are {apart:.6g} m apart at the start, and its length is {length:.6g} m",
-                    "move the bodies or the points, or leave length out"
+                    "move the ends, or leave length out"
                     if apart > 0
                     else "a ball joint holds two places together",
                 )

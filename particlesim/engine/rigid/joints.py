@@ -316,9 +316,9 @@ def levelled(j: Any, b: Any, motion: Any, component: Any) -> None:
 
 
 @shared
-def drift_joined(j: Any, b: Any, motion: Any, component: Any, h: Any) -> bool:
-    """Move and turn the bodies of a component freely, but for its joints, and leave its rows ready where they are then;
-    whether that could be done."""
+def drift_joined(j: Any, b: Any, motion: Any, component: Any, h: Any, ends: Any) -> bool:
+    """Move and turn the bodies of a component freely, but for its joints, and where a step `ends` there, take away what they
+    have along its rows, and leave these ready; whether that could be done."""
     ready(j, b, motion, component)
     begin, end = j.row[j.group[component]], j.row[j.group[component + 1]]
     for at in range(j.member_from[component], j.member_from[component + 1]):
@@ -349,8 +349,9 @@ def drift_joined(j: Any, b: Any, motion: Any, component: Any, h: Any) -> bool:
         for r in range(begin, end):
             j.total[r] += j.side[r]
         push(j, b, component)
-    ready(j, b, motion, component)
-    levelled(j, b, motion, component)
+    if ends:
+        ready(j, b, motion, component)
+        levelled(j, b, motion, component)
     return held
 
 

@@ -98,7 +98,6 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
             for axis in range(3):
                 now[axis] += 0.5 * h * b.w[i] * f[axis]
                 now[3 + axis] += 0.5 * h * entry(turned, axis)
-        lean_guests(scene, motion.now)
         if scene.joints is not None:
             for component in range(scene.joints.next.size):
                 level(scene.joints, b, motion.now, motion.other, component)
@@ -113,14 +112,6 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
 
 
-def lean_guests(scene: Any, velocities: Any) -> None:
-    """Let guests have the velocities that they get from what acts on particles alone."""
-    if scene.guests is not None:
-        for m in range(scene.guests.radius.size):
-            for axis in range(3):
-                velocities[scene.guests.first + m, axis] += scene.guests.lean[axis, m]
-
-
 def own(scene: Any, b: Any) -> int:
     """How many bodies there are without guests."""
     return int(b.w.size if scene.guests is None else scene.guests.first)
@@ -131,8 +122,8 @@ def book_step(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
     """Book the work of forces without a potential, of dampers, motors and contact, before bodies go on from the middle of
     a step; `came` are the velocities with which they came there, `stage` those that forces have been summed with."""
     work, totals = scene.work, scene.work.totals
-    given = take_means(b, motion, own(scene, b), h)
-    lean_guests(scene, motion.other)
+    count = own(scene, b) + (0 if scene.guests is None else scene.guests.held)
+    given = take_means(b, motion, count, h)
     for stretch, laws, cause in zip(scene.stretches, work.spent, work.cause, strict=True):
         for number, each in enumerate(laws):
             for i in range(stretch.first, stretch.last):
@@ -173,20 +164,34 @@ def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
     motion.now[i, 5] += inverse[4] * twist[0] + inverse[5] * twist[1] + inverse[2] * twist[2]
 
 
+def move(b: Any, i: Any, h: Any) -> None:
+    """Move and turn a body freely."""
+    for axis in range(3):
+        b.x[axis, i] += h * b.v[axis, i]
+    q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h)
+    b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
 @outlined
-def drift(scene: Any, b: Any, motion: Any, h: Any) -> bool:
-    """Move and turn all bodies, freely but for their joints; whether joints could be held."""
+def drift(scene: Any, b: Any, motion: Any, h: Any, second: Any) -> bool:
+    """Move and turn all bodies in half a step, freely but for their joints; whether joints could be held. The second half
+    of those that hold particles by rods has its end with these (`hold_ends`)."""
     for i in range(b.w.size):
         if scene.joints is None or scene.joined[i] == 0:
-            for axis in range(3):
-                b.x[axis, i] += h * b.v[axis, i]
-            q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h)
-            b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+            move(b, i, h)
     held = True
     if scene.joints is not None:
         for component in range(scene.joints.next.size):
-            held = drift_joined(scene.joints, b, motion, component, h) and held
+            ends = (
+                not second or scene.guests is None or not hangs(scene.joints, component, scene.guests.first)
+            )
+            held = drift_joined(scene.joints, b, motion, component, h, ends) and held
     return held
+
+
+def hangs(joints: Any, component: Any, bodies: Any) -> bool:
+    """Whether particles are in a component: they come after so many bodies."""
+    return bool(joints.members[joints.member_from[component + 1] - 1] >= bodies)
 
 
 @outlined
@@ -236,7 +241,7 @@ def step_bodies(
     """
     for step in range(steps):
         middle = (first + step + 0.5) * dt
-        if report[0] != FULL and not drift(scene, b, motion, 0.5 * dt):
+        if report[0] != FULL and not drift(scene, b, motion, 0.5 * dt, False):
             report[0] = UNHELD
             return step
         report[0] = GOOD
@@ -260,7 +265,7 @@ def step_bodies(
             if scene.work is not None:
                 velocities(b, motion)
                 scene.work.totals[scene.work.contact] += energy_of(scene, b, motion, middle) - before
-        if not (held and drift(scene, b, motion, 0.5 * dt)):
+        if not (held and drift(scene, b, motion, 0.5 * dt, True)):
             report[0] = UNHELD
             return step
         if not finite(b):
@@ -295,6 +300,21 @@ def close_joints(scene: Any, b: Any, motion: Any) -> bool:
     held = True
     for component in range(scene.joints.next.size):
         held = fit(scene.joints, b, motion, component) and held
+    return held
+
+
+@kernel
+def hold_ends(scene: Any, b: Any, motion: Any, bodies: Any, h: Any) -> bool:
+    """Have bodies and the particles that rods hold at them, which come after so many bodies, end a drift of length h where
+    rods and joints fit: they go back freely to its beginning, and come forth with impulses along rods and joints. Whether
+    that could be done."""
+    held, joints = True, scene.joints
+    for component in range(joints.next.size):
+        if hangs(joints, component, bodies):
+            for at in range(joints.member_from[component], joints.member_from[component + 1]):
+                i = joints.members[at]
+                move(b, i, -h)
+            held = drift_joined(joints, b, motion, component, h, True) and held
     return held
 
 

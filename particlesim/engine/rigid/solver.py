@@ -26,8 +26,8 @@ from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, place, r
 from particlesim.engine.rigid.clusters import gather, root, unite
 from particlesim.engine.rigid.joints import level
 from particlesim.engine.rigid.narrow import clamped, minus
-from particlesim.engine.rigid.rotation import cross, dot, turned_by, world_inverse
-from particlesim.engine.rigid.stops import MOTOR, lay_turn
+from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
+from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -66,7 +66,8 @@ def speed_along(k: Any, motion: Any, c: Any, d: Any) -> Any:
         m = motion.now[j]
         u -= e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
     else:
-        u -= e[0] * k.belt[0, c] + e[1] * k.belt[1, c] + e[2] * k.belt[2, c]
+        at = 3 if k.turns[c] == ROLL else 0
+        u -= e[at] * k.belt[0, c] + e[at + 1] * k.belt[1, c] + e[at + 2] * k.belt[2, c]
     return u
 
 
@@ -98,12 +99,7 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
             continue
         i, j = k.first[c], k.second[c]
         n, at = row(k.normal, c), row(k.point, c)
-        # The tangents are made with that axis of the world which is farthest from the normal.
-        x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
-        other = (1.0, 0.0, 0.0) if x <= y and x <= z else ((0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
-        one = cross(n, other)
-        length = 1 / np.sqrt(dot(one, one))
-        one = (one[0] * length, one[1] * length, one[2] * length)
+        one = tangent(n)
         direct(b, k, motion, c, 0, i, j, at, n)
         direct(b, k, motion, c, 1, i, j, at, one)
         direct(b, k, motion, c, 2, i, j, at, cross(n, one))
@@ -138,6 +134,9 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             k.target[c] = k.aim[0, c]
             largest = max(largest, max(abs(now), abs(now - k.target[c])))
             continue
+        if k.turns[c] == ROLL:
+            largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
+            continue
         gap = max(k.gap[c], 0.0)
         meets = now * h < -gap
         quick = before < -RESTING * abs(now - before)
@@ -155,13 +154,16 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
     for turn in range(first, last):
         c = k.order[first + last - 1 - turn if backwards else turn]
         e = k.rows[c]
-        had = k.impulse[c, 0]
-        wish = had - e[0, 15] * (speed_along(k, motion, c, 0) - k.target[c])
-        press = bounded(k, c, wish)
-        if press != had:
-            strike(b, k, motion, c, 0, press - had)
-            k.impulse[c, 0] = press
-            worst = max(worst, abs(press - had) / e[0, 15])
+        had, press = k.impulse[c, 0], 0.0
+        if k.turns[c] == ROLL:
+            press = k.impulse[int(k.aim[0, c]), 0]
+        else:
+            wish = had - e[0, 15] * (speed_along(k, motion, c, 0) - k.target[c])
+            press = bounded(k, c, wish)
+            if press != had:
+                strike(b, k, motion, c, 0, press - had)
+                k.impulse[c, 0] = press
+                worst = max(worst, abs(press - had) / e[0, 15])
         if k.surface[1, c] > 0 and (press > 0 or k.impulse[c, 1] != 0 or k.impulse[c, 2] != 0):
             p, q = k.impulse[c, 1], k.impulse[c, 2]
             one = p - e[1, 15] * speed_along(k, motion, c, 1)
@@ -406,15 +408,17 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
         if memory.keys[0, at] != NOBODY:
             p = row(memory.impulse, at)
             e = k.rows[c]
-            if k.turns[c] > 0:
+            if k.turns[c] == LIMIT or k.turns[c] == MOTOR:
                 k.impulse[c, 0] = bounded(k, c, p[0])
                 strike(b, k, motion, c, 0, k.impulse[c, 0])
                 continue
+            rolls = k.turns[c] == ROLL
             press = max(p[0] * e[0, 0] + p[1] * e[0, 1] + p[2] * e[0, 2], 0.0)
-            one = p[0] * e[1, 0] + p[1] * e[1, 1] + p[2] * e[1, 2]
-            two = p[0] * e[2, 0] + p[1] * e[2, 1] + p[2] * e[2, 2]
+            start, most = (3, k.impulse[int(k.aim[0, c]), 0]) if rolls else (0, press)
+            one = p[0] * e[1, start] + p[1] * e[1, start + 1] + p[2] * e[1, start + 2]
+            two = p[0] * e[2, start] + p[1] * e[2, start + 1] + p[2] * e[2, start + 2]
             size = np.sqrt(one * one + two * two)
-            part = k.surface[2, c] * press / size if size > k.surface[1, c] * press else 1.0
+            part = k.surface[2, c] * most / size if size > k.surface[1, c] * most else 1.0
             k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2] = press, part * one, part * two
             for d in range(3):
                 strike(b, k, motion, c, d, k.impulse[c, d])
@@ -429,11 +433,15 @@ def remember(k: Any, memory: Any) -> None:
         if k.impulse[c, 0] > 0 or k.turns[c] > 0:
             at = address(memory, k.first[c], k.second[c], k.feature[c])
             memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = k.first[c], k.second[c], k.feature[c]
+            start, scale = 0, 1.0
+            if k.turns[c] == ROLL:
+                start, scale = 3, (1 / k.aim[1, c] ** 2 if k.aim[1, c] > 0 else 0.0)
             for axis in range(3):
                 total = 0.0
                 for d in range(3):
-                    total += k.rows[c, d, axis] * k.impulse[c, d]
-                memory.impulse[axis, at] = total if k.turns[c] == 0 else k.impulse[c, 0]
+                    total += k.rows[c, d, start + axis] * k.impulse[c, d]
+                turns = k.turns[c] == LIMIT or k.turns[c] == MOTOR
+                memory.impulse[axis, at] = k.impulse[c, 0] if turns else scale * total
 
 
 # ---- pushing apart

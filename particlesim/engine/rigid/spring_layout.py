@@ -1,10 +1,9 @@
-"""Springs at bodies at the start: between which points they are, and how stiff; and springs and rods as lines, for a
-trajectory."""
+"""Springs at bodies at the start: between which points they are, and how stiff; and as lines, for a trajectory."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,17 +31,17 @@ class Laid(NamedTuple):
 
 
 def body_springs(
-    scenario: Scenario, offset: Mapping[str, int], b: Bodies, particles: Mapping[str, GroupState]
+    scenario: Scenario, seats: Mapping[str, Ints], b: Bodies, particles: Mapping[str, GroupState]
 ) -> tuple[Laid, ...]:
-    """All springs of bodies; `offset` is the row of the first body of every group."""
-    return tuple(_laid(scenario, label, each, offset, b, particles) for label, each in scenario.body_springs)
+    """All springs of bodies; `seats` are the rows of bodies by groups."""
+    return tuple(_laid(scenario, label, each, seats, b, particles) for label, each in scenario.body_springs)
 
 
 def _laid(
     scenario: Scenario,
     label: str,
     springs: Springs,
-    offset: Mapping[str, int],
+    seats: Mapping[str, Ints],
     b: Bodies,
     particles: Mapping[str, GroupState],
 ) -> Laid:
@@ -53,11 +52,11 @@ def _laid(
     """
     names, pairs = springs.groups(), springs.pairs or SINGLE
     points = own_points(scenario, names, springs.points)
-    if names[0] not in offset:  # a particle comes second
+    if names[0] in particles:  # a particle comes second
         names, points, pairs = (names[1], names[0]), points[::-1], tuple((k, i) for i, k in pairs)
     tied = particles.get(names[1])
-    starts = offset if tied is None else {**offset, names[1]: 0}
-    rows = np.array(list(rows_of(starts, names, pairs)), np.int64)
+    rows_there = seats if tied is None else {**seats, names[1]: np.arange(tied.count)}
+    rows = np.array(list(rows_of(rows_there, names, pairs)), np.int64)
     first, second = rows[:, 0].copy(), rows[:, 1].copy()
     far = np.zeros((len(rows), 3))
     for k, (i, j) in enumerate(rows.tolist()):
@@ -104,11 +103,10 @@ def _weights(state: GroupState) -> Floats:
 def lines(
     scenario: Scenario, ids: Mapping[str, Ints], rest: Mapping[str, Floats], broke: Mapping[str, Floats]
 ) -> list[Topology]:
-    """Springs and rods at bodies as a trajectory keeps them, with the ids of groups, and rest lengths and, of springs that
-    may break, when they did, by the names of their sets."""
+    """Springs at bodies as a trajectory keeps them, with the ids of groups, and rest lengths and, of those that may break,
+    when they did, by the names of their sets."""
     found = []
-    every: Sequence[tuple[str, Any]] = (*scenario.body_springs, *scenario.body_rods)
-    for name, each in every:
+    for name, each in scenario.body_springs:
         pairs = each.pairs or SINGLE
         known = [np.array([-1]) if group == WORLD_NAME else ids[group] for group in each.groups()]
         ends = np.array([[known[0][i], known[1][k]] for i, k in pairs], np.int64)

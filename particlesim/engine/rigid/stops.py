@@ -17,8 +17,8 @@ from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import WORLD, add_contact, orientation, place, row, set_surface
 from particlesim.engine.rigid.rotation import cross, dot, matrix, to_world, turned_by
 
-LIMIT, MOTOR = 1, 2
-"""What a contact that turns bodies is (`Contacts.turns`)."""
+LIMIT, MOTOR, ROLL = 1, 2, 3
+"""What a contact that turns bodies is (`Contacts.turns`); the last is rolling friction (`rolling`)."""
 NUMBERED = 1 << 52
 """First number for their features."""
 WATCHED = 0.02
@@ -96,13 +96,34 @@ def note_turn(j: Any, b: Any, k: Any, g: Any, code: Any, a: Any, gap: Any, what:
 
 
 def lay_turn(k: Any, motion: Any, c: Any) -> None:
-    """The row of such a contact."""
-    i, j, a = k.first[c], k.second[c], row(k.normal, c)
+    """The rows of such a contact: about its normal, or of rolling friction about two tangents."""
     for d in range(3):
         for entry in range(15):
             k.rows[c, d, entry] = 0.0
         k.rows[c, d, 15] = 1.0
-    e = k.rows[c, 0]
+    n, size = row(k.normal, c), k.aim[1, c]
+    if k.turns[c] != ROLL:
+        lay_axis(k, motion, c, 0, n)
+    elif size > 0:
+        one = tangent(n)
+        two = cross(n, one)
+        lay_axis(k, motion, c, 1, (size * one[0], size * one[1], size * one[2]))
+        lay_axis(k, motion, c, 2, (size * two[0], size * two[1], size * two[2]))
+
+
+def tangent(n: Any) -> Any:
+    """A unit vector across another, made with that axis of the world which is farthest from it."""
+    x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
+    other = (1.0, 0.0, 0.0) if x <= y and x <= z else ((0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
+    one = cross(n, other)
+    length = 1 / np.sqrt(dot(one, one))
+    return one[0] * length, one[1] * length, one[2] * length
+
+
+def lay_axis(k: Any, motion: Any, c: Any, d: Any, a: Any) -> None:
+    """A row that turns bodies about an axis."""
+    i, j = k.first[c], k.second[c]
+    e = k.rows[c, d]
     e[3], e[4], e[5] = a
     e[9], e[10], e[11] = turned_by(motion.inverse[i], a)
     give = e[3] * e[9] + e[4] * e[10] + e[5] * e[11]

@@ -1,11 +1,16 @@
-"""Springs from bodies to particles of other islands.
+"""Springs and rods from bodies to particles of other islands.
 
-Such particles are guests among the bodies in every step, as those that touch bodies are (`grains`). The spring gives both
-ends the impulse h f, with f where both are in the middle of the step, the particle by its velocity alone; then the particle
-goes back by h Δv/2 and makes its own step with its new velocity. So momentum and angular momentum are kept to rounding, and
-the step is of second order: of its terms h² [A, S]/2 with the spring S and whatever else A moves particles nothing is left.
-A damper sees the velocity in the middle of the step: by then what else acts has changed it by half of what it did in the
-step before.
+Such particles are guests among the bodies in every step, as those that touch bodies are (`grains`). What else acts on them
+is a force in the middle of that step, as large as it was in the last one; then it is taken back, and the particle makes its
+own step with the velocity that springs and rods have given it, from where it comes to the same end.
+
+A spring gives both ends the impulse h f, with f where both are in the middle of the step; the particle goes back by h Δv/2.
+So momentum and angular momentum are kept to rounding, and the step is of second order: of its terms h² [A, S]/2 with the
+spring S and whatever else A moves particles nothing is left.
+
+A rod misses its length after that by what has changed in A since the last step. So once all have made their steps, bodies
+and the particles on rods go back freely to the middle of the step, get impulses along the rods there, and come forth again,
+such that rods and joints fit at the end (`hold_ends`): again nothing but impulses between places of one moment.
 """
 
 from __future__ import annotations
@@ -18,46 +23,97 @@ from particlesim.engine.rigid.spring_layout import Laid
 from particlesim.engine.rigid.springs import BodySprings
 from particlesim.engine.rigid.visit import Visitors, among
 from particlesim.engine.state.group_state import GroupState
+from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 
 
 class Ties:
-    """The springs to particles among those that are laid out, and the particles."""
+    """The springs to particles among those that are laid out, the particles, and those of them that rods hold (`held`, rows
+    by groups)."""
 
-    def __init__(self, laid: Sequence[Laid], particles: Mapping[str, GroupState]) -> None:
+    def __init__(
+        self, laid: Sequence[Laid], held: Mapping[str, Ints], particles: Mapping[str, GroupState]
+    ) -> None:
         self._sets = [(each.springs, each.tied) for each in laid if each.tied is not None]
-        names = dict.fromkeys(name for _, name in self._sets)
-        self._states = {name: particles[name] for name in names}
-        self.rows: dict[str, Ints] = {
-            name: np.unique(np.concatenate([s.second for s, tied in self._sets if tied == name]))
-            for name in names
-        }
+        self.held, self._states = held, {}
+        self.rows: dict[str, Ints] = {}
         """Of every group, the rows of the particles that hang on bodies."""
-        self.left = {name: state.v[:, self.rows[name]].astype(float) for name, state in self._states.items()}
-        """Their velocities before their own last steps [m/s], shape [3, n]."""
+        for name in dict.fromkeys([*held, *(name for _, name in self._sets)]):
+            rows = [held.get(name, np.empty(0, np.int64))]
+            rows += [springs.second for springs, tied in self._sets if tied == name]
+            self.rows[name], self._states[name] = np.unique(np.concatenate(rows)), particles[name]
+        self.gained = {name: np.zeros((2, 3, state.count)) for name, state in self._states.items()}
+        """How much what else acts on them has changed their velocities in the last two steps [m/s], the last one first,
+        shape [2, 3, particles]."""
+        self.given = self.awaited = np.zeros((3, 0))
+        """Of the present step, and of particles on rods [m/s], shape [3, n]: velocities that bodies have given them, and
+        changes by what else acts on them for which those are right."""
+
+    def refuse_led(self) -> None:
+        """Raises UsageError where motions lead some of these particles: the work at such ends is not known."""
+        for name, state in self._states.items():
+            led = [
+                row for each in state.driven for row in np.intersect1d(each.rows, self.rows[name]).tolist()
+            ]
+            if led:
+                raise UsageError(
+                    f"a motion leads particle {led[0]} of {name!r}, which springs or rods join to bodies: the work of "
+                    "such a motion is not booked",
+                    "leave out work under [output], or lead another particle of the group",
+                )
 
     def __bool__(self) -> bool:
-        return bool(self._sets)
+        return bool(self.rows)
 
-    def visitors(self) -> Visitors:
-        """All these particles as they are."""
-        none = np.zeros((4, len(self._states), 1))
-        return among([(state, self.rows[name]) for name, state in self._states.items()], none)
+    def visitors(self, *, held: bool = False) -> Visitors:
+        """All these particles as they are, or those that rods hold."""
+        rows = self.held if held else self.rows
+        chosen = [(self._states[name], mine) for name, mine in rows.items()]
+        number = sum(map(len, rows.values()))
+        return among(chosen, np.zeros((4, len(chosen), 1)), np.zeros((3, number)), number if held else 0)
 
-    def lean(self, chosen: Sequence[tuple[GroupState, Ints]]) -> Floats:
-        """By how much what else acts on visitors, rows of groups, changes their velocities until the middle of the step
-        [m/s], shape [3, visitors]."""
+    def on_rods(self) -> list[tuple[GroupState, Ints]]:
+        """The particles that rods hold: groups, and rows of them."""
+        return [(self._states[name], rows) for name, rows in self.held.items()]
+
+    def take(self, x: Floats, v: Floats) -> None:
+        """The places and velocities of the particles that rods hold have become these [3, n]."""
+        first = 0
+        for state, rows in self.on_rods():
+            part = slice(first, first + len(rows))
+            state.x[:, rows], state.v[:, rows] = x[:, part], v[:, part]
+            first += len(rows)
+
+    def gain(self, chosen: Sequence[tuple[GroupState, Ints]]) -> Floats:
+        """By how much what else acts on visitors, rows of groups, changes their velocities in a step [m/s], shape
+        [3, visitors]: as it did in the last one, or where that was more than twice as much as in the one before, as in that:
+        an impact is not awaited again."""
         parts = [np.zeros((3, len(rows))) for _, rows in chosen]
         for part, (state, rows) in zip(parts, chosen, strict=True):
-            if state.name in self.rows:
-                mine = self.rows[state.name]
-                part[:, np.searchsorted(rows, mine)] = 0.5 * (state.v[:, mine] - self.left[state.name])
+            if state.name in self.gained:
+                last, before = self.gained[state.name][:, :, rows]
+                part[:] = np.where((last**2).sum(axis=0) <= 4 * (before**2).sum(axis=0), last, before)
         return np.concatenate(parts, axis=1)
 
-    def remember(self) -> None:
-        """Particles are about to make their own steps."""
+    def leave(self, given: Floats, awaited: Floats) -> None:
+        """Visitors, those that rods hold first, are about to make their own steps."""
+        number = sum(map(len, self.held.values()))
+        self.given, self.awaited = given[:, :number], awaited[:, :number]
         for name, state in self._states.items():
-            self.left[name][:] = state.v[:, self.rows[name]]
+            self.gained[name][1] = self.gained[name][0]
+            self.gained[name][0][:, self.rows[name]] = -state.v[:, self.rows[name]]
+
+    def arrive(self) -> None:
+        """They have made them."""
+        for name, state in self._states.items():
+            self.gained[name][0][:, self.rows[name]] += state.v[:, self.rows[name]]
+
+    def unforeseen(self) -> float:
+        """What rods have taken more than they gave [J], as velocities have changed otherwise than was awaited: Δv m δ/2."""
+        chosen = self.on_rods()
+        came = np.concatenate([self.gained[state.name][0][:, rows] for state, rows in chosen], axis=1)
+        mass = np.concatenate([state.mass[rows] for state, rows in chosen])
+        return float(0.5 * (mass * self.given * (came - self.awaited)).sum())
 
     def springs(self, visitors: Visitors, bodies: int) -> tuple[BodySprings, ...]:
         """The springs where visitors, who are among them, come after so many bodies."""

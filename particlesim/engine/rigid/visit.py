@@ -13,11 +13,14 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
 
+EPS = float(np.finfo(float).eps)
+
 
 class Visitors(NamedTuple):
     """Particles that may touch bodies: places, velocities and angular momenta [3, n]; 1/m, 0 for those that are held,
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
-    [kinds, groups]; `lean` as guests have it."""
+    [kinds, groups]; by how much what else acts on them changes their velocities in a step, as it did in the last one [3, n];
+    how many of them, the first ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -31,7 +34,8 @@ class Visitors(NamedTuple):
     restitution: Floats
     static: Floats
     kinetic: Floats
-    lean: Floats
+    gain: Floats
+    held: int = 0
 
 
 class Left(NamedTuple):
@@ -44,9 +48,7 @@ class Left(NamedTuple):
     moved: Ints
 
 
-def among(
-    chosen: Sequence[tuple[GroupState, Ints]], surfaces: Floats, lean: Floats | None = None
-) -> Visitors:
+def among(chosen: Sequence[tuple[GroupState, Ints]], surfaces: Floats, gain: Floats, held: int) -> Visitors:
     """Some rows of groups as visitors, with what contact of each group does [4, kinds, groups of bodies]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
@@ -56,22 +58,28 @@ def among(
             inertia = 0.4 / weight * radius**2
             spin = state.angular_velocity[:, rows].astype(float) * inertia
         if state.clocked:  # what is held, or is at its end, does not move
-            held = ~np.isfinite(state.start[rows])
-            weight[held], inertia[held] = 0.0, np.inf
+            still = ~np.isfinite(state.start[rows])
+            weight[still], inertia[still] = 0.0, np.inf
         x, v = state.x[:, rows].astype(float), state.v[:, rows].astype(float)
         parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
     columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
-    lean = np.zeros(columns[0].shape) if lean is None else lean
-    return Visitors._make([*columns, *surfaces, lean])
+    return Visitors._make([*columns, *surfaces, np.where(columns[3] > 0, gain, 0.0), held])
 
 
-def guests_of(visitors: Visitors, bodies: int) -> Guests:
-    """The visitors as kernels take them, after so many bodies."""
+def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
+    """The visitors as kernels take them, after so many bodies, for a step of length h."""
     n = len(visitors.w)
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
-    return Guests._make([bodies, *(each.copy() for each in columns), *scratch, visitors.lean.copy()])
+    return Guests._make(
+        [bodies, *(each.copy() for each in columns), *scratch, _others(visitors, h), visitors.held]
+    )
+
+
+def _others(visitors: Visitors, h: float) -> Floats:
+    """The force of what else acts on visitors [N], shape [3, n]."""
+    return np.divide(visitors.gain, h * visitors.w, out=np.zeros_like(visitors.gain), where=visitors.w > 0)
 
 
 def joined(b: Bodies, visitors: Visitors) -> Bodies:
@@ -81,6 +89,11 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
     whole = Bodies._make([*columns, b.pieces])
     fill(whole, b, visitors)
     return whole
+
+
+def renew(guests: Guests, visitors: Visitors, h: float) -> None:
+    """The same visitors in another step."""
+    guests.other[:] = _others(visitors, h)
 
 
 def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
@@ -99,12 +112,19 @@ def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
 
 def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     """What has become of visitors in a step of length h."""
-    part = slice(guests.first, None)
-    v, spin = whole.v[:, part], whole.spin[:, part]
+    part, held = slice(guests.first, None), visitors.held
+    x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
+    v = end - visitors.gain
     change = v - visitors.v
+    rounding = 4 * EPS * (np.abs(end) + np.abs(visitors.gain))
+    change[(np.abs(change) <= rounding) & (visitors.gain != 0)] = 0.0
+    v = np.where(change == 0, visitors.v, v)
     # What has been moved apart, beyond the drift of the second half.
-    apart = whole.x[:, part] - guests.at - 0.5 * h * v
+    apart = x - guests.at - 0.5 * h * end
     moved = (change != 0).any(axis=0) | (spin != visitors.spin).any(axis=0)
     moved |= np.abs(apart).max(axis=0) > 1e-12 * (1 + np.abs(guests.at).max(axis=0))
     shift = np.where(np.abs(apart) > 1e-12 * (1 + np.abs(guests.at)), apart, 0.0)
-    return Left(v, spin / visitors.inertia, shift - 0.5 * h * change + guests.shift, moved)
+    shift += guests.shift - 0.5 * h * change
+    # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
+    shift[:, :held] = (x - visitors.x - h * (v + 0.5 * visitors.gain))[:, :held]
+    return Left(v, spin / visitors.inertia, shift, moved)

@@ -42,7 +42,7 @@ def copy_velocities(now: Any, copy: Any) -> None:
 @outlined
 def take_means(b: Any, motion: Any, bodies: Any, h: Any) -> float:
     """The means of velocities before and after a kick with its impulses, into `other`, and what impulses have given [J] to
-    the first of `b`, the `bodies`; guests have books of their own."""
+    the first of `b`, the `bodies` and what rods hold at them; other guests have books of their own."""
     total = 0.0
     for i in range(b.w.size):
         was, now, f, mean = motion.came[i], motion.now[i], motion.pull[i], motion.other[i]

@@ -48,8 +48,8 @@ def _named(scenario: Tables) -> Iterator[tuple[Path, str, str]]:
 
 
 def jointed(scenario: Tables) -> Iterator[Invalid]:
-    """Joints, and springs and rods at bodies, join bodies that there are, with each other or with the world; springs also
-    join bodies and particles."""
+    """Joints, and springs and rods at bodies, join bodies that there are, with each other or with the world; springs and
+    rods also join bodies and particles."""
     tables: dict[str, tuple[Path, Bodies]] = {
         b.name: (("bodies", k), b) for k, b in enumerate(scenario.bodies)
     }
@@ -88,33 +88,33 @@ def jointed(scenario: Tables) -> Iterator[Invalid]:
 def _tied(
     scenario: Tables, joint: Joint | Springs | Rods, place: tuple[Path, Path, int], path: Path, group: Group
 ) -> Iterator[Invalid]:
-    """Springs may go from a body to particles that have inertia and are always there; `place`: of the table, of the name of
-    the group, and which end it is."""
+    """Springs and rods may go from a body to particles that have inertia and are always there; `place`: of the table, of the
+    name of the group, and which end it is."""
     here, at, end = place
-    if not isinstance(joint, Springs):
-        hint = "springs join bodies and particles; a stiff one is nearly a rod"
+    if isinstance(joint, Joint):
+        hint = "[[springs]] and [[rods]] join bodies and particles"
         yield Invalid(
-            f"{here[0]} join rigid bodies, and {group.name!r} are particles", at, ((path, "here"),), hint=hint
+            f"joints join rigid bodies, and {group.name!r} are particles", at, ((path, "here"),), hint=hint
         )
         return
     if WORLD in joint.groups():
         hint = "a pinned particle stays where it is"
         yield Invalid(
-            f"{group.name!r} are particles: no spring joins them to the world",
+            f"{group.name!r} are particles: no {here[0]} join them to the world",
             at,
             ((path, "here"),),
             hint=hint,
         )
     if group.dynamics.type != "second_order":
         yield Invalid(
-            f"springs at bodies pull particles with inertia, and {group.name!r} have none",
+            f"{here[0]} at bodies pull particles with inertia, and {group.name!r} have none",
             at,
             (((*path, "dynamics"), "here"),),
         )
     elif mortal(scenario, group.name):
         what = "are emitted" if isinstance(group, Emitter) else "may die at colliders"
         yield Invalid(
-            f"springs tie bodies to particles that are always there, and {group.name!r} {what}",
+            f"{here[0]} tie bodies to particles that are always there, and {group.name!r} {what}",
             at,
             ((path, "here"),),
         )

@@ -1,0 +1,141 @@
+"""What acts on rigid bodies, as kernels take it: forces, colliders, joints, contact between groups, books."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.bodies import Bodies as BodyGroup
+from particlesim.bodies.pieces import BOX, HULL
+from particlesim.colliders import Collider
+from particlesim.engine.ledger.work import Books
+from particlesim.engine.rigid.bodies import Surfaces
+from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.joint_system import Made, new_joints, new_stops, partners_of
+from particlesim.engine.rigid.kernel import Scene, Stretch
+from particlesim.engine.rigid.pieces import pieces_of
+from particlesim.engine.rigid.rolling import Rolling
+from particlesim.engine.rigid.spring_layout import Laid
+from particlesim.engine.rigid.walls import Wall
+from particlesim.engine.rigid.work import Work
+from particlesim.engine.state.group_state import GroupState
+from particlesim.graph.graph import Island
+from particlesim.model.attributes import FURTHER
+from particlesim.scenario.scenario import Scenario
+
+SLOP = 1e-4
+"""Overlap that contacts leave alone, in units of the smallest size: impulses take up what rounding and steps leave of it."""
+
+
+def still_of(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any, ...]:
+    """What never changes of bodies, as `Bodies` has it from `w` on."""
+    mass = np.array([group.weight for group in groups])[owner]
+    inertia = np.array([group.inertia() for group in groups]).T[:, owner]
+    reach = np.array([group.shape.reach() for group in groups])[owner]
+    pieces = pieces_of([group.shape.own_pieces() for group in groups])
+    return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
+
+
+def colliders_of(structure: Island) -> list[Collider]:
+    """All colliders of an island, each once."""
+    return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
+
+
+def scene_of(
+    structure: Island,
+    groups: Sequence[BodyGroup],
+    bounds: Sequence[int],
+    owner: NDArray[np.int64],
+    whole: GroupState,
+    scenario: Scenario,
+    made: Sequence[Made],
+    springs: Sequence[Laid],
+    books: Books | None,
+) -> tuple[Scene, NDArray[np.int64]]:
+    """What acts on the bodies, and which of the joints that were made each one of it is."""
+    stretches = tuple(
+        _stretch(a, b, [force.record() for force in forces], group)
+        for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
+    )
+    walls: list[Wall] = []
+    for collider in colliders_of(structure):
+        on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
+        belt = collider.surface_velocity or (0.0, 0.0, 0.0)
+        shape = collider.body()
+        walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
+    spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
+    n = whole.count
+    ends = max((max(each.first, each.second) + 1 for each in made), default=0)
+    joints, order = new_joints(made, max(n, ends)) if made else (None, np.empty(0, np.int64))
+    joined, partners, partner_from = partners_of(scenario, made, max(n, ends))
+    feel = any(force.needs_velocity() for forces in structure.forces for force in forces)
+    scene = Scene(
+        stretches,
+        tuple(each.springs for each in springs if each.tied is None),
+        tuple(walls),
+        surfaces_of(groups),
+        np.ascontiguousarray(np.sqrt(3 * spread).T[:, owner]),
+        whole.mass[:n].astype(float),
+        whole.radius[:n].astype(float),
+        tuple(whole.attribute(each.name) if each.name in whole.parts else None for each in FURTHER),
+        SLOP * min(group.shape.fineness() for group in groups),
+        2 if feel or any(np.any(each.springs.c > 0) for each in springs) else 1,
+        joints,
+        new_stops(made, order),
+        joined,
+        partners,
+        partner_from,
+        None if books is None else _work(books, springs, groups),
+    )
+    return scene, order
+
+
+def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:
+    """How the work on bodies is booked."""
+
+    def acting(records: Sequence[Any], group: BodyGroup) -> tuple[Any, ...]:
+        return tuple(through_surface(record, group.shape) or record for record in records)
+
+    spent = tuple(acting(records, group) for (_, records), group in zip(books.spent, groups, strict=True))
+    cause = tuple(np.array([books.names.index(n) for n in labels], np.int64) for labels, _ in books.spent)
+    stored = tuple(acting(records, group) for (_, records), group in zip(books.stored, groups, strict=True))
+    at = {name: k for k, name in enumerate(books.names)}
+    damper = np.array([at.get(each.name, -1) for each in springs], np.int64)
+    breaking = np.array([at.get(f"{each.name}.breaking", -1) for each in springs], np.int64)
+    return Work(spent, cause, stored, damper, breaking, at["contact"], at.get("motors", -1), books.totals)
+
+
+def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) -> Stretch:
+    """The forces on the bodies of a group, on points that have their mass and through their surface."""
+    others = [through_surface(record, group.shape) for record in records]
+    return Stretch(
+        first,
+        last,
+        tuple(record for record, other in zip(records, others, strict=True) if other is None),
+        tuple(other for other in others if other is not None),
+    )
+
+
+def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
+    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions, the larger
+    rolling friction."""
+    lively = np.array([group.restitution for group in groups])
+    static, kinetic = np.array([group.coefficients for group in groups]).T
+    return Surfaces(
+        np.ones((len(groups), len(groups))),
+        np.minimum.outer(lively, lively),
+        np.sqrt(np.multiply.outer(static, static)),
+        np.sqrt(np.multiply.outer(kinetic, kinetic)),
+        _rolling(groups),
+    )
+
+
+def _rolling(groups: Sequence[BodyGroup]) -> Rolling | None:
+    """Rolling friction of groups; None where all roll freely."""
+    friction = np.array([group.rolling_friction for group in groups], float)
+    flat = [all(piece.kind in (BOX, HULL) for piece in group.shape.own_pieces()) for group in groups]
+    return Rolling(friction, np.array(flat, float)) if friction.any() else None
