@@ -304,12 +304,12 @@ def nearest_on_triangle(corners: Any, number: Any, x: Any, y: Any, z: Any) -> An
 
 
 def _hint(tree: Any, x: Any, y: Any, z: Any) -> Any:
-    """A triangle near a place: that of its cell, or of the cell of the grid that is nearest."""
+    """A triangle near a place: that of its cell, or of the cell of the grid that is nearest; some triangle of no place."""
     u, v, w = (x - tree.low[0]) / tree.cell, (y - tree.low[1]) / tree.cell, (z - tree.low[2]) / tree.cell
     nx, ny, nz = tree.hints.shape[0], tree.hints.shape[1], tree.hints.shape[2]
-    i = int(min(max(u, 0.0), nx - 1.0))
-    j = int(min(max(v, 0.0), ny - 1.0))
-    k = int(min(max(w, 0.0), nz - 1.0))
+    i = int(min(max(0.0, u), nx - 1.0))
+    j = int(min(max(0.0, v), ny - 1.0))
+    k = int(min(max(0.0, w), nz - 1.0))
     return int(tree.hints[i, j, k])
 
 

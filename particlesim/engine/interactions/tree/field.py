@@ -94,6 +94,13 @@ def new_tree(form: Form, count: int, threads: int) -> Tree:
     )
 
 
+def with_height(tree: Tree) -> tuple[Tree, NDArray[np.float64]]:
+    """The same for Σ w f, too, which takes another number of every polynomial, with results of its own; and those."""
+    form, count, cells = tree.form._replace(wanted=Height()), tree.field.shape[1], len(tree.cells.span) - 1
+    room, height = new_room(1, cells, field_columns(form)[-1]), np.zeros(count)
+    return tree._replace(form=form, room=room, height=height, field=np.zeros((3, count))), height
+
+
 def for_threads(tree: Tree, threads: int) -> Tree:
     """The same for another number of threads: what each has to itself is new."""
     cells = tree.cells.span.shape[0] - 1
