@@ -21,7 +21,12 @@ def near_pairs(distance: float, inside: bool, label: str, first: Floats, second:
 
     a = cKDTree(first.T)
     b = a if inside else cKDTree(second.T)
-    ordered = int(a.count_neighbors(b, distance))
+    try:
+        ordered = int(a.count_neighbors(b, distance))
+    except ValueError:  # squares of distances overflow
+        raise UsageError(
+            f"{label}: some particles are so far out that distances are no numbers", "look at their positions"
+        ) from None
     number = (ordered - first.shape[1]) // 2 if inside else ordered
     if number == 0:
         raise UsageError(f"{label}: no two particles are within {distance:g} m", "give a larger `within`")

@@ -3,7 +3,6 @@
 from typing import Annotated
 
 from particlesim.colliders.base import Collider
-from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.plane import Plane
 from particlesim.model.variants import Family, Tagged
 
@@ -31,4 +30,4 @@ AnyCollider = Annotated[Collider, Tagged("type", COLLIDERS)]
 
 __getattr__ = COLLIDERS.by_name
 
-__all__ = ["COLLIDERS", "AnyCollider", "BoundsRecord", "Collider", "Plane"]
+__all__ = ["COLLIDERS", "AnyCollider", "Collider", "Plane"]

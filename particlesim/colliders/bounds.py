@@ -1,9 +1,11 @@
-"""The edge of the world: a box outside of which particles die."""
+"""The edge of the world: a box outside of which particles die. It has no surface, and nobody is put back."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from particlesim.colliders.response import ColliderRecord, ResponseRecord
 from particlesim.laws.registry import LEAVE, PASS, Particle, contact, gap, law
 
 
@@ -27,3 +29,8 @@ def bounds_gap(c: BoundsRecord, p: Particle) -> float:
 def bounds_contact(c: BoundsRecord, p: Particle) -> tuple[Particle, int]:
     inside = (p.x >= c.x0) & (p.y >= c.y0) & (p.z >= c.z0) & (p.x <= c.x1) & (p.y <= c.y1) & (p.z <= c.z1)
     return p, PASS if inside else LEAVE
+
+
+def edge(low: Sequence[float], high: Sequence[float]) -> ColliderRecord:
+    """The bounds between two corners [m], as kernels take colliders."""
+    return ColliderRecord(BoundsRecord(*low, *high), ResponseRecord(0.0, 0.0, 1.0, LEAVE))

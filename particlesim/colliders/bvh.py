@@ -1,15 +1,17 @@
 """A bounding volume hierarchy of triangles: which is nearest to a place, and which does a moving ball meet first.
 
-The tree is implicit. Triangles are sorted along a Z-curve (Morton codes of their middles) and cut into 2ᵐ leaves of equal
-size; the children of node k are 2k + 1 and 2k + 2, and each node has the box about its triangles. So a tree of 10⁵ triangles
-is some sorts and minima, and has no pointers.
+Triangles are halved along the longest side of the box about their middles, and each half again, down to leaves of eight;
+eight leaves make a node, eight of these one above, and so on. So a tree of 10⁵ triangles is some sorts and minima, and has
+five floors. Nodes hold the boxes of their children, and leaves the corners of their triangles, side by side, as vectors of
+eight take them.
 
 A coarse grid about the mesh holds lower bounds of the distance, signed: most particles are far from most of a surface, and
 need no more than a look at it. It also holds the nearest triangles, with which a search begins.
 
-Sources: C. Lauterbach et al., Fast BVH construction on GPUs, Computer Graphics Forum 28, 375 (2009); C. Ericson, Real-Time
-Collision Detection (2005), 5.1.5; J. A. Bærentzen, H. Aanæs, IEEE Trans. Vis. Comput. Graph. 11, 243 (2005): the sign of the
-distance is that of (x − c)·N, with c the nearest place on the surface and N its angle-weighted pseudonormal.
+Sources: I. Wald, C. Benthin, S. Boulos, Getting rid of packets, IEEE Symposium on Interactive Ray Tracing (2008): trees with
+as many branches as a vector has lanes; C. Ericson, Real-Time Collision Detection (2005), 5.1.5; J. A. Bærentzen, H. Aanæs,
+IEEE Trans. Vis. Comput. Graph. 11, 243 (2005): the sign of the distance is that of (x − c)·N, with c the nearest place on
+the surface and N its angle-weighted pseudonormal.
 """
 
 from __future__ import annotations
@@ -21,11 +23,11 @@ from numpy.typing import NDArray
 
 from particlesim.colliders.way import Way, first_root
 from particlesim.compiler import kernel, much, outlined
-from particlesim.compiler.intrinsics import on_stack
+from particlesim.compiler.intrinsics import lanes, on_stack
 from particlesim.model.arrays import Floats, Ints
 
-LEAF = 4
-"""Triangles of a leaf, at most."""
+WIDE = 8
+"""Children of a node, and triangles of a leaf."""
 
 CELLS = 64
 """Cells of the grid along the longest side, at most."""
@@ -33,19 +35,24 @@ CELLS = 64
 IN_PYTHON = 2000
 """Cells whose bounds plain Python may look for; more are worth a compiler."""
 
-DEPTH = 64
-"""Room for nodes that wait: a tree of 2³² leaves."""
+DEPTH = 96
+"""Room for nodes that wait, seven on each floor: a tree of 8¹³ leaves."""
+
+NOWHERE = 1e150
+"""Where boxes of children that are missing are [m]: nothing is near them, and no way passes them."""
 
 
 class BvhRecord(NamedTuple):
-    """Boxes of the nodes [k, 6] (low and high corner), corners of the triangles [t, 9], pseudonormals of each triangle's
-    three corners, three edges and face [t, 21]; triangles in a leaf. The grid: its low corner, the side of its cells, lower
+    """The box about all triangles (low and high corner). The nodes, from the top floor down: boxes of their children [n, 6,
+    8] and the number of the first child, which is a leaf from n on. Corners of the triangles by leaves [l, 9, 8]; their
+    pseudonormals, of three corners, three edges and face [t, 21]. The grid: its low corner, the side of its cells, lower
     bounds of the distance [nx, ny, nz], negative inside [m], and the triangle nearest to the middle of each cell."""
 
+    around: tuple[float, float, float, float, float, float]
     boxes: NDArray[np.float64]
+    child: NDArray[np.int64]
     corners: NDArray[np.float64]
     normals: NDArray[np.float64]
-    leaf: int
     low: tuple[float, float, float]
     cell: float
     bounds: NDArray[np.float32]
@@ -58,30 +65,19 @@ class BvhRecord(NamedTuple):
 def build(corners: Floats, faces: Ints) -> BvhRecord:
     """The tree of triangles with corners [n, 3] in metres and rows [m, 3]."""
     triangles = corners[faces]
-    order = z_order(triangles.mean(axis=1))
+    order = halved(triangles.mean(axis=1))
     number = len(order)
-    leaves = 1 << max(0, int(np.ceil(np.log2(number / LEAF))))
-    leaf = -(-number // leaves)
-    # leaves that are not full repeat their last triangle
-    row = np.minimum(np.arange(leaves * leaf), number - 1)
-    order = order[row]
-    ordered = triangles[order]
-    boxes = np.empty((2 * leaves - 1, 6))
-    grouped = ordered.reshape(leaves, leaf * 3, 3)
-    boxes[leaves - 1 :, :3], boxes[leaves - 1 :, 3:] = grouped.min(axis=1), grouped.max(axis=1)
-    first = leaves - 1
-    while first > 0:
-        children = boxes[first : 2 * first + 1]
-        half = first // 2
-        boxes[half:first, :3] = np.minimum(children[::2, :3], children[1::2, :3])
-        boxes[half:first, 3:] = np.maximum(children[::2, 3:], children[1::2, 3:])
-        first = half
-    normals = pseudonormals(corners, faces)[order]
+    # a leaf that is not full repeats the last triangle
+    order = order[np.minimum(np.arange(-(-number // WIDE) * WIDE), number - 1)]
+    leaves = triangles[order].reshape(-1, WIDE, 3, 3)
+    boxes, child = _nodes(np.concatenate([leaves.min(axis=(1, 2)), leaves.max(axis=(1, 2))], axis=1))
+    around = tuple(float(v) for v in (*triangles.min(axis=(0, 1)), *triangles.max(axis=(0, 1))))
     tree = BvhRecord(
+        around,  # type: ignore[arg-type]
         boxes,
-        np.ascontiguousarray(ordered.reshape(-1, 9)),
-        np.ascontiguousarray(normals.reshape(-1, 21)),
-        leaf,
+        child,
+        np.ascontiguousarray(leaves.reshape(-1, WIDE, 9).transpose(0, 2, 1)),
+        np.ascontiguousarray(pseudonormals(corners, faces)[order].reshape(-1, 21)),
         (0.0, 0.0, 0.0),
         1.0,
         np.zeros((1, 1, 1), np.float32),
@@ -90,24 +86,40 @@ def build(corners: Floats, faces: Ints) -> BvhRecord:
     return _with_grid(tree, number)
 
 
-def z_order(middles: Floats) -> Ints:
-    """The order of places [n, 3] along a Z-curve."""
-    low = middles.min(axis=0)
-    size = max(float((middles.max(axis=0) - low).max()), 1e-300)
-    step = np.minimum((middles - low) / size * 2**20, 2**20 - 1).astype(np.uint64)
-    code = np.zeros(len(middles), np.uint64)
-    for axis in range(3):
-        bits = step[:, axis]
-        for shift, mask in (
-            (32, 0x1F00000000FFFF),
-            (16, 0x1F0000FF0000FF),
-            (8, 0x100F00F00F00F00F),
-            (4, 0x10C30C30C30C30C3),
-            (2, 0x1249249249249249),
-        ):
-            bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
-        code |= bits << np.uint64(axis)
-    return np.argsort(code, kind="stable")
+def _nodes(boxes: Floats) -> tuple[Floats, Ints]:
+    """The boxes of the children of all nodes, and their first children, from the boxes of the leaves [l, 6]."""
+    floors: list[Floats] = []
+    while not floors or len(floors[-1]) > 1:
+        full = np.full((-(-len(boxes) // WIDE) * WIDE, 6), NOWHERE)
+        full[: len(boxes)] = boxes
+        floors.append(full.reshape(-1, WIDE, 6))
+        first = np.arange(0, len(boxes), WIDE)
+        lows, highs = np.minimum.reduceat(boxes[:, :3], first), np.maximum.reduceat(boxes[:, 3:], first)
+        boxes = np.concatenate([lows, highs], axis=1)
+    child, begin = [], 0
+    for floor in floors[::-1]:
+        begin += len(floor)
+        child.append(begin + WIDE * np.arange(len(floor)))
+    return np.ascontiguousarray(np.concatenate(floors[::-1]).transpose(0, 2, 1)), np.concatenate(child)
+
+
+def halved(middles: Floats) -> Ints:
+    """The order of places [n, 3] that cuts them in halves along the longest side of the box about them, and each half again,
+    down to leaves. The first half has a power of 2 of leaves, so that all of a node's are next to each other."""
+    number = len(middles)
+    order = np.arange(number)
+    leaves, first = np.array([-(-number // WIDE)]), np.array([0])
+    while leaves.max() > 1:
+        places, begin = middles[order], first * WIDE
+        sides = np.maximum.reduceat(places, begin) - np.minimum.reduceat(places, begin)
+        part = np.repeat(np.arange(len(begin)), np.diff(begin, append=number))
+        along = places[np.arange(number), sides.argmax(axis=1)[part]]
+        order = order[np.lexsort((along, part))]
+        half = np.where(leaves > 1, 1 << np.ceil(np.log2(leaves)).astype(int) >> 1, 1)
+        first = np.stack([first, first + half], axis=1).ravel()
+        leaves = np.stack([half, leaves - half], axis=1).ravel()
+        first, leaves = first[leaves > 0], leaves[leaves > 0]
+    return order
 
 
 def pseudonormals(corners: Floats, faces: Ints) -> Floats:
@@ -138,7 +150,7 @@ def _unit(v: Floats) -> Floats:
 
 def _with_grid(tree: BvhRecord, number: int) -> BvhRecord:
     """The tree with a grid of lower bounds about it."""
-    low, high = tree.boxes[0, :3], tree.boxes[0, 3:]
+    low, high = np.array(tree.around[:3]), np.array(tree.around[3:])
     longest = float((high - low).max())
     margin = 0.05 * longest
     fine = int(np.clip(np.cbrt(8.0 * number), 8, CELLS))
@@ -218,27 +230,51 @@ def coarse(tree: Any, x: Any, y: Any, z: Any) -> Any:
     if inside:
         return float(tree.bounds[int(u), int(v), int(w)])
     # beyond the grid it is the distance to the box of the mesh
-    boxes = tree.boxes
-    a = max(boxes[0, 0] - x, x - boxes[0, 3], 0.0)
-    b = max(boxes[0, 1] - y, y - boxes[0, 4], 0.0)
-    c = max(boxes[0, 2] - z, z - boxes[0, 5], 0.0)
+    box = tree.around
+    a = max(box[0] - x, x - box[3], 0.0)
+    b = max(box[1] - y, y - box[4], 0.0)
+    c = max(box[2] - z, z - box[5], 0.0)
     return np.sqrt(a * a + b * b + c * c)
 
 
-def _to_box(boxes: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
-    """Square of the distance to the box of node k [m²]."""
-    a = max(boxes[k, 0] - x, x - boxes[k, 3], 0.0)
-    b = max(boxes[k, 1] - y, y - boxes[k, 4], 0.0)
-    c = max(boxes[k, 2] - z, z - boxes[k, 5], 0.0)
+def _to_box(boxes: Any, node: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
+    """Square of the distance to the box of child k of a node [m²]."""
+    a = max(boxes[node, 0, k] - x, x - boxes[node, 3, k], 0.0)
+    b = max(boxes[node, 1, k] - y, y - boxes[node, 4, k], 0.0)
+    c = max(boxes[node, 2, k] - z, z - boxes[node, 5, k], 0.0)
     return a * a + b * b + c * c
 
 
+def _to_triangle(corners: Any, leaf: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
+    """Square of the distance to triangle k of a leaf, without branches [m²]: to its plane above its inside, else to the
+    nearest of its edges."""
+    ax, ay, az = corners[leaf, 0, k], corners[leaf, 1, k], corners[leaf, 2, k]
+    ux, uy, uz = corners[leaf, 3, k] - ax, corners[leaf, 4, k] - ay, corners[leaf, 5, k] - az
+    vx, vy, vz = corners[leaf, 6, k] - ax, corners[leaf, 7, k] - ay, corners[leaf, 8, k] - az
+    px, py, pz = x - ax, y - ay, z - az
+    up, vp = ux * px + uy * py + uz * pz, vx * px + vy * py + vz * pz
+    uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    height = nx * px + ny * py + nz * pz
+    b, c, area = up * vv - vp * uv, vp * uu - up * uv, nx * nx + ny * ny + nz * nz
+    s, t = min(max(up / uu, 0.0), 1.0), min(max(vp / vv, 0.0), 1.0)
+    wx, wy, wz, qx, qy, qz = vx - ux, vy - uy, vz - uz, px - ux, py - uy, pz - uz
+    r = min(max((qx * wx + qy * wy + qz * wz) / (wx * wx + wy * wy + wz * wz), 0.0), 1.0)
+    dx, dy, dz = px - s * ux, py - s * uy, pz - s * uz
+    ex, ey, ez = px - t * vx, py - t * vy, pz - t * vz
+    fx, fy, fz = qx - r * wx, qy - r * wy, qz - r * wz
+    first, second = dx * dx + dy * dy + dz * dz, ex * ex + ey * ey + ez * ez
+    edge = min(first, second, fx * fx + fy * fy + fz * fz)
+    return height * height / area if (b >= 0) & (c >= 0) & (b + c <= area) else edge
+
+
 @outlined
-def nearest_on_triangle(corners: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
-    """What of triangle k is nearest to a place (0 to 2 a corner, 3 to 5 an edge, 6 the face), and where [m]."""
-    ax, ay, az = corners[k, 0], corners[k, 1], corners[k, 2]
-    ux, uy, uz = corners[k, 3] - ax, corners[k, 4] - ay, corners[k, 5] - az
-    vx, vy, vz = corners[k, 6] - ax, corners[k, 7] - ay, corners[k, 8] - az
+def nearest_on_triangle(corners: Any, number: Any, x: Any, y: Any, z: Any) -> Any:
+    """What of a triangle is nearest to a place (0 to 2 a corner, 3 to 5 an edge, 6 the face), and where [m]."""
+    leaf, k = number // WIDE, number % WIDE
+    ax, ay, az = corners[leaf, 0, k], corners[leaf, 1, k], corners[leaf, 2, k]
+    ux, uy, uz = corners[leaf, 3, k] - ax, corners[leaf, 4, k] - ay, corners[leaf, 5, k] - az
+    vx, vy, vz = corners[leaf, 6, k] - ax, corners[leaf, 7, k] - ay, corners[leaf, 8, k] - az
     px, py, pz = x - ax, y - ay, z - az
     d1, d2 = ux * px + uy * py + uz * pz, vx * px + vy * py + vz * pz
     if d1 <= 0 and d2 <= 0:
@@ -268,13 +304,28 @@ def nearest_on_triangle(corners: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 def _hint(tree: Any, x: Any, y: Any, z: Any) -> Any:
-    """A triangle near a place: that of its cell, or of the cell of the grid that is nearest."""
+    """A triangle near a place: that of its cell, or of the cell of the grid that is nearest; some triangle of no place."""
     u, v, w = (x - tree.low[0]) / tree.cell, (y - tree.low[1]) / tree.cell, (z - tree.low[2]) / tree.cell
     nx, ny, nz = tree.hints.shape[0], tree.hints.shape[1], tree.hints.shape[2]
-    i = int(min(max(u, 0.0), nx - 1.0))
-    j = int(min(max(v, 0.0), ny - 1.0))
-    k = int(min(max(w, 0.0), nz - 1.0))
+    i = int(min(max(0.0, u), nx - 1.0))
+    j = int(min(max(0.0, v), ny - 1.0))
+    k = int(min(max(0.0, w), nz - 1.0))
     return int(tree.hints[i, j, k])
+
+
+def _wait(waiting: Any, ahead: Any, number: Any, far: Any, child: Any, best: Any) -> Any:
+    """Put the children that are nearer than `best` to those that wait, the nearest last; how many wait then."""
+    least = number
+    for k in range(WIDE):
+        d = far[0, k]
+        if d < best:
+            at = number
+            while at > least and ahead[at - 1, 0] < d:
+                ahead[at, 0], waiting[at, 0] = ahead[at - 1, 0], waiting[at - 1, 0]
+                at -= 1
+            ahead[at, 0], waiting[at, 0] = d, child + k
+            number += 1
+    return number
 
 
 @outlined
@@ -282,37 +333,38 @@ def _search(tree: Any, x: Any, y: Any, z: Any, hint: Any) -> Any:
     """The square of the distance of a place from the surface [m²], the nearest triangle and which of its parts, and the
     nearest place on it. The search begins at the triangle `hint`."""
     boxes, corners = tree.boxes, tree.corners
-    leaves = (boxes.shape[0] + 1) // 2
+    inner = boxes.shape[0]
     waiting = on_stack(DEPTH, 1, np.int64)
+    ahead = on_stack(DEPTH, 1, np.float64)
+    square = on_stack(1, WIDE, np.float64)
     number = 0
     node = 0
     found = hint
     what, cx, cy, cz = nearest_on_triangle(corners, hint, x, y, z)
     best = (x - cx) * (x - cx) + (y - cy) * (y - cy) + (z - cz) * (z - cz)
     while True:
-        if node >= leaves - 1:
-            first = (node - leaves + 1) * tree.leaf
-            for k in range(first, first + tree.leaf):
-                part, fx, fy, fz = nearest_on_triangle(corners, k, x, y, z)
-                d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
-                if d2 < best:
-                    best, found, what = d2, k, part
-                    cx, cy, cz = fx, fy, fz
+        if node >= inner:
+            least = best
+            for k in lanes(WIDE):
+                square[0, k] = _to_triangle(corners, node - inner, k, x, y, z)
+            for k in range(WIDE):
+                least = min(least, square[0, k])
+            for k in range(WIDE):
+                if square[0, k] <= least * (1 + 1e-6):
+                    part, fx, fy, fz = nearest_on_triangle(corners, (node - inner) * WIDE + k, x, y, z)
+                    d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
+                    if d2 < best:
+                        best, found, what = d2, (node - inner) * WIDE + k, part
+                        cx, cy, cz = fx, fy, fz
         else:
-            one, other = 2 * node + 1, 2 * node + 2
-            d, e = _to_box(boxes, one, x, y, z), _to_box(boxes, other, x, y, z)
-            near, far = (one if d <= e else other), (other if d <= e else one)
-            if max(d, e) < best:
-                waiting[number, 0] = far
-                number += 1
-            if min(d, e) < best:
-                node = near
-                continue
+            for k in lanes(WIDE):
+                square[0, k] = _to_box(boxes, node, k, x, y, z)
+            number = _wait(waiting, ahead, number, square, tree.child[node], best)
         again = False
         while number > 0 and not again:
             number -= 1
             node = waiting[number, 0]
-            again = _to_box(boxes, node, x, y, z) < best
+            again = ahead[number, 0] < best
         if not again:
             break
     return best, found, what, cx, cy, cz
@@ -374,46 +426,69 @@ def first_triangle(
     tree: Any, w: Way, x: Any, y: Any, z: Any, begin: Any, size: Any, side: Any, slack: Any
 ) -> Any:
     """The first part of a way, from `begin` on, at which a place comes within `size` of the surface; 2 if it does not."""
-    boxes = tree.boxes
-    leaves = (boxes.shape[0] + 1) // 2
+    boxes, corners = tree.boxes, tree.corners
+    inner = boxes.shape[0]
     waiting = on_stack(DEPTH, 1, np.int64)
-    waiting[0, 0] = 0
-    number = 1
+    ahead = on_stack(DEPTH, 1, np.float64)
+    enters = on_stack(1, WIDE, np.float64)
+    number, node = 0, 0
     best = 2.0
     # The way deviates from the straight line between its ends by no more than |c|/4.
     bend = 0.25 * np.sqrt(w.cx * w.cx + w.cy * w.cy + w.cz * w.cz)
     pad = size + bend + 4 * slack
     ex, ey, ez = w.ux + w.cx, w.uy + w.cy, w.uz + w.cz
-    while number > 0:
-        number -= 1
-        node = waiting[number, 0]
-        if not _passes(boxes, node, x, y, z, ex, ey, ez, pad, min(best, 1.0), bend):
-            continue
-        if node >= leaves - 1:
-            first = (node - leaves + 1) * tree.leaf
-            for k in range(first, first + tree.leaf):
-                best = min(best, touches(tree, k, w, x, y, z, begin, min(best, 1.0), size, side, slack))
+    while True:
+        # a part of a bent way is not that of its chord
+        last = min(best, 1.0) if bend <= 0 else 1.0
+        if node >= inner:
+            leaf = node - inner
+            for k in lanes(WIDE):
+                box = _box_of(corners, leaf, k)
+                enters[0, k] = _enters(box, x, y, z, ex, ey, ez, pad, last)
+            for k in range(WIDE):
+                if enters[0, k] <= last:
+                    t = touches(tree, leaf * WIDE + k, w, x, y, z, begin, min(best, 1.0), size, side, slack)
+                    best = min(best, t)
         else:
-            one, other = 2 * node + 1, 2 * node + 2
-            swap = _to_box(boxes, one, x, y, z) < _to_box(boxes, other, x, y, z)
-            waiting[number, 0] = other if swap else one
-            waiting[number + 1, 0] = one if swap else other
-            number += 2
+            for k in lanes(WIDE):
+                box = (
+                    boxes[node, 0, k],
+                    boxes[node, 1, k],
+                    boxes[node, 2, k],
+                    boxes[node, 3, k],
+                    boxes[node, 4, k],
+                    boxes[node, 5, k],
+                )
+                enters[0, k] = _enters(box, x, y, z, ex, ey, ez, pad, last)
+            number = _wait(waiting, ahead, number, enters, tree.child[node], 1.5)
+        again = False
+        while number > 0 and not again:
+            number -= 1
+            node = waiting[number, 0]
+            again = bend > 0 or ahead[number, 0] <= best
+        if not again:
+            break
     return best
 
 
-def _passes(
-    boxes: Any, k: Any, x: Any, y: Any, z: Any, ex: Any, ey: Any, ez: Any, pad: Any, end: Any, bend: Any
-) -> Any:
-    """Whether the straight way from a place by (ex, ey, ez), up to its part `end`, passes within `pad` of a node's box."""
-    last = end if bend <= 0 else 1.0  # a part of a bent way is not that of its chord
-    t0, t1 = 0.0, last
+def _box_of(corners: Any, leaf: Any, k: Any) -> Any:
+    """The box about triangle k of a leaf."""
+    c = tuple(corners[leaf, row, k] for row in range(9))
+    low = tuple(min(c[axis], c[3 + axis], c[6 + axis]) for axis in range(3))
+    return low + tuple(max(c[axis], c[3 + axis], c[6 + axis]) for axis in range(3))
+
+
+def _enters(box: Any, x: Any, y: Any, z: Any, ex: Any, ey: Any, ez: Any, pad: Any, end: Any) -> Any:
+    """The part of the straight way from a place by (ex, ey, ez), up to its part `end`, at which it comes within `pad` of a
+    box; 2 if it does not."""
+    begin = 0.0
     for axis in range(3):
         p, e = (x, y, z)[axis], (ex, ey, ez)[axis]
-        low, high = boxes[k, axis] - pad - p, boxes[k, axis + 3] + pad - p
-        if e > 0 or e < 0:
-            one, other = low / e, high / e
-            t0, t1 = max(t0, min(one, other)), min(t1, max(one, other))
-        elif low > 0 or high < 0:
-            t0, t1 = 1.0, 0.0
-    return t0 <= t1
+        low, high = box[axis] - pad - p, box[axis + 3] + pad - p
+        moves = (e > 0) | (e < 0)
+        turn = 1.0 / (e if moves else 1.0)
+        one, other = low * turn, high * turn
+        within = 0.0 if (low <= 0) & (high >= 0) else 2.0
+        begin = max(begin, min(one, other) if moves else within)
+        end = min(end, max(one, other) if moves else end)
+    return begin if begin <= end else 2.0

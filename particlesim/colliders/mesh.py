@@ -196,8 +196,8 @@ class MeshRecord(NamedTuple):
 
 def thickness(c: Any) -> Any:
     """What is taken to be behind all parts of the surface at least [m]: half a sheet, or a part of the size of a solid."""
-    boxes = c.tree.boxes
-    size = max(boxes[0, 3] - boxes[0, 0], boxes[0, 4] - boxes[0, 1], boxes[0, 5] - boxes[0, 2])
+    box = c.tree.around
+    size = max(box[3] - box[0], box[4] - box[1], box[5] - box[2])
     return c.half if c.side == 0 else THIN * size
 
 

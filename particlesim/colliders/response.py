@@ -136,6 +136,8 @@ def at_rest(c: Any) -> ColliderRecord:
 
 @law(contact, ColliderRecord)
 def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
+    if has_law(contact, c.shape):  # what has no surface to be put back on
+        return contact(c.shape, p)
     if isinstance(c.shape, MovingRecord):
         local, outcome = contact(at_rest(c), ride(c.shape, p))
         back = alight(c.shape, local)

@@ -54,6 +54,8 @@ class Method:
     """Whether it chooses its steps by their error."""
     together: ClassVar[bool] = False
     """Whether all particles of a group take its steps together, even where nothing joins them."""
+    revisits: ClassVar[bool] = True
+    """Whether forces may be asked for again where particles have not moved since."""
     by_modes: ClassVar[bool] = True
     """Whether a step is too long where it lets modes of the linearised forces grow; not with methods that choose their steps
     (`adaptive`), nor with those that follow orbits exactly."""

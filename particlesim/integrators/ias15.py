@@ -73,6 +73,7 @@ class GaussRadauMethod(Method):
 
     options: ClassVar[type[Options]] = GaussRadau
     adaptive: ClassVar[bool] = True
+    revisits: ClassVar[bool] = False
     by_modes: ClassVar[bool] = False
     together: ClassVar[bool] = True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from particlesim.bodies import Bodies
 from particlesim.bonds.base import Ties
 from particlesim.emitters import Emitter, Schedule
+from particlesim.engine.islands.in_space import WORTH_PARTICLES, WORTH_STEPS
 from particlesim.errors import ResourceError
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
@@ -18,7 +20,7 @@ from particlesim.integrators import RungeKutta
 from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.preflight.pair_memory import pair_bytes
+from particlesim.preflight.pair_memory import in_lists, pair_bytes
 from particlesim.sampling.distributions import largest
 from particlesim.scenario.reach import mortal, ties
 from particlesim.scenario.scenario import Scenario
@@ -49,6 +51,9 @@ BODY_SAVED = 64 * 48 + 64
 """What a checkpoint keeps of a rigid body: impulses of contacts, orientation, angular momentum."""
 CLOCK_BYTES = 26
 """Birth, start and stop of a particle that may be born or pinned, and what became of it."""
+IN_SPACE_BYTES, IN_SPACE_NUMBERS = 48, 9
+"""Bytes, and numbers, of a particle that is stepped in another order, beside its state: rows and places of the island and in
+lists; its spin, and what laws know of it by rows."""
 LEDGER_COLUMNS = 8
 """Motion and a potential."""
 POOL = 1.125
@@ -105,7 +110,7 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
         stepped += held
     most = int(alive.max())
     memory += sum(each.memory(_width(scenario), mortal=_mortal(scenario, each)) for each in ties(scenario))
-    memory += pair_bytes(scenario, numbers, _width(scenario))
+    memory += pair_bytes(scenario, numbers, _width(scenario)) + _in_space_bytes(scenario, numbers)
     if recorded:
         # At the end a column at a time is made for the digest, while the last checkpoint may still be on its way.
         memory += 2 * POOL * most * sum(_stored(scenario).values()) + checkpoint + 3 * _width(scenario) * most
@@ -138,6 +143,16 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
         stages = method.evaluations if isinstance(method, RungeKutta) else 0
         size = 2 * size + 9 * number + 6 * number * stages  # placed, then joined; forces and slopes
     return size
+
+
+def _in_space_bytes(scenario: Scenario, numbers: Mapping[str, float]) -> float:
+    """Memory of the copies in which many particles in lists are stepped, in an order of neighbours in space."""
+    listed = in_lists(scenario, numbers)
+    if scenario.grid.every < WORTH_STEPS or sum(numbers[name] for name in listed) < WORTH_PARTICLES:
+        return 0.0
+    beside = IN_SPACE_BYTES + IN_SPACE_NUMBERS * _width(scenario)
+    groups = (group for group in scenario.groups if group.name in listed)
+    return sum(numbers[group.name] * (_saved_bytes(scenario, group) + beside) for group in groups)
 
 
 def _saved_bytes(scenario: Scenario, group: Group) -> float:

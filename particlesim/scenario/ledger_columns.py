@@ -64,7 +64,7 @@ def work_columns(scenario: Tables) -> tuple[str, ...]:
     """Columns of the ledger when work is booked: of every cause, impulses, and what is left of the balance."""
     found = causes(scenario, [group.name for group in scenario.groups])
     kicks = ("impulses",) if scenario.impulses else ()
-    return (*(f"{WORK}.{name}" for name in (*found, *kicks)), BALANCE)
+    return (*(f"{WORK}.{name}" for name in dict.fromkeys((*found, *kicks))), BALANCE)
 
 
 def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
@@ -100,7 +100,8 @@ def causes(scenario: Tables, names: Collection[str]) -> tuple[str, ...]:
         "births": emitted,
         "deaths": emitted or any(each.contact == "kill" for each in colliders),
     }
-    return (*found, *(name for name, there in others.items() if there))
+    # An interaction of type "contact" has that name unless it has another.
+    return tuple(dict.fromkeys((*found, *(name for name, there in others.items() if there))))
 
 
 def deaths(scenario: Tables) -> tuple[str, ...]:

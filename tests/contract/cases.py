@@ -29,7 +29,7 @@ from particlesim.colliders import (
     TorusCollider,
     UnionCollider,
 )
-from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.bounds import edge
 from particlesim.colliders.box import Box
 from particlesim.colliders.cylinder import Cylinder
 from particlesim.colliders.pose import Orientation
@@ -192,7 +192,7 @@ COLLIDER_CASES: dict[str, Collider] = {
 
 COLLIDER_RECORDS: dict[str, Any] = {
     **{name: collider.record() for name, collider in COLLIDER_CASES.items()},
-    "bounds": BoundsRecord(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0),
+    "bounds": edge((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
 }
 
 _ARGUMENTS = {

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from support import careful, clock, position, program, run, state, velocity
 from support import columns as plain_columns
 
-from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.bounds import edge
 from particlesim.colliders.plane import Plane, PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import ColliderRecord, ResponseRecord
 from particlesim.engine.independent.kernel import new_room, step_range
@@ -265,7 +265,7 @@ def test_stick_and_kill(outcome: int, kind: Any) -> None:
 def test_leaving_the_bounds_counts_at_the_end_of_the_step() -> None:
     time = clock(1)
     c = columns([[0, 0, 0]], [[1.0, 0, 0]], radius=0.0, clock=time)
-    run(program("velocity_verlet", NO_GRAVITY, Simple((BoundsRecord(-1, -1, -1, 1, 1, 1),))), c, 10, 0.3)
+    run(program("velocity_verlet", NO_GRAVITY, Simple((edge((-1, -1, -1), (1, 1, 1)),))), c, 10, 0.3)
     assert time.outcome[0] == LEAVE
     assert time.stop[0] == pytest.approx(1.2)
     assert c.x[0] == pytest.approx(1.2)

@@ -29,10 +29,17 @@ def emit(
     return simulate(duration, dt, "symplectic_euler", emitters=[emitter], seed=seed, output=output or {})
 
 
-def film(path: Path, duration: float = 1.0, dt: float = 0.1, seed: int = 1, **emitter: Any) -> ps.Trajectory:
-    """The same into a file, with every step a frame."""
-    emitter = {"shape": ORIGIN, **emitter}
-    return record(path, duration, dt, "symplectic_euler", emitters=[emitter], seed=seed, output={"every": 1})
+def film(
+    path: Path,
+    duration: float = 1.0,
+    dt: float = 0.1,
+    seed: int = 1,
+    beside: dict[str, Any] | None = None,
+    **emitter: Any,
+) -> ps.Trajectory:
+    """The same into a file, with every step a frame; `beside`: what else the scenario has."""
+    parts = {"emitters": [{"shape": ORIGIN, **emitter}], "seed": seed, "output": {"every": 1}}
+    return record(path, duration, dt, "symplectic_euler", **parts, **(beside or {}))
 
 
 def p_value(sample: NDArray[Any], distribution: Any) -> float:
@@ -225,11 +232,20 @@ def test_particles_cool_by_newton_and_die_of_cold(tmp_path: Path) -> None:
         )
 
 
-def test_particles_die_outside_of_their_box(tmp_path: Path) -> None:
+FAR = {
+    "interactions": [{"type": "contact"}],
+    "colliders": [{"type": "sphere", "center": [0, 5, 0], "radius": 1, "detection": "discrete"}],
+}
+
+
+@pytest.mark.parametrize("beside", [{}, FAR], ids=["alone", "with what it may touch"])
+def test_particles_die_outside_of_their_box(tmp_path: Path, beside: dict[str, Any]) -> None:
     # At 1 m/s along x out of a box that ends at 0.42 m: dead by the end of the step in which they leave.
     with film(
         tmp_path / "box.vtkhdf",
         dt=0.05,
+        beside=beside,
+        radius=1e-9,
         burst={"count": 3, "at": 0.1},
         direction=[1, 0, 0],
         speed=1.0,

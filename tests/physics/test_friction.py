@@ -99,6 +99,19 @@ def test_a_block_slides_up_a_slope_and_down_again(dt: float) -> None:
     assert position == pytest.approx((-v * v / (2 * rise) + fall * s * s / 2) * downhill(angle), rel=1e-10)
 
 
+def test_friction_never_works_for_a_puck_that_turns_within_a_step() -> None:
+    # Uphill and a little aside, so that it turns round a bend: friction takes from the energy all along its way.
+    angle, dt = 1.4, 1e-2
+    uphill = np.linspace(0.01, 0.12, 12)
+    start = [tuple(-u * downhill(angle) + (0, 0, 0.003)) for u in uphill]
+    pucks = points(*[(0, 0, z) for z in range(12)], velocity=start, radius=0.0)
+    final = simulate(dt, dt, particles=[pucks], forces=GRAVITY, planes=[slope(angle, friction=0.02)]).final
+    energy = (final.velocity**2).sum(axis=1) / 2 + G * final.position[:, 1]
+    gained = energy - (np.array(start) ** 2).sum(axis=1) / 2
+    path = np.linalg.norm(final.position[:, :2], axis=1)
+    assert (gained < -1e-3 * 0.02 * G * math.cos(angle) * path).all()
+
+
 def test_a_puck_on_a_slope_curls_as_it_should() -> None:
     # On a slope at its friction angle (μ = tan θ), speed and downhill velocity change alike: v + v_x is kept, and a puck
     # that is pushed across ends downhill with half of its speed.
@@ -197,17 +210,23 @@ def test_what_slides_into_a_wall_rebounds_from_it() -> None:
     assert position == pytest.approx([2 - 1.76, 0, 0], abs=1e-8)
 
 
-@pytest.mark.parametrize("opening", [0.6, 1.2, 2.0, 2.8])
-def test_a_ball_slides_along_a_groove(opening: float) -> None:
-    # Two planes, a groove that falls along z by 0.3 rad: a = g sin 0.3 without friction.
+@pytest.mark.parametrize(
+    ("opening", "mu"), [(0.6, 0.0), (1.2, 0.0), (2.8, 0.0), (math.pi / 2, 0.1), (math.pi / 2, 0.3)]
+)
+def test_a_ball_slides_along_a_groove(opening: float, mu: float) -> None:
+    # Two planes, a groove that falls along z by 0.3 rad: a = g (sin 0.3 − μ cos 0.3/sin(opening/2)), as each is pressed by
+    # half of the weight over the sine; at a right angle, too.
     half, fall = opening / 2, 0.3
 
     def turned(x: float, y: float) -> list[float]:
         return [x, y * math.cos(fall), y * math.sin(fall)]
 
-    planes = [{"normal": turned(s * math.cos(half), math.sin(half)), "restitution": 0.0} for s in (1, -1)]
+    planes = [
+        {"normal": turned(s * math.cos(half), math.sin(half)), "restitution": 0.0, "friction": mu}
+        for s in (1, -1)
+    ]
     position, velocity = slide(0.5, 0.005, planes)
-    a = G * math.sin(fall)
+    a = max(G * (math.sin(fall) - mu * math.cos(fall) / math.sin(half)), 0)
     way = np.array([0, -math.sin(fall), math.cos(fall)])
     assert velocity == pytest.approx(a * 0.5 * way, rel=1e-6, abs=1e-9)
     assert position == pytest.approx(a * 0.125 * way, rel=1e-6, abs=1e-9)

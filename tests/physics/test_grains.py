@@ -15,6 +15,7 @@ import particlesim as ps
 from particlesim.engine.islands import in_space
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
+from particlesim.scenario.ledger_columns import work_columns
 
 R, M, G = 0.05, 0.1, 9.81
 LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e5}
@@ -256,7 +257,7 @@ def test_the_work_of_contacts_accounts_for_the_energy(law: dict[str, Any]) -> No
     result = on_slope(
         law,
         0.3,
-        0.05,
+        0.02,
         method="velocity_verlet",
         velocity=(1.0, -0.5, 0.2),
         output={"ledger": True, "work": True, "every": 100},
@@ -266,6 +267,8 @@ def test_the_work_of_contacts_accounts_for_the_energy(law: dict[str, Any]) -> No
     spent = energy[0] - energy[-1]
     assert spent > 0.01
     assert abs(rows["balance"][-1]) < 0.02 * spent
+    columns = work_columns(result.scenario)  # the collider and the interaction have one together
+    assert len(set(columns)) == len(columns)
 
 
 def drum(n: int = 60) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from support import careful, columns, position, program, run, velocity
 import particlesim as ps
 from particlesim.colliders import DistanceGridCollider, FormulaCollider, PlaneCollider, SphereCollider
 from particlesim.colliders.gaps import gaps_of
+from particlesim.engine.simulation import Simulation
 from particlesim.expressions.arrays import value_at
 from particlesim.expressions.operations import VARIABLES, value
 from particlesim.expressions.parser import parse
@@ -242,6 +243,13 @@ def test_a_grain_falls_on_a_ball_from_a_file_and_on_one_that_is_cut(tmp_path: Pa
         final = ps.run(made).final
         # the spline through samples 0.1 apart is 1e-4 off at most; bounces double what that changes
         assert final.position[0] == pytest.approx([0, top + 0.05 + e * e * h, 0], abs=1e-3)
+
+
+def test_bodies_may_stand_beside_a_formula_with_constants() -> None:
+    ground = {"type": "formula", "distance": "y - a", "constants": {"a": 0.1}, "size": [4, 1, 4]}
+    body = {"name": "box", "shape": {"type": "box", "size": [1, 1, 1]}, "position": [0, 2, 0]}
+    parts = {"bodies": [body, {**body, "name": "other", "position": [2, 2, 0]}], "colliders": [ground]}
+    Simulation(ps.from_table({"simulation": {"duration": 0.1, "dt": 0.01}, **parts})).close()
 
 
 def test_emitted_balls_come_to_rest_on_a_rough_hill_within_bounds() -> None:

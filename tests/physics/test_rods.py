@@ -12,6 +12,7 @@ from scipy.special import ellipj, ellipk
 from simulate import EPS, G, points, simulate, table
 
 import particlesim as ps
+from particlesim.compiler import uncompiled
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability import linearised as linear
 
@@ -251,6 +252,11 @@ def test_the_look_at_stability_knows_what_rods_leave() -> None:
         ps.run(ps.from_table(hanging(2, 1.03 * limit, 1e-6, 400 * 1.03 * limit)))
     assert "try simulation.dt = 0.21" in str(caught.value)
     assert "backward_euler" not in str(caught.value)
+    turning = hanging(2, 0.01)
+    turning["particles"][0]["radius"] = 0.26
+    turning["interactions"] = [{"type": "contact", "model": "linear", "stiffness": 1.0, "friction": 0.5}]
+    with uncompiled():  # NumPy looks at every index
+        assert ps.stability(ps.from_table(turning)).step > 0
 
 
 def test_bounds_on_long_chains_are_never_too_large(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -283,6 +283,20 @@ def test_what_sticks_to_a_ball_stays_where_it_touched() -> None:
     assert not final.velocity[0].any()
 
 
+@pytest.mark.parametrize("law", [{}, {"model": "linear", "stiffness": 1000.0}], ids=["impulse", "linear"])
+def test_what_has_stuck_is_hit_like_a_wall(law: dict[str, Any]) -> None:
+    final = simulate(
+        2.4,
+        0.004,
+        particles=[points((0, 0.5, 0), (0, 2, 0), velocity=[(0, -1, 0)], radius=0.1)],
+        planes=[{"contact": "stick"}],
+        interactions=[{"type": "contact", "restitution": 0.5, **law}],
+    ).final
+    assert final.position[0] == pytest.approx([0, 0.1, 0], abs=1e-12)
+    assert not final.velocity[0].any()
+    assert final.velocity[1] == pytest.approx([0, 0.5, 0], abs=0.03)  # 0.61 off half of the mass
+
+
 def test_a_collider_of_type_plane_is_a_plane() -> None:
     bounces: dict[str, Any] = {"restitution": 0.7, "normal": [0.1, 1, 0]}
     results = [

@@ -385,6 +385,8 @@ def test_what_only_places_tell_has_its_place_in_the_file(tmp_path: Path) -> None
         ps.run(ps.load(file))
     assert f"{file}:9:1" in str(caught.value)
     assert caught.value.exit_code == 2
+    with pytest.raises(ps.ScenarioError, match="so far out"):  # 1e300² is no number
+        ps.run(ps.load(file, {"particles.ends.layout.position": [[0, 0, 0], [1e300, 0, 0]]}))
 
 
 def test_damped_springs_need_inertia() -> None:

@@ -12,6 +12,8 @@ from simulate import points, table
 
 import particlesim as ps
 from particlesim.engine.interactions.tree.calibration import LEAST_NEED, TOLERANCE
+from particlesim.engine.interactions.tree.field import with_height
+from particlesim.engine.interactions.tree.form import field_columns
 from particlesim.engine.interactions.tree.tree_pairs import TreePairs
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -302,7 +304,17 @@ def test_particles_that_come_later_have_the_accuracy_too() -> None:
         simulation = Simulation(ps.from_table(table(0.03, 0.01, **parts)), threads=1)
         simulation.advance_to(2)
         forces.append(np.hstack([state.velocity.T for state in simulation.states]))
+        if method == "tree":
+            (pull,) = simulation.islands[0].interactions
+            size = pull.size.copy()
+            simulation.islands[0].forces(0.02)  # for a frame: the tree remembers the sums of steps alone
+            assert np.array_equal(pull.size, size)
+            taller, _ = with_height(pull.tree)
+            assert taller.room.fields.shape[2] == field_columns(taller.form)[-1]
         simulation.close()
+    none_yet = Simulation(ps.from_table(table(0.03, 0.01, **{**parts, "particles": []})), threads=1)
+    assert none_yet.ledger()["potential.gravity"] == 0
+    none_yet.close()
     direct, tree = forces
     error = np.linalg.norm(tree - direct, axis=0) / np.linalg.norm(direct, axis=0)
     assert np.sqrt(np.mean(error[2:] ** 2)) < 1e-3

@@ -86,12 +86,19 @@ def test_memory_of_pairs(law, box, most):
         ],
         "interactions": [law],
     }
+    many = {**table["simulation"], "dt": 0.01}
     scenario = ps.from_table(table)
     simulation = Simulation(scenario)
     (each,) = simulation.islands[0].interactions
     said, there = pair_bytes(scenario, {"a": 20_000}, 8), held(tuple(each))
     assert 0.9 * there < said < most * there
     assert needs(scenario).memory > said
+    # Lists of many particles are gone through in another order for many steps: in copies.
+    copies = [
+        needs(ps.from_table(table | {"output": {"every": n}, "simulation": many})).memory for n in (1, 100)
+    ]
+    state = 8 * 7 * 20_000
+    assert (copies[1] - copies[0] > state) == (law["type"] == "soft_sphere")
     simulation.close()
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import exact, kernel, outlined
+from particlesim.compiler import exact, kernel, lanes, on_stack, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.adaptive import after, give_up, next_event, worst
 from particlesim.engine.coupled.contact import collide
@@ -31,10 +31,19 @@ from particlesim.integrators.ias15 import (
     newton_to_monomial,
 )
 
-ROWS = 3 * COEFFICIENTS
-STEP, TAKEN, B, E, CARRY, KNOWN = 0, 1, 2, 2 + ROWS, 2 + 2 * ROWS, 8 + 2 * ROWS
-"""Rows of the memory: the next step and the last one [s]; b of the last one and its prediction [m/s²], coefficient by
-coefficient x, y, z; what rounding took from position and velocity; whether all this holds."""
+LASTING = 2 * COEFFICIENTS + 2
+STEP, TAKEN, LAST, KNOWN = 0, 1, 2, 2 + 3 * LASTING
+"""Rows of the memory: the next step and the last one [s]; what lasts, vector by vector; whether it holds."""
+G, B, PREDICTED, LAST_B, LAST_GUESS, LOST_X, LOST_V, START, PLACE, SPEED, ROOM = (
+    *(k * COEFFICIENTS for k in range(5)),
+    *(5 * COEFFICIENTS + k for k in range(6)),
+)
+"""Rows of a particle in the room: g, b, and b as it was predicted, of this step; what lasts: b of the last step and its
+prediction, and what rounding has taken from position and velocity; at the beginning of the step the acceleration [m/s²],
+position and velocity."""
+LANES = 4
+"""Numbers in a row, which fit into a vector: x, y, z and nothing."""
+UPWARDS, DOWNWARDS = tuple(range(COEFFICIENTS)), tuple(range(COEFFICIENTS - 1, -1, -1))
 MOST_ITERATIONS = 12
 CONVERGED = 1e-16
 """Change of b₆ in an iteration, relative to the acceleration, that is rounding."""
@@ -45,43 +54,51 @@ FORGETS = 20.0
 
 
 class StagedGaussRadau(NamedTuple):
-    """Nodes, 1 over their differences, tables of `integrators.ias15`, weights of b in v and x, binomials, (5040 ε)^(1/7),
-    the shortest step [s]."""
+    """Nodes and, as their last, the end of the step; weights of b, and then of a₀, in v/h and x/h² at each [nodes, 8]; of
+    the acceleration in the g that follows from it [nodes], and of the g before [nodes, 7]; tables of `integrators.ias15`;
+    binomials; (5040 ε)^(1/7), the shortest step [s]."""
 
     nodes: NDArray[np.float64]
-    over: NDArray[np.float64]
-    to_b: NDArray[np.float64]
-    to_g: NDArray[np.float64]
     in_v: NDArray[np.float64]
     in_x: NDArray[np.float64]
+    of_a: NDArray[np.float64]
+    of_g: NDArray[np.float64]
+    to_b: NDArray[np.float64]
+    to_g: NDArray[np.float64]
     binomials: NDArray[np.float64]
     reach: float
     least: float
 
 
 class Room(NamedTuple):
-    """The polynomials of the present step: g, b, and b as it was predicted [3 coefficients, n], the accelerations at its
-    beginning [3, n]; `memory` is that of the particles [rows, n]."""
+    """What a step works on: the rows of each particle [n, ROOM LANES], side by side in memory, and whether its last
+    polynomial is known [n]; `memory` is that of the particles [rows, n], where all this lasts between intervals."""
 
-    g: Any
-    b: Any
-    predicted: Any
-    start: Any
+    rows: Any
+    known: Any
     memory: Any
 
 
 def staged_gauss_radau(method: GaussRadauMethod) -> StagedGaussRadau:
     """The method's numbers for the kernel."""
     k = np.arange(COEFFICIENTS)
-    binomials = [[comb(j + 1, i + 1) if j >= i else 0 for j in k] for i in k]
+    powers = np.append(k + 1, 0)  # those of s in the acceleration, a₀ the last
+    s = np.array((*NODES, 1.0))[:, None]
+    over = 1 / (np.subtract.outer(NODES, NODES) + np.eye(len(NODES)))
+    of_a, of_g = np.zeros(len(NODES)), np.zeros((len(NODES), COEFFICIENTS))
+    for node in range(1, len(NODES)):
+        # g = (… ((a − a₀) o₀ − g₀) o₁ − …) o with o_j = 1/(s − s_j), multiplied out
+        of_a[node] = over[node, :node].prod()
+        of_g[node, : node - 1] = [over[node, j + 1 : node].prod() for j in range(node - 1)]
     return StagedGaussRadau(
         np.array(NODES),
-        1 / (np.subtract.outer(NODES, NODES) + np.eye(len(NODES))),
+        s ** (powers + 1) / (powers + 1),
+        s ** (powers + 2) / ((powers + 1) * (powers + 2)),
+        of_a,
+        of_g,
         np.array(newton_to_monomial()),
-        np.array(monomial_to_newton()),
-        1.0 / (k + 2),
-        1.0 / ((k + 2) * (k + 3)),
-        np.array(binomials, float),
+        np.array(monomial_to_newton()).T.copy(),
+        np.array([[comb(j + 1, i + 1) if j >= i else 0 for j in k] for i in k], float),
         (5040 * method.tolerance) ** (1 / 7),
         method.minimum_step or 0.0,
     )
@@ -90,89 +107,138 @@ def staged_gauss_radau(method: GaussRadauMethod) -> StagedGaussRadau:
 def new_room(memory: NDArray[Any]) -> Room:
     """Room for the particles whose memory this is, [rows, n]."""
     count = memory.shape[1]
-    g, b, predicted = (np.zeros((ROWS, count)) for _ in range(3))
-    return Room(g, b, predicted, np.zeros((3, count)), memory)
+    return Room(np.zeros((count, ROOM * LANES)), np.zeros(count), memory)
+
+
+@outlined
+def take(room: Any, first: Any, last: Any) -> None:
+    """Fetch what lasts from the memory of particles."""
+    for i in range(first, last):
+        for k in range(LASTING):
+            for axis in range(3):
+                room.rows[i, LANES * (LAST_B + k) + axis] = room.memory[LAST + 3 * k + axis, i]
+        room.known[i] = room.memory[KNOWN, i]
+
+
+@outlined
+def leave(room: Any, first: Any, last: Any, step: Any, taken: Any) -> None:
+    """Put what lasts into the memory of particles: the next step and the last one, and the rest."""
+    for i in range(first, last):
+        for k in range(LASTING):
+            for axis in range(3):
+                room.memory[LAST + 3 * k + axis, i] = room.rows[i, LANES * (LAST_B + k) + axis]
+        room.memory[KNOWN, i], room.memory[STEP, i], room.memory[TAKEN, i] = room.known[i], step, taken
+
+
+@outlined
+def begin(c: Any, work: Any, first: Any, last: Any) -> None:
+    """Keep accelerations, positions and velocities at the beginning of a step."""
+    for i in range(first, last):
+        p = work.radau.rows[i]
+        a, x, v = acceleration(c, work.force, i), (c.x[i], c.y[i], c.z[i]), (c.vx[i], c.vy[i], c.vz[i])
+        for row, vector in ((START, a), (PLACE, x), (SPEED, v)):
+            for axis in lanes(LANES):
+                p[LANES * row + axis] = lane(vector, axis)
+
+
+def acceleration(c: Any, force: Any, i: Any) -> Any:
+    """The acceleration of particle i."""
+    m = c.m[i]
+    return force[0, i] / m, force[1, i] / m, force[2, i] / m
+
+
+def lane(vector: Any, axis: Any) -> Any:
+    """A component of a vector, 0 where it has none: registers become a row by blending, which memory would do slowly."""
+    x, y, z = vector
+    return x if axis == 0 else (y if axis == 1 else (z if axis == 2 else 0.0))
 
 
 @outlined
 def predict(method: Any, room: Any, first: Any, last: Any, ratio: Any) -> None:
     """Continue the polynomial of the last step over one `ratio` times as long; where nothing is known, b = 0."""
-    memory, b, g = room.memory, room.b, room.g
     for i in range(first, last):
-        known = memory[KNOWN, i] > 0
-        if not known:
-            for k in range(6):
-                memory[CARRY + k, i] = 0.0
-        useful = known & (ratio <= FORGETS)
-        for axis in range(3):
-            power = 1.0
-            for k in range(COEFFICIENTS):
-                power *= ratio
-                continued = 0.0
-                for j in range(k, COEFFICIENTS):
-                    continued += method.binomials[k, j] * memory[B + 3 * j + axis, i]
-                row = 3 * k + axis
-                room.predicted[row, i] = power * continued if useful else 0.0
-                missed = memory[B + row, i] - memory[E + row, i]
-                b[row, i] = power * continued + missed if useful else 0.0
-            for k in range(COEFFICIENTS):
+        p = room.rows[i]
+        if not room.known[i] > 0:
+            for k in range(LANES * LOST_X, LANES * (LOST_V + 1)):
+                p[k] = 0.0
+        useful = (room.known[i] > 0) & (ratio <= FORGETS)
+        power = 1.0
+        for k in range(COEFFICIENTS):
+            power *= ratio
+            at, given = LANES * k, method.binomials[k]
+            for axis in lanes(LANES):
+                continued, missed = 0.0, p[LANES * LAST_B + at + axis] - p[LANES * LAST_GUESS + at + axis]
+                for j in UPWARDS:
+                    continued += given[j] * p[LANES * (LAST_B + j) + axis]
+                p[LANES * PREDICTED + at + axis] = power * continued if useful else 0.0
+                p[LANES * B + at + axis] = power * continued + missed if useful else 0.0
+        for k in range(COEFFICIENTS):
+            given = method.to_g[k]
+            for axis in lanes(LANES):
                 total = 0.0
-                for j in range(k, COEFFICIENTS):
-                    total += method.to_g[j, k] * b[3 * j + axis, i]
-                g[3 * k + axis, i] = total
+                for j in UPWARDS:
+                    total += given[j] * p[LANES * (B + j) + axis]
+                p[LANES * (G + k) + axis] = total
 
 
 @outlined
-def go_to_node(method: Any, c: Any, work: Any, first: Any, last: Any, s: Any, h: Any) -> None:
-    """Put particles where their polynomials lead at a part s of the step."""
-    room, before = work.radau, work.before
-    memory = room.memory
+def go_to_node(method: Any, c: Any, work: Any, first: Any, last: Any, node: Any, h: Any) -> None:
+    """Put particles where their polynomials lead at a node of the step."""
+    in_x, in_v, s = method.in_x[node], method.in_v[node], method.nodes[node]
+    put = on_stack(2, LANES, np.float64)
+    x, v = put[0], put[1]
     for i in range(first, last):
         if not rests(c.clock, i):
-            for axis in range(3):
-                in_x, in_v = 0.0, 0.0
-                for k in range(COEFFICIENTS - 1, -1, -1):
-                    b = room.b[3 * k + axis, i]
-                    in_x = in_x * s + b * method.in_x[k]
-                    in_v = in_v * s + b * method.in_v[k]
-                a = room.start[axis, i]
-                v0 = before[3 + axis, i]
-                dx = s * h * (v0 + s * h * (0.5 * a + s * in_x)) - memory[CARRY + axis, i]
-                dv = s * h * (a + s * in_v) - memory[CARRY + 3 + axis, i]
-                put(c, axis, i, before[axis, i] + dx, v0 + dv)
+            p = work.radau.rows[i]
+            for axis in lanes(LANES):
+                dx, dv = moved(p, axis, in_x, in_v)
+                v0 = p[LANES * SPEED + axis]
+                x[axis] = p[LANES * PLACE + axis] + (h * (s * v0 + h * dx) - p[LANES * LOST_X + axis])
+                v[axis] = v0 + (h * dv - p[LANES * LOST_V + axis])
+            c.x[i], c.y[i], c.z[i] = x[0], x[1], x[2]
+            c.vx[i], c.vy[i], c.vz[i] = v[0], v[1], v[2]
 
 
-def put(c: Any, axis: Any, i: Any, x: Any, v: Any) -> None:
-    """Set a component of position and velocity of particle i."""
-    if axis == 0:
-        c.x[i], c.vx[i] = x, v
-    elif axis == 1:
-        c.y[i], c.vy[i] = x, v
-    else:
-        c.z[i], c.vz[i] = x, v
+def moved(p: Any, axis: Any, in_x: Any, in_v: Any) -> tuple[float, float]:
+    """What the acceleration's polynomial has given to a component of place and velocity, over h² and h."""
+    dx, dv = 0.0, 0.0
+    for k in DOWNWARDS:  # small ones first
+        b = p[LANES * (B + k) + axis]
+        dx += b * in_x[k]
+        dv += b * in_v[k]
+    a = p[LANES * START + axis]
+    return dx + a * in_x[COEFFICIENTS], dv + a * in_v[COEFFICIENTS]
 
 
 @outlined
 def learn(method: Any, c: Any, work: Any, first: Any, last: Any, node: Any) -> tuple[float, float]:
-    """Take the forces at a node into g and b. Returns the largest change of the last b, and the largest acceleration."""
-    room = work.radau
-    g, over = room.g, method.over
+    """Take the forces at a node into g and b. Returns the largest change of the last b, and the largest acceleration, at the
+    last node."""
+    of_a, of_g, to_b = method.of_a[node], method.of_g[node], [method.to_b[node - 1, k] for k in UPWARDS]
+    stack = on_stack(2, LANES, np.float64)
+    term, difference = stack[0], stack[1]
     change, size = 0.0, 0.0
     for i in range(first, last):
         if not rests(c.clock, i):
-            for axis in range(3):
-                a = work.force[axis, i] / c.m[i]
-                term = (a - room.start[axis, i]) * over[node, 0]
-                for k in range(node - 1):
-                    term = (term - g[3 * k + axis, i]) * over[node, k + 1]
-                row = 3 * (node - 1) + axis
-                difference = term - g[row, i]
-                g[row, i] = term
-                for k in range(node):
-                    room.b[3 * k + axis, i] += method.to_b[node - 1, k] * difference
-                # NaN compares as false both ways: then the size is infinite
-                change = max(change, abs(difference)) if abs(difference) < np.inf else np.inf
-                size = max(size, abs(a)) if abs(a) < np.inf else np.inf
+            p, a = work.radau.rows[i], acceleration(c, work.force, i)
+            own = p[LANES * (G + node - 1) : LANES * (G + node)]
+            for axis in lanes(LANES):
+                known = 0.0
+                for k in UPWARDS:
+                    known += of_g[k] * p[LANES * (G + k) + axis]
+                term[axis] = (lane(a, axis) - p[LANES * START + axis]) * of_a - known
+                difference[axis] = term[axis] - own[axis]
+            for axis in lanes(LANES):
+                own[axis] = term[axis]
+            for axis in lanes(LANES):
+                for k in UPWARDS:
+                    p[LANES * (B + k) + axis] += to_b[k] * difference[axis]
+            if node == COEFFICIENTS:
+                for axis in range(3):
+                    # NaN compares as false both ways: then the size is infinite
+                    off, much = abs(difference[axis]), abs(a[axis])
+                    change = max(change, off) if off < np.inf else np.inf
+                    size = max(size, much) if much < np.inf else np.inf
     return change, size
 
 
@@ -187,45 +253,45 @@ def carried(x: float, dx: float, carry: float) -> tuple[float, float]:
 @outlined
 def arrive(method: Any, c: Any, work: Any, first: Any, last: Any, h: Any) -> None:
     """The end of a step: positions and velocities by the whole polynomial, with carried sums."""
-    room, before = work.radau, work.before
-    memory = room.memory
+    room, end = work.radau, len(NODES)
+    in_x, in_v = method.in_x[end], method.in_v[end]
+    put = on_stack(2, LANES, np.float64)
+    x, v = put[0], put[1]
     for i in range(first, last):
+        p = room.rows[i]
         if not rests(c.clock, i):
-            for axis in range(3):
-                in_x, in_v = 0.0, 0.0
-                for k in range(COEFFICIENTS - 1, -1, -1):
-                    b = room.b[3 * k + axis, i]
-                    in_x += b * method.in_x[k]
-                    in_v += b * method.in_v[k]
-                a, x0, v0 = room.start[axis, i], before[axis, i], before[3 + axis, i]
-                x, lost = carried(x0, h * h * (in_x + 0.5 * a), memory[CARRY + axis, i])
-                x, memory[CARRY + axis, i] = carried(x, h * v0, lost)
-                v, memory[CARRY + 3 + axis, i] = carried(v0, h * (in_v + a), memory[CARRY + 3 + axis, i])
-                put(c, axis, i, x, v)
-            for k in range(ROWS):
-                memory[B + k, i], memory[E + k, i] = room.b[k, i], room.predicted[k, i]
-            memory[KNOWN, i] = 1.0
+            for axis in lanes(LANES):
+                dx, dv = moved(p, axis, in_x, in_v)
+                x0, v0 = p[LANES * PLACE + axis], p[LANES * SPEED + axis]
+                there, lost = carried(x0, h * h * dx, p[LANES * LOST_X + axis])
+                x[axis], p[LANES * LOST_X + axis] = carried(there, h * v0, lost)
+                v[axis], p[LANES * LOST_V + axis] = carried(v0, h * dv, p[LANES * LOST_V + axis])
+            c.x[i], c.y[i], c.z[i] = x[0], x[1], x[2]
+            c.vx[i], c.vy[i], c.vz[i] = v[0], v[1], v[2]
+        for k in range(LANES * COEFFICIENTS):
+            p[LANES * LAST_B + k], p[LANES * LAST_GUESS + k] = p[LANES * B + k], p[LANES * PREDICTED + k]
+        room.known[i] = 1.0
 
 
 @outlined
 def haste(room: Any, c: Any, first: Any, last: Any) -> tuple[float, int]:
     """The largest 1/τ² of some particles times h², and whose it is."""
     most, row = 0.0, first
+    squares = on_stack(4, LANES, np.float64)
     for i in range(first, last):
         if not rests(c.clock, i):
-            a2, jerk2, snap2, crackle2 = 0.0, 0.0, 0.0, 0.0
-            for axis in range(3):
-                a, jerk, snap, crackle = room.start[axis, i], 0.0, 0.0, 0.0
-                for k in range(COEFFICIENTS):
-                    b = room.b[3 * k + axis, i]
+            p = room.rows[i]
+            for axis in lanes(LANES):
+                a, jerk, snap, crackle = p[LANES * START + axis], 0.0, 0.0, 0.0
+                for k in UPWARDS:
+                    b = p[LANES * (B + k) + axis]
                     a += b
                     jerk += (k + 1) * b
                     snap += k * (k + 1) * b
                     crackle += (k - 1) * k * (k + 1) * b
-                a2 += a * a
-                jerk2 += jerk * jerk
-                snap2 += snap * snap
-                crackle2 += crackle * crackle
+                squares[0, axis], squares[1, axis] = a * a, jerk * jerk
+                squares[2, axis], squares[3, axis] = snap * snap, crackle * crackle
+            a2, jerk2, snap2, crackle2 = [sum3(squares[k]) for k in range(4)]
             mine = (jerk2 + np.sqrt(a2 * snap2)) / (2 * a2) if a2 > 0 else np.inf
             # Where the acceleration passes through zero, how its change changes tells the time, not its size.
             later = (snap2 + np.sqrt(jerk2 * crackle2)) / (2 * jerk2) if jerk2 > 0 else np.inf
@@ -235,15 +301,18 @@ def haste(room: Any, c: Any, first: Any, last: Any) -> tuple[float, int]:
     return most, row
 
 
+def sum3(row: Any) -> Any:
+    """The sum of a row's first three numbers."""
+    return row[0] + row[1] + row[2]
+
+
 @outlined
 def first_step(room: Any, c: Any, first: Any, last: Any) -> float:
     """1/h² of a first step: a hundredth of the time in which the acceleration changes the velocity or the place."""
     most = 0.0
     for i in range(first, last):
         if not rests(c.clock, i):
-            x2 = c.x[i] * c.x[i] + c.y[i] * c.y[i] + c.z[i] * c.z[i]
-            v2 = c.vx[i] * c.vx[i] + c.vy[i] * c.vy[i] + c.vz[i] * c.vz[i]
-            a2 = room.start[0, i] ** 2 + room.start[1, i] ** 2 + room.start[2, i] ** 2
+            x2, v2, a2 = [squared(room.rows[i], row) for row in (PLACE, SPEED, START)]
             if v2 > 0:
                 most = max(most, 1e4 * a2 / v2)
             elif x2 > 0:
@@ -251,11 +320,9 @@ def first_step(room: Any, c: Any, first: Any, last: Any) -> float:
     return float(most)
 
 
-def keep_accelerations(c: Any, work: Any, first: Any, last: Any) -> None:
-    """The accelerations at the beginning of a step."""
-    for axis in range(3):
-        for i in range(first, last):
-            work.radau.start[axis, i] = work.force[axis, i] / c.m[i]
+def squared(p: Any, row: Any) -> Any:
+    """The square of a row's length."""
+    return p[LANES * row] ** 2 + p[LANES * row + 1] ** 2 + p[LANES * row + 2] ** 2
 
 
 def both(share: Any, slots: Any, a: Any, b: Any) -> Any:
@@ -277,7 +344,7 @@ def iterate(
     while iteration < MOST_ITERATIONS and error > CONVERGED and (iteration <= 2 or error < previous):
         previous, change, size = error, 0.0, 0.0
         for node in range(1, COEFFICIENTS + 1):
-            go_to_node(method, c, work, first, last, method.nodes[node], h)
+            go_to_node(method, c, work, first, last, node, h)
             meet(share.gate, share.threads)
             evaluate(parts, bonds, c, work, share, t + method.nodes[node] * h, None)
             change, size = learn(method, c, work, first, last, node)
@@ -309,6 +376,7 @@ def step_island_gauss_radau(
     """
     room, first, last = work.radau, share.first, share.last
     step, before = float(room.memory[STEP, 0]), float(room.memory[TAKEN, 0])
+    take(room, first, last)
     for s in range(steps):
         t, end = (first_step_number + s) * dt, (first_step_number + s + 1) * dt
         # Time runs within the grid step, from 0 to dt: sums of small numbers lose less than those of large ones.
@@ -319,7 +387,7 @@ def step_island_gauss_radau(
             left = dt - passed if goal == end else goal - now
             q = in_step(c, now, goal)
             evaluate(parts, bonds, q, work, share, now, None)
-            keep_accelerations(c, work, first, last)
+            begin(c, work, first, last)
             save(block_of(c, first, last), work.before[:, first:last])
             if not step > 0:
                 most, _ = worst(share, pace.slots, first_step(room, q, first, last), 0)
@@ -341,6 +409,7 @@ def step_island_gauss_radau(
                     restore(block_of(c, first, last), work.before[:, first:last])
                     why = (TOO_SHORT if finite else NOT_FINITE) if short else TOO_MANY
                     give_up(share, pace, why, now, row)
+                    leave(room, first, last, step, before)
                     return s
             arrive(method, q, work, first, last, taken)
             if pace.disturbed:
@@ -351,10 +420,9 @@ def step_island_gauss_radau(
             here, landed = goal, arrives
             if arrives and is_event(pace.events, goal):
                 for i in range(first, last):
-                    room.memory[KNOWN, i] = 0.0
+                    room.known[i] = 0.0
             passed, before = dt if arrives & (goal == end) else passed + taken, taken
-    for i in range(first, last):
-        room.memory[STEP, i], room.memory[TAKEN, i] = step, before
+    leave(room, first, last, step, before)
     end_interval(parts, bonds, c, work, share, (first_step_number + steps) * dt)
     return steps
 

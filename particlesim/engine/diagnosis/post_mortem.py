@@ -101,9 +101,10 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
         place = row - rows.start
         sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
         ends = " and ".join(f"{k} of {name!r}" for k, name in zip(rod.particles, rod.groups, strict=True))
+        short = f"by {rod.misfit * rod.length:.3g} m" if math.isfinite(rod.misfit) else "altogether"
         text = (
             f"rods {rod.name!r} could not be held in the step from t = {time:.9g} s: the one between particles {ends} "
-            f"missed its length of {rod.length:.6g} m by {rod.misfit * rod.length:.3g} m; particle {{who}} was"
+            f"missed its length of {rod.length:.6g} m {short}; particle {{who}} was"
         )
         return _report(world, number, sign, "not held", time, text, UNHELD)
     if (joint := fault.unclosed) is not None:

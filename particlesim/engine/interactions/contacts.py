@@ -80,7 +80,7 @@ from particlesim.engine.interactions.neighbours.record import (
     take_over,
 )
 from particlesim.engine.interactions.pair_blocks import Block
-from particlesim.engine.state.columns import in_step
+from particlesim.engine.state.columns import held, in_step
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import JkrRecord, jumps
@@ -286,6 +286,7 @@ def remembers(each: Any) -> bool:
 
 def look_at(each: Any, c: Any, share: Any, t: Any) -> Any:
     """Neighbour lists, lists of pairs, and all that the law reads of the members; returns whether any of it has changed."""
+    hold_stuck(each, c, share)
     changed = bring_up(each, c, share, t, (), turning_in(each, c))
     changed = changed | (each.law.beta > 0) | (each.law.friction is not None)
     made(each.lists, each.draft, each.near, share)
@@ -397,9 +398,19 @@ def with_room(lists: Lists, room: int) -> Lists:
 
 
 def with_masses(site: Site, found: NearPairs) -> NearPairs:
-    """Near pairs that know inverse masses, 0 of what is held, as their numbers `a`, and no masses."""
+    """Near pairs that know inverse masses, 0 of what is pinned, as their numbers `a`, and no masses."""
     seen = found.seen._replace(a=np.zeros(found.near.order.size, site.dtype), m=None)
     return found._replace(a=site.inverse_mass().astype(site.dtype), seen=seen)
+
+
+def hold_stuck(each: Any, c: Any, share: Any) -> None:
+    """What has stuck to a collider is as heavy as what is pinned."""
+    if c.clock is not None:
+        for i in range(share.first, share.last):
+            if held(c.clock, i) & (each.a[i] > 0):
+                each.a[i] = 0
+                if each.near.place[i] >= 0:
+                    each.seen.a[each.near.place[i]] = 0
 
 
 def contacts_of(site: Site, pairs: PairSet) -> Contacts:

@@ -25,10 +25,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.interactions.contacts import with_masses
+from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.interaction import Floats, Site
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
@@ -102,6 +103,7 @@ class Impulses(NearLists, ImpulseColumns):
         pass
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        hold_stuck(self, c, share)
         bring_up(self, c, share, t)
         if share.number == 0:
             resolve(self, parts, c, before, t)
@@ -293,11 +295,12 @@ def move_apart(each: Any, c: Any) -> None:
 
 
 def colliders_of(part: Any) -> Any:
-    """All colliders of a group."""
+    """All colliders of a group that have a surface."""
     if len(part.rubbing) > 0:
         return part.rubbing
     contacts = part.contacts
-    return contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    found = contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
+    return tuple(c for c in found if not isinstance(c.shape, BoundsRecord))
 
 
 def whole(n: Any, like: Any) -> Any:

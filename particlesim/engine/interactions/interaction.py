@@ -305,10 +305,11 @@ class Site:
         return np.asarray(inverse)
 
     def pinned(self) -> NDArray[np.bool_]:
-        """Which particles no force moves."""
+        """Which particles no force moves from the start on: those that stuck are none, so that it does not matter when
+        interactions are laid out."""
         if not self.whole.clocked:
             return np.zeros(self.whole.count, np.bool_)
-        return np.asarray(np.isinf(self.whole.start[: self.whole.count]))
+        return np.asarray(np.isinf(self.whole.start[: self.whole.count])) & ~self.whole.stuck()
 
 
 @outlined

@@ -300,7 +300,7 @@ class IntoBounds(NamedTuple):
             for k in range(count):
                 other = near.order[self.entries[k] & MOST - 1]
                 one = is_nearest(near, place, self.entries[k] & MOST - 1, image)
-                if (row >= 0) & (row != other) & one:
+                if (row >= 0) & (other >= 0) & (row != other) & one:  # the last group is filled up
                     add_bounds(self.each, self.c, self.w, row, other, self.t, self.out[:, row])
 
 

@@ -15,8 +15,8 @@ TARGETS = 32
 """Particles in a block: their places and sums fill the registers of AVX-512, and divide evenly into those of others."""
 BY_DIVIDER = 24
 """Those of a block that have their roots from the processor's divider; the others have them by products meanwhile."""
-FEW = 8
-"""Particles in a block of few bodies: a vector of AVX-512, all by the divider."""
+FEW = 4
+"""Particles in a block of few bodies: a vector of AVX, all by the divider."""
 CHARGE = [each.name for each in FURTHER].index("charge")
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from particlesim.compiler import lanes, on_stack, outlined
 from particlesim.engine.interactions.pair_blocks import (
     CHARGE,
-    FEW,
     apart,
     chosen,
     gathered,
@@ -28,6 +27,8 @@ from particlesim.engine.interactions.pair_blocks import (
 from particlesim.engine.state.columns import Columns, load, presence, type_of
 from particlesim.laws.pair import central, is_central, pair_force_dv, pair_force_dx, square
 
+WIDTH = 8
+"""Particles whose terms are summed at once: a vector of AVX-512."""
 ROWS = 12
 """Rows of what direct pairs keep: place, velocity, mass, radius, charge, whether it is there; and in the first two places of
 the others γ [s] and the time [s]."""
@@ -128,39 +129,39 @@ def kept(form: Any) -> Any:
 def sum_few(
     each: Any, form: Any, x: Any, terms: Any, lo: Any, hi: Any, begin: Any, end: Any, sums: Any
 ) -> None:
-    """Terms of particles [lo, hi), at most FEW, with sources [begin, end), into sums [terms, FEW]."""
+    """Terms of particles [lo, hi), at most WIDTH, with sources [begin, end), into sums [terms, WIDTH]."""
     c, reach, t = kept(form), form[10, 0], form[11, 0]
-    block, mine = gathered(each, c, lo, lo, hi, FEW), on_stack(3, FEW, form.dtype)
-    own = on_stack(sums.shape[0], FEW, form.dtype)
-    for i in range(FEW):
+    block, mine = gathered(each, c, lo, lo, hi, WIDTH), on_stack(3, WIDTH, form.dtype)
+    own = on_stack(sums.shape[0], WIDTH, form.dtype)
+    for i in range(WIDTH):
         row = min(lo + i, hi - 1)
         for axis in range(3):
             mine[axis, i] = x[axis, row]
     for k in range(own.shape[0]):
-        for i in lanes(FEW):
+        for i in lanes(WIDTH):
             own[k, i] = 0
     for j in range(begin, end):
         if form[9, j] > 0:
             other = particle_of(each, c, j)
             ux, uy, uz = x[0, j], x[1, j], x[2, j]
-            for i in lanes(FEW):
+            for i in lanes(WIDTH):
                 u = (mine[0, i] - ux, mine[1, i] - uy, mine[2, i] - uz)
                 p = pair_in(block, i, other, t, False, each.box)
                 for k, term in enumerate(terms(each, p, lo + i != j, u, reach)):
                     own[k, i] += term
     for k in range(own.shape[0]):
-        for i in lanes(FEW):
+        for i in lanes(WIDTH):
             sums[k, i] = own[k, i]
 
 
 def stiffen_direct(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
     """`stiffen` of direct pairs."""
     keep(form, c, form.shape[1], t, reach)
-    sums = on_stack(9, FEW, form.dtype)
+    sums = on_stack(9, WIDTH, form.dtype)
     for k in range(len(each.spans)):
         lo, hi = max(first, each.spans[k, 0]), min(last, each.spans[k, 1])
-        for start in range(lo, hi, FEW):
-            end = min(start + FEW, hi)
+        for start in range(lo, hi, WIDTH):
+            end = min(start + WIDTH, hi)
             sum_few(each, form, s.lead, block_terms, start, end, each.spans[k, 2], each.spans[k, 3], sums)
             for i in range(start, end):
                 add_terms(s, i, sums[:, i - start])
@@ -168,11 +169,11 @@ def stiffen_direct(each: Any, form: Any, c: Any, s: Any, first: Any, last: Any, 
 
 def multiply_direct(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any) -> None:
     """`multiply` of direct pairs."""
-    sums = on_stack(3, FEW, form.dtype)
+    sums = on_stack(3, WIDTH, form.dtype)
     for k in range(len(each.spans)):
         lo, hi = max(first, each.spans[k, 0]), min(last, each.spans[k, 1])
-        for start in range(lo, hi, FEW):
-            end = min(start + FEW, hi)
+        for start in range(lo, hi, WIDTH):
+            end = min(start + WIDTH, hi)
             sum_few(each, form, x, product_terms, start, end, each.spans[k, 2], each.spans[k, 3], sums)
             for i in range(start, end):
                 for axis in range(3):

@@ -85,9 +85,9 @@ def pair_jacobians(each: Any, c: Any, first: Any, second: Any, t: Any, out: Any)
 
 def forces_in(each: Any, c: Any, t: float) -> NDArray[Any]:
     """The forces of a set on all particles [N], shape [3, n]."""
-    total = np.zeros((3, c.x.size), c.x.dtype)
+    total = np.zeros((3 if c.spin is None else 6, c.x.size), c.x.dtype)
     all_forces(each, c, lone(c.x.size), total, t)
-    return total
+    return total[:3]
 
 
 @kernel

@@ -39,6 +39,8 @@ from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
+from particlesim.graph.graph import method_of
+from particlesim.integrators import Method
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
@@ -349,8 +351,15 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
     again = again and not (law.random() or law.changes() or site.whole.clocked)
+    again = again and method_among(site, pairs).revisits
     kept = None if not again else new_last(law, site.whole.count, site.dtype)
     return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
+
+
+def method_among(site: Site, pairs: PairSet) -> Method:
+    """The method that steps the particles of an interaction, the same for all."""
+    group = next(each for each in site.scenario.groups if each.name == pairs.groups[0])
+    return method_of(group, site.scenario.simulation.integrator)
 
 
 def new_last(law: PairInteraction, count: int, dtype: Any) -> Last:

@@ -120,8 +120,9 @@ class CoupledIsland(BaseIsland):
         return [each for each in (*found, *held) if each is not None]
 
     def forces(self, time: float) -> NDArray[np.floating[Any]]:
-        ((bonds, work, share),) = self.layout.shares(1)
-        island_forces(self.layout.parts, bonds, self.island_columns(), work, share, time)
+        columns, interactions = self._now().copied()  # a tree remembers how large its field was
+        bonds, work, share = self.layout.alone(interactions)
+        island_forces(self.layout.parts, bonds, columns, work, share, time)
         return np.array(work.force[:3])
 
     def fit(self) -> None:
@@ -243,15 +244,15 @@ class CoupledIsland(BaseIsland):
         return self._find(step)
 
     def _find(self, step: int) -> Fault:
-        """Which particle, or what holds it: step once more on a copy, and look."""
+        """What holds particles, or which of them: for that, step once more on a copy, and look."""
         layout = self.layout
-        self._stepper.copy(layout, layout.parts, self.interactions, copied(self.island_columns()), step, 1)
         missed = None if self.constraint is None else self.constraint.unheld(self._site)
-        if missed is not None and np.isfinite(missed[1].misfit):
-            row, unheld = missed
-            return Fault(*self._joined.member_of(row), step, unheld=unheld)
+        self._stepper.copy(layout, layout.parts, self.interactions, copied(self.island_columns()), step, 1)
         force = layout.work.force
         wild = ~np.isfinite(force).all(axis=0)
+        if missed is not None and (np.isfinite(missed[1].misfit) or not wild.any()):
+            row, unheld = missed
+            return Fault(*self._joined.member_of(row), step, unheld=unheld)
         row = int(wild.argmax() if wild.any() else np.abs(force).sum(axis=0).argmax())
         return Fault(*self._joined.member_of(row), step)
 

@@ -13,7 +13,7 @@ from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
-from particlesim.engine.islands.rigid_scene import scene_of, still_of
+from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, still_of
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
     FEATURES,
@@ -261,7 +261,7 @@ class RigidIsland(BaseIsland):
             self._make_room(2 * int(k.number.sum()))
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
-        colliders = list(dict.fromkeys(each for group in self._structure.colliders for each in group))
+        colliders = colliders_of(self._structure)
         ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.bodies.pieces import BOX, HULL
+from particlesim.colliders import Collider
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import Surfaces
 from particlesim.engine.rigid.fluids import through_surface
@@ -39,6 +40,11 @@ def still_of(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any
     return 1 / mass, np.ascontiguousarray(inertia), reach, owner, pieces
 
 
+def colliders_of(structure: Island) -> list[Collider]:
+    """All colliders of an island, each once."""
+    return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
+
+
 def scene_of(
     structure: Island,
     groups: Sequence[BodyGroup],
@@ -56,8 +62,8 @@ def scene_of(
         for (a, b), forces, group in zip(pairwise(bounds), structure.forces, groups, strict=True)
     )
     walls: list[Wall] = []
-    for collider in dict.fromkeys(each for colliders in structure.colliders for each in colliders):
-        on = np.array([collider in colliders for colliders in structure.colliders], np.int64)
+    for collider in colliders_of(structure):
+        on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
         belt = collider.surface_velocity or (0.0, 0.0, 0.0)
         shape = collider.body()
         walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))

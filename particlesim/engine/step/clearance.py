@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.combination import UnionRecord
 from particlesim.colliders.level_set import LevelRecord, at_least
 from particlesim.colliders.mesh import MeshRecord, mesh_clearance
@@ -48,10 +47,8 @@ def sets_aside(contacts: Any, memory: Any) -> bool:
     if not keeps_clear(contacts, memory):
         return False
     others = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
-    return len(others) > 0 and all(
-        isinstance(c, BoundsRecord)
-        or not (crossable(c) or isinstance(c.shape, MovingRecord) or c.response.belt is not None)
-        for c in others
+    return len(others) > 0 and not any(
+        crossable(c) or isinstance(c.shape, MovingRecord) or c.response.belt is not None for c in others
     )
 
 
@@ -106,9 +103,7 @@ def holds(contacts: Any) -> bool:
     """Whether particles may stand on some collider, held by friction, until forces change: all colliders are at rest."""
     colliders = contacts.continuous + contacts.discrete
     rough = any(c.response.friction is not None and c.response.belt is None for c in contacts.continuous)
-    return rough and not any(
-        not isinstance(c, BoundsRecord) and isinstance(c.shape, MovingRecord) for c in colliders
-    )
+    return rough and not any(isinstance(c.shape, MovingRecord) for c in colliders)
 
 
 @outlined

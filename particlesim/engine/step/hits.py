@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.response import along
-from particlesim.laws.registry import gap, moved_to, normal
+from particlesim.laws.registry import gap_and_normal, moved_to, normal
 
 
 class Hit(NamedTuple):
     """An impact: the number of the collider, and the speed along its normal relative to it, 0 for none; the particle before
-    it, with its time, and the normal."""
+    it, with its time, on the surface, and the normal."""
 
     collider: Any
     speed: Any
@@ -24,7 +23,7 @@ class Hit(NamedTuple):
 
 def silence(colliders: Any, p: Any) -> Any:
     """No impact; None where nobody would hear of one."""
-    if all(isinstance(c, BoundsRecord) or c.response.heard is None for c in colliders):
+    if all(c.response.heard is None for c in colliders):
         return None
     zero = p.x - p.x
     return Hit(-1, zero, p, zero, zero, zero)
@@ -35,22 +34,23 @@ def hear(colliders: Any, p: Any, hit: Any) -> Any:
     if hit is None:
         return None
     for c in colliders:
-        if not isinstance(c, BoundsRecord) and c.response.heard is not None:
+        if c.response.heard is not None:
             local, shape = p, c.shape
             if isinstance(c.shape, MovingRecord):
                 local, shape = ride(c.shape, p), c.shape.shape
             speed = -along(normal(shape, local), local)
             zero = p.x - p.x
-            n = tuple(zero if axis is None else axis for axis in normal(c.shape, p))
-            new = (gap(c, p) < 0) & (speed > 0) & (not hit.speed > 0)
+            g, axes = gap_and_normal(c, p)
+            n = tuple(zero if axis is None else axis for axis in axes)
+            new = (g < 0) & (speed > 0) & (not hit.speed > 0)
             hit = Hit(
                 c.response.heard if new else hit.collider,
                 speed if new else hit.speed,
                 moved_to(
                     p,
-                    p.x if new else hit.p.x,
-                    p.y if new else hit.p.y,
-                    p.z if new else hit.p.z,
+                    p.x - g * n[0] if new else hit.p.x,
+                    p.y - g * n[1] if new else hit.p.y,
+                    p.z - g * n[2] if new else hit.p.z,
                     p.vx if new else hit.p.vx,
                     p.vy if new else hit.p.vy,
                     p.vz if new else hit.p.vz,

@@ -79,10 +79,19 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
         contacts.continuous[0]
     ):  # else nothing has moved it off the plane
         calm &= not loose(contacts.continuous, on, p, r, slack)
+    if rough(contacts.continuous):
+        still = (r.x == p.x) & (r.y == p.y) & (r.z == p.z) & (r.vx == 0) & (r.vy == 0) & (r.vz == 0)
+        calm &= still | (sum(on) <= 1)
     calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r, alone)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
     return r, calm
+
+
+def rough(colliders: Any) -> bool:
+    """Whether friction may act between several colliders: it knows what presses on all of them only if they are looked at
+    together, also where they are at right angles."""
+    return len(colliders) > 1 and any(c.response.friction is not None for c in colliders)
 
 
 def keeps_still(contacts: Any) -> bool:
@@ -142,7 +151,8 @@ def _glide(
         r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
         # The way along a shape with dents may end at another part of it: what is behind that does not matter.
         blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
-        if loose(contacts.continuous, on, p, r, slack) and not blocked:
+        wedge = rough(contacts.continuous) & (sum(on) > 1)
+        if (wedge or loose(contacts.continuous, on, p, r, slack)) and not blocked:
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
         if any(on):
             q, memory = r, restart(memory)

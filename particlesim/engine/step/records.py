@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from particlesim.bodies import Bodies
-from particlesim.colliders import BoundsRecord, Collider, Plane
+from particlesim.colliders import Collider, Plane
+from particlesim.colliders.bounds import edge
 from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.emitters import Emitter
 from particlesim.engine.step.contacts import Careful, Simple
@@ -54,8 +55,7 @@ def contacts_record(
     somebody hears of impacts, None for others; none unless given. `smooth`: without friction."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
-        low, high = group.die.outside
-        bounds = (BoundsRecord(*low, *high),)
+        bounds = (edge(*group.die.outside),)
     # Without inertia nothing rebounds: such particles are put back on the surface that they would cross.
     inert = group.dynamics.type != "second_order"
     numbers = heard or [None] * len(colliders)

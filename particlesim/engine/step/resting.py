@@ -205,18 +205,19 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     calm = speed2 <= noise * noise
     drag = response.friction.kinetic * push
     base = tuple(None if b is None else (a if calm else b) for a, b in zip(change, before, strict=True))
-    # A path that turns by more than friction can hold back does not stop where it turns: friction is against its end.
+    # A path that turns by more than friction can hold back does not stop where it turns: friction is against its mean
+    # velocity, which is more than friction takes, so that it never works for it.
     length2, ahead, most2 = square(base), _dot(after, base), drag * drag
     stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
     bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
-    base = tuple(None if b is None else (a if bends else b) for a, b in zip(after, base, strict=True))
+    base = tuple(None if b is None else (a + b if bends else b) for a, b in zip(after, base, strict=True))
     length2 = square(base)
     size = np.sqrt(length2)
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
     left = _dot(after, way) - drag
     firm = square(change) <= (response.friction.static * push) * (response.friction.static * push)
-    slides = (left > 0) & ((not calm) | (not firm))
+    slides = bends | ((left > 0) & ((not calm) | (not firm)))
     # Where it slides to the end: what friction takes from the free end, and half of that for the place. Where it stops: the
     # part `f` of the step until then, at a speed that falls evenly.
     f = zero if calm else length2 / (length2 - _dot(after, base) + drag * size)
@@ -238,7 +239,7 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
         bent = _dot(n, m) < one - tolerance
         lean = type_of(h, 0.5) * drag * (_dot(way, m) - _dot(way, touch.up))
         pressed = response.friction.kinetic * max(lean - along(m, q), zero)
-        drag = min(pressed, _dot(after, way)) if bent else drag
+        drag = min(pressed, size if bends else _dot(after, way)) if bent else drag
     slid = tuple(
         None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
     )

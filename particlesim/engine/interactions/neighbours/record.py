@@ -128,7 +128,7 @@ def new_neighbours(
     """
     m = len(members)
     sections = (m,) if split is None else (split, m - split)
-    groups = sum(-(-each // GROUP) for each in sections)
+    groups = max(sum(-(-each // GROUP) for each in sections), 1)  # a first place says what type places have
     places = GROUP * groups
     if places >= MOST:
         raise ValueError(f"neighbour lists have at most {MOST - 1} particles, not {m}")

@@ -100,7 +100,7 @@ def _core(near: Any, values: Any, length: Any) -> Any:
             held[j] = held[j - 1]
             j -= 1
         held[j] = v
-    low, high = held[count // 10], held[count - 1 - count // 10]
+    low, high = held[count // 10], held[max(count - 1 - count // 10, 0)]
     return low - (high - low), high + (high - low)
 
 

@@ -33,7 +33,7 @@ from particlesim.engine.interactions.tree.morton import key
 from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
 from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
 
-LEAF = 64
+LEAF = 56
 """Most particles of a leaf, but for those that all have one key."""
 _CHUNK = 4096
 """Particles whose sums are made one after the other."""
@@ -94,6 +94,13 @@ def new_tree(form: Form, count: int, threads: int) -> Tree:
     )
 
 
+def with_height(tree: Tree) -> tuple[Tree, NDArray[np.float64]]:
+    """The same for Σ w f, too, which takes another number of every polynomial, with results of its own; and those."""
+    form, count, cells = tree.form._replace(wanted=Height()), tree.field.shape[1], len(tree.cells.span) - 1
+    room, height = new_room(1, cells, field_columns(form)[-1]), np.zeros(count)
+    return tree._replace(form=form, room=room, height=height, field=np.zeros((3, count))), height
+
+
 def for_threads(tree: Tree, threads: int) -> Tree:
     """The same for another number of threads: what each has to itself is new."""
     cells = tree.cells.span.shape[0] - 1
@@ -112,6 +119,8 @@ def sum_field(tree: Any, limits: Any, size: Any, x: Any, y: Any, z: Any, w: Any,
     angles alone is found beforehand.
     """
     count = x.size
+    if count == 0:  # before the first birth, and after the last death
+        return
     first, last = count * share.number // share.threads, count * (share.number + 1) // share.threads
     lo, side_length = _enclose(tree, x, y, z, first, last, share)
     side = _order(tree, x, y, z, first, last, lo, 1 / side_length, share)

@@ -30,8 +30,9 @@ from particlesim.engine.interactions.tree.field import (
     for_threads,
     new_tree,
     sum_field,
+    with_height,
 )
-from particlesim.engine.interactions.tree.form import BothSigns, Form, Gradient, Height, OneSign, Plummer
+from particlesim.engine.interactions.tree.form import BothSigns, Form, Gradient, OneSign, Plummer
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
@@ -99,9 +100,7 @@ class TreePairs(Interaction, TreeColumns):
 
     def energy(self, c: Any) -> float:
         w = source_of(self, c)
-        height, field = np.zeros(len(w)), np.zeros((3, len(w)))
-        form = self.tree.form._replace(wanted=Height())
-        tree = self.tree._replace(form=form, height=height, field=field)
+        tree, height = with_height(self.tree)
         limits = self.limits.copy()
         limits[calibration.TOLERANCE] *= ENERGY_TOLERANCE**2
         field_of_all(tree, limits, self.size.copy(), c.x, c.y, c.z, w, Hand(0, 1, new_gate()))
@@ -118,7 +117,7 @@ class TreePairs(Interaction, TreeColumns):
             float(self.limits[calibration.ERROR]),
             f"multipoles of order {len(self.tree.form.order)}",
         )
-        if error > 0:
+        if error > np.finfo(float).eps:  # measured
             told += f", rms relative force error {error:.1e} at the start"
         if self.tree.report[FULL]:
             told += "; there was no room for all cells, so that some leaves were large and sums slower"
