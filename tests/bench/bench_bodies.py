@@ -1,12 +1,12 @@
-"""A heap of falling boxes, in psim, MuJoCo and Newton: CPU time for a simulated second, and how deep boxes sink into each other.
+"""A heap of falling boxes, in psim, MuJoCo and Newton: CPU time for a simulated second, and how deep boxes sink in.
 
     python tests/bench/bench_bodies.py [--side 10] [--duration 1.5] [--rounds 2] [--dt 2e-3] [--peer-dt 2e-3 4e-3]
         [--solvers CG] [--newton /path/to/python] [--iterations 2 10]
 
 Boxes of 10 × 20 × 40 cm, turned at random, fall from a lattice with `side`³ places onto a plane and on each other. MuJoCo
-(pip install mujoco) and Newton's XPBD (by a Python that has it) have the same boxes, masses, frictions and orientations. The depth is measured by psim's own search for
-contacts in both, as the mean over moments of the deepest and of the mean of all contacts that overlap. Each runs in turn, on
-one thread, several rounds; the best of each counts.
+(pip install mujoco) and Newton's XPBD (by a Python that has it) have the same boxes, masses, frictions and orientations. The
+depth is measured by psim's own search for contacts in all, as the mean over moments of the deepest and of the mean of all
+contacts that overlap. Each runs in turn, on one thread, several rounds; the best of each counts.
 """
 
 from __future__ import annotations
