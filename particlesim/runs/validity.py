@@ -98,6 +98,13 @@ def misplaced(world: World) -> tuple[str, ...]:
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
         if intrusions := island.intrusions():
             found.append(_intruding(world, intrusions))
+        crammed = island.crammed() if intrusions else None
+        if crammed is not None and not isinstance(crammed.other, tuple):
+            (name, number), where = crammed.body, _called(world, crammed.other)
+            found.append(
+                f"body {number} of {name!r} finds no room in {where}, as it is turned: contact puts it from one side to "
+                "the other in every step"
+            )
         for overlap in overlaps(island, structure):
             state = overlap.state
             found.append(

@@ -21,6 +21,8 @@ from particlesim.engine.rigid.bodies import WORLD
 from particlesim.engine.rigid.rolling import Rolling, radius
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.world import World
+from particlesim.runs.validity import misplaced
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]
@@ -491,6 +493,16 @@ def test_bodies_have_no_properties_of_particles(key: str) -> None:
     }  # fmt: skip
     with pytest.raises(ps.ScenarioError, match=f"bodies have no {key}"):
         ps.from_table(table(1.0, 1e-2, bodies=[body(**{key: values[key]})]))
+
+
+@pytest.mark.parametrize(("length", "at", "fits"), [(0.9, 0.3, True), (1.2, 0.0, False), (1.2, 0.4, False)])
+def test_a_body_too_long_for_its_container_is_told(length: float, at: float, fits: bool) -> None:
+    # Where it could be shifted until it fits it is only told how deep it is; off the middle it meets one wall at first.
+    long = body({"type": "box", "size": [length, 0.5, 0.5]}, position=[at, 0, 0])
+    crate = {"type": "box", "name": "crate", "center": [0, 0, 0], "size": [1, 1, 1], "inside": True}
+    told = misplaced(World(ps.from_table(table(1e-3, 1e-3, bodies=[long], colliders=[crate]))))
+    assert "start inside of others" in told[0]
+    assert ["finds no room in box crate" in each for each in told[1:]] == ([] if fits else [True])
 
 
 def test_bodies_that_start_inside_of_others_are_told_with_their_depth() -> None:

@@ -156,6 +156,10 @@ class BaseIsland:
         """Bodies that are now inside of colliders or of each other by more than a little, the deepest first."""
         return []
 
+    def crammed(self) -> Intrusion | None:
+        """A body that no shift brings out of colliders."""
+        return None
+
     def longest_step(self) -> float:
         """The largest stable step under springs at bodies [s]."""
         return math.inf

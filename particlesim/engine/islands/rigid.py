@@ -46,6 +46,7 @@ from particlesim.engine.rigid.kernel import (
     velocities_of,
 )
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
+from particlesim.engine.rigid.room import no_room
 from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
@@ -62,6 +63,8 @@ from particlesim.trajectory.topology import Topology
 
 DEEP = 10.0
 """Overlap at the start that is told, in units of that which contacts leave alone."""
+TRIED = 8
+"""Overlaps at the start of which it is looked whether the body can get out."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
 
@@ -276,6 +279,27 @@ class RigidIsland(BaseIsland):
             else:
                 found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(ids[j])), depth))
         return list(found.values())
+
+    def crammed(self) -> Intrusion | None:
+        """The first of the bodies that are deepest inside of colliders which no shift frees."""
+        b, allowed = self.bodies(), DEEP * self._scene.slop
+        ids = self.ids().tolist()
+        for each in self.intrusions()[:TRIED]:
+            if not isinstance(each.other, tuple):
+                i, kept = ids.index(each.body[1]), b.x.copy()
+
+                def look(shift: Floats, i: int = i, kept: Floats = kept) -> tuple[Floats, Floats]:
+                    b.x[:, i] = kept[:, i] + shift
+                    self.intrusions()
+                    k = self._contacts
+                    mine = (k.first[: k.number[0]] == i) & (k.second[: k.number[0]] == WORLD)
+                    mine &= k.turns[: k.number[0]] == 0
+                    b.x[:] = kept
+                    return k.normal[:, : k.number[0]].T[mine], k.gap[: k.number[0]][mine]
+
+                if no_room(look, allowed):
+                    return each
+        return None
 
     def keep(self, first: int, *, fresh: bool = True) -> None:
         self.kept_from = first
