@@ -12,7 +12,6 @@ import numpy as np
 from particlesim.bodies import Bodies
 from particlesim.bonds.base import Ties
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.islands.in_space import WORTH_PARTICLES, WORTH_STEPS
 from particlesim.errors import ResourceError
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
@@ -147,7 +146,10 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
 
 def _in_space_bytes(scenario: Scenario, numbers: Mapping[str, float]) -> float:
     """Memory of the copies in which many particles in lists are stepped, in an order of neighbours in space."""
-    listed = in_lists(scenario, numbers)
+    if not (listed := in_lists(scenario, numbers)):
+        return 0.0
+    from particlesim.engine.islands.in_space import WORTH_PARTICLES, WORTH_STEPS  # and its kernels
+
     if scenario.grid.every < WORTH_STEPS or sum(numbers[name] for name in listed) < WORTH_PARTICLES:
         return 0.0
     beside = IN_SPACE_BYTES + IN_SPACE_NUMBERS * _width(scenario)
