@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -34,6 +35,10 @@ class Shape(Model):
     def middle(self) -> Vector3:
         """The center, from which "outward" points [m]."""
         raise NotImplementedError
+
+    def half_sizes(self) -> Vector3:
+        """How far it reaches from its center along each axis [m]."""
+        return 0.0, 0.0, 0.0
 
 
 def _uniforms(streams: Streams, first: int, count: int, number: int) -> list[Floats]:
@@ -93,6 +98,10 @@ class Box(Shape):
         a, b = self.min, self.max
         return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2
 
+    def half_sizes(self) -> Vector3:
+        a, b = self.min, self.max
+        return (b[0] - a[0]) / 2, (b[1] - a[1]) / 2, (b[2] - a[2]) / 2
+
 
 class Ball(Shape):
     """A solid sphere."""
@@ -114,6 +123,9 @@ class Ball(Shape):
     def middle(self) -> Vector3:
         return self.center
 
+    def half_sizes(self) -> Vector3:
+        return (self.radius,) * 3
+
 
 class Sphere(Shape):
     """The surface of a sphere."""
@@ -130,6 +142,9 @@ class Sphere(Shape):
 
     def middle(self) -> Vector3:
         return self.center
+
+    def half_sizes(self) -> Vector3:
+        return (self.radius,) * 3
 
 
 class Shell(Shape):
@@ -164,6 +179,9 @@ class Shell(Shape):
     def middle(self) -> Vector3:
         return self.center
 
+    def half_sizes(self) -> Vector3:
+        return (self.outer,) * 3
+
 
 class Disc(Shape):
     """A flat disc."""
@@ -191,6 +209,10 @@ class Disc(Shape):
 
     def middle(self) -> Vector3:
         return self.center
+
+    def half_sizes(self) -> Vector3:
+        x, y, z = (self.radius * math.sqrt(max(0.0, 1 - part * part)) for part in unit(self.normal))
+        return x, y, z
 
 
 AnyShape = Annotated[Point | Box | Ball | Sphere | Shell | Disc, Tagged("type")]

@@ -342,6 +342,12 @@ LJ = '[[interactions]]\ntype = "lennard_jones"\nepsilon = 1\nsigma = 1\n'
             19,
             ("nothing gets outside",),
         ),
+        (
+            HEAD + "[[emitters]]\nname = 'e'\nmass = 1\nrate = 1\nspeed = 1\n"
+            "shape = { type = 'disc', center = [3, 11, 4], radius = 2, normal = [0, 0, 1] }\n",
+            18,
+            ("gives birth outside of the periodic box along y", "y from 0 to 8 m"),
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_with_its_place(

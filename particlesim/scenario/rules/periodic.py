@@ -8,6 +8,7 @@ from particlesim.colliders import Collider, Plane
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.vectors import unit
+from particlesim.sampling.shapes import Shape
 from particlesim.scenario.box import PeriodicBox
 from particlesim.scenario.reach import collider_tables, interacting, touches_by_surfaces
 from particlesim.scenario.tables import Tables
@@ -32,6 +33,14 @@ def repeated(scenario: Tables) -> Iterator[Invalid]:
             ((BOX, "here"),),
         )
     for k, emitter in enumerate(scenario.emitters):
+        if emitter.shape is not None and (axis := _is_beyond(emitter.shape, box)) is not None:
+            low, size = box.origin["xyz".index(axis)], box.size["xyz".index(axis)]
+            yield Invalid(
+                f"{emitter.name!r} gives birth outside of the periodic box along {axis}",
+                ("emitters", k, "shape"),
+                ((BOX, "here"),),
+                allowed=f"{axis} from {low:g} to {low + size:g} m",
+            )
         if emitter.die is not None and emitter.die.outside is not None:
             yield Invalid(
                 "nothing gets outside of a periodic box: what leaves it comes back on the other side",
@@ -39,6 +48,15 @@ def repeated(scenario: Tables) -> Iterator[Invalid]:
                 ((BOX, "here"),),
                 hint='a lifetime ends them, or a plane with contact = "kill" along an axis that is not periodic',
             )
+
+
+def _is_beyond(shape: Shape, box: PeriodicBox) -> str | None:
+    """The first periodic axis along which all of a shape is outside of a box; one that reaches across a side is not."""
+    sides = zip("xyz", box.periodic, shape.middle(), shape.half_sizes(), box.origin, box.size, strict=True)
+    for axis, periodic, middle, half, low, size in sides:
+        if periodic and abs(middle - low - size / 2) - half > size / 2 * (1 + 1e-9):
+            return axis
+    return None
 
 
 def _unboxed(scenario: Tables) -> Iterator[Invalid]:

@@ -142,7 +142,7 @@ def build(key: Any, need: Any, count: Any, most: Any, wide: Any, cells: Any) -> 
 
 def room_for_wide(count: Any) -> Any:
     """How many cells are made at most because cells are wide."""
-    return min(count // 8, 1024)
+    return min(count // 11, 1024)
 
 
 def _is_wide(need: Any, shift: Any, wide: Any) -> Any:

@@ -24,6 +24,12 @@ TARGETS = 16
 """Targets at a time: two vectors of AVX-512. With fewer, LLVM writes the loop out before it looks for vectors."""
 WIDE, SLIM = (None,) * TARGETS, (None,) * (TARGETS // 2)
 """So many at a time, as kernels know it while they are compiled."""
+FEW = 4
+"""Targets that are taken one by one, as many sources at a time as a vector has numbers."""
+SOURCES = 8
+THIN = 0.16
+"""What a source costs one of few targets, over what it costs a vector of targets; some places of the last vector of a run
+stay empty."""
 LEAST_SQUARE = 1e-60
 """Added to squares of distances in units of the box, so that a particle finds nothing infinite in its own place."""
 
@@ -47,6 +53,12 @@ def pair(softening: Any, r2: Any, order: Any) -> Any:
     return f, slope
 
 
+def vectors_for(targets: Any) -> Any:
+    """How many vectors a source costs so many targets."""
+    rest = targets % SOURCES
+    return targets // SOURCES + (rest * THIN if rest <= FEW else 1.0)
+
+
 @outlined
 def add_near(
     form: Any, s: Any, begins: Any, ends: Any, count: Any, at: Any, place: Any, row: Any, out: Any, wide: Any
@@ -57,18 +69,7 @@ def add_near(
     """
     width = len(wide)
     t = on_stack(7, width, np.float64)
-    field = taken(row, field_columns(form))
-    for lane in lanes(width):
-        x, y, z = s.x[at + lane], s.y[at + lane], s.z[at + lane]
-        v = (x - place[0], y - place[1], z - place[2])
-        gx, gy, gz = gradient(field, v, order_of(form))
-        t[0, lane] = x
-        t[1, lane] = y
-        t[2, lane] = z
-        t[3, lane] = gx
-        t[4, lane] = gy
-        t[5, lane] = gz
-        t[6, lane] = height(field, v, order_of(form)) if isinstance(form.wanted, Height) else 0.0
+    _add_far(form, s, at, place, row, t, width)
     for k in range(count):
         for j in range(begins[k], ends[k]):
             x, y, z, w = s.x[j], s.y[j], s.z[j], s.w[j]
@@ -84,3 +85,51 @@ def add_near(
     for lane in lanes(width):
         for k in range(4):
             out[k, lane] = t[3 + k, lane]
+
+
+def _add_far(form: Any, s: Any, at: Any, place: Any, row: Any, t: Any, width: Any) -> None:
+    """Places of targets and what far cells do there, into t [7, width]."""
+    field = taken(row, field_columns(form))
+    for lane in lanes(width):
+        x, y, z = s.x[at + lane], s.y[at + lane], s.z[at + lane]
+        v = (x - place[0], y - place[1], z - place[2])
+        gx, gy, gz = gradient(field, v, order_of(form))
+        t[0, lane] = x
+        t[1, lane] = y
+        t[2, lane] = z
+        t[3, lane] = gx
+        t[4, lane] = gy
+        t[5, lane] = gz
+        t[6, lane] = height(field, v, order_of(form)) if isinstance(form.wanted, Height) else 0.0
+
+
+@outlined
+def add_near_to_few(
+    form: Any, s: Any, begins: Any, ends: Any, count: Any, at: Any, last: Any, place: Any, row: Any, out: Any
+) -> None:
+    """`add_near` for targets [at, last), at most FEW."""
+    t, sums = on_stack(7, FEW, np.float64), on_stack(4, SOURCES, np.float64)
+    _add_far(form, s, at, place, row, t, FEW)
+    for target in range(last - at):
+        x, y, z = t[0, target], t[1, target], t[2, target]
+        for lane in lanes(SOURCES):
+            sums[0, lane] = sums[1, lane] = sums[2, lane] = sums[3, lane] = 0.0
+        for k in range(count):
+            end = ends[k]
+            for j in range(begins[k], end, SOURCES):
+                for lane in lanes(SOURCES):
+                    i = j + lane
+                    w = s.w[i] if i < end else 0.0
+                    dx, dy, dz = s.x[i] - x, s.y[i] - y, s.z[i] - z
+                    f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, order_of(form))
+                    g = w * slope
+                    sums[0, lane] += g * dx
+                    sums[1, lane] += g * dy
+                    sums[2, lane] += g * dz
+                    if isinstance(form.wanted, Height):
+                        sums[3, lane] += w * f if i != at + target else 0.0
+        for k in range(4):
+            total = t[3 + k, target]
+            for lane in range(SOURCES):
+                total += sums[k, lane]
+            out[k, target] = total

@@ -33,7 +33,7 @@ from particlesim.engine.interactions.tree.morton import key
 from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
 from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
 
-LEAF = 64
+LEAF = 56
 """Most particles of a leaf, but for those that all have one key."""
 _CHUNK = 4096
 """Particles whose sums are made one after the other."""

@@ -39,7 +39,17 @@ from particlesim.engine.interactions.tree.cells import (
     Z,
     count_cells,
 )
-from particlesim.engine.interactions.tree.direct import SLIM, TARGETS, WIDE, add_near, pair
+from particlesim.engine.interactions.tree.direct import (
+    FEW,
+    SLIM,
+    SOURCES,
+    TARGETS,
+    WIDE,
+    add_near,
+    add_near_to_few,
+    pair,
+    vectors_for,
+)
 from particlesim.engine.interactions.tree.expansions import (
     chain,
     derivatives,
@@ -59,7 +69,7 @@ from particlesim.engine.interactions.tree.form import (
 from particlesim.engine.interactions.tree.indices import columns, pieces
 
 _LANES = 8
-PAIRS_FOR_MOMENTS = 0.25
+PAIRS_FOR_MOMENTS = 0.4
 """How many vectors of pairs cost as much as one cell that acts by its moments, over the square of the order."""
 
 
@@ -207,8 +217,7 @@ def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, c
 def _few_to_near(form: Any, span: Any, far: Any, fars: Any, near: Any, nears: Any, targets: Any) -> Any:
     """Of the far cells those of so few particles that pairs cost a leaf of so many less than moments go to the near ones;
     how many are far, and how many near."""
-    vectors = (targets + _LANES - 1) // _LANES
-    most = int(order_of(form) ** 2 * PAIRS_FOR_MOMENTS) // vectors
+    most = int(order_of(form) ** 2 * PAIRS_FOR_MOMENTS / vectors_for(targets))
     left = 0
     for i in range(fars):
         a = far[i]
@@ -314,14 +323,21 @@ def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: 
     else:
         at = first
         while at < last:
-            if last - at > TARGETS // 2:
+            left = last - at
+            if left > FEW + SOURCES:
                 add_near(form, s, runs, ends, number, at, place, row, out, WIDE)
-            else:
+                taken_now = TARGETS
+            elif left > FEW:
                 add_near(form, s, runs, ends, number, at, place, row, out, SLIM)
-            for lane in range(TARGETS):
+                taken_now = TARGETS // 2
+            else:
+                add_near_to_few(form, s, runs, ends, number, at, last, place, row, out)
+                taken_now = FEW
+            end = min(at + taken_now, last)
+            for lane in range(end - at):
                 out[3, lane] = out[3, lane] - s.w[at + lane] * own
-            hand_over(given, out, at, min(at + TARGETS, last))
-            at += TARGETS
+            hand_over(given, out, at, end)
+            at = end
 
 
 def _holds(span: Any, cells: Any, count: Any, i: Any) -> Any:
