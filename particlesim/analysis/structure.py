@@ -188,5 +188,7 @@ def _places(position: npt.ArrayLike, least: int) -> Floats:
     if x.ndim != 2 or x.shape[1] != 3:
         raise UsageError(f"positions have the shape {x.shape}", "[n, 3] is needed")
     if len(x) < least:
-        raise UsageError(f"{len(x)} particles are too few", f"at least {least} are needed")
+        raise UsageError(
+            f"{len(x)} particle{'s are' if len(x) != 1 else ' is'} too few", f"at least {least} are needed"
+        )
     return x

@@ -39,7 +39,7 @@ def export(
     write = FORMATS.get(path_out.suffix.lower())
     if write is None:
         raise UsageError(
-            f"cannot export to {path_out.name!r}: unknown ending {path_out.suffix!r}",
+            f"cannot export to {str(path_out)!r}: unknown ending {path_out.suffix!r}",
             f"Known endings: {', '.join(FORMATS)}.",
         )
     check_target(path_out, overwrite=overwrite)

@@ -10,6 +10,7 @@ from simulate import EPS
 
 import particlesim as ps
 from particlesim.analysis.structure import radial_distribution
+from particlesim.compiler import uncompiled
 from particlesim.engine.interactions.near_pairs import NearPairs
 from particlesim.engine.interactions.neighbours.record import BUILDS, OVERFLOW, new_neighbours
 from particlesim.engine.interactions.pairs import DirectPairs
@@ -126,6 +127,21 @@ def test_steepness_is_that_of_direct_sums() -> None:
         simulation.close()
     for direct, near in zip(*found, strict=True):
         np.testing.assert_allclose(near, direct, atol=1e-12 * np.abs(direct).max())
+
+
+def test_what_fills_the_last_group_bounds_nothing() -> None:
+    # in Python, where row −1 would be the last particle
+    law = {"type": "soft_sphere", "epsilon": 1.0, "sigma": 1.0}
+    place = {"type": "points", "position": [[0, 0, 0], [0.3, 0, 0], [0.3, 0.4, 0]]}
+    found = []
+    for method in ("direct", "neighbours"):
+        parts = {"particles": [{"layout": place, "mass": 1.0}], "interactions": [{**law, "method": method}]}
+        simulation = Simulation(ps.from_table({"simulation": {"duration": 0.02, "dt": 0.01}, **parts}))
+        ((island, (each,)),) = [(every, every.interactions) for every in simulation.islands]
+        with uncompiled():
+            found.append(each.bounds(island.island_columns(), np.ones(3), 0.0)[1])
+        simulation.close()
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
 
 
 def test_lists_are_chosen_where_they_pay() -> None:
