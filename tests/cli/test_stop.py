@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -28,6 +31,7 @@ def handlers():
     yield
     for number, handler in zip(numbers, before, strict=True):
         signal.signal(number, handler)
+    signal.set_wakeup_fd(-1)
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
@@ -102,3 +106,26 @@ def test_a_signal_that_the_end_of_an_object_swallows_is_heard(psim, monkeypatch,
     assert ended.code == 130
     assert "interrupted" in ended.err
     assert not Path("outputs/tiny.vtkhdf").exists()
+
+
+DEAF = """
+import hashlib
+from psim import signals
+signals.PATIENCE = 0.2
+signals.listen()
+print("deaf", flush=True)
+hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # minutes, in which Python runs no handler
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_signal_in_the_middle_of_long_work_ends_it() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as deaf:
+        assert deaf.stdout is not None
+        assert deaf.stdout.readline() == b"deaf\n"
+        deaf.terminate()
+        _, told = deaf.communicate(timeout=60)
+    assert deaf.returncode == stop.INTERRUPTED
+    assert b"stopped in the middle of a step" in told
