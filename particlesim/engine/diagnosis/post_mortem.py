@@ -38,7 +38,7 @@ WHY = {
     ),
     TOO_SHORT: (
         "needs steps below {least:.3g} s at t = {t:.9g} s",
-        "a force grows without bound there, or jumps: soften it, or allow more error (tolerance) or "
+        "a force grows without bound there, or jumps, or begins at a touch: soften it, or allow more error (tolerance) or "
         "shorter steps (minimum_step)",
     ),
     TOO_MANY: (

@@ -66,7 +66,7 @@ def _unboxed(scenario: Tables) -> Iterator[Invalid]:
             yield Invalid(
                 "a mesh sums over all images of a box that is periodic along all axes, and there is none",
                 ("interactions", k, "method"),
-                allowed='"auto", "direct", "tree"',
+                allowed='"auto", "direct"' if each.lacks_multipoles() else '"auto", "direct", "tree"',
                 hint="[simulation] box = { size = [10, 10, 10] } (m) makes one",
             )
         elif (
