@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from psim import app
+from psim import app, signals
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -68,6 +68,12 @@ def _empty_place(tmp_path, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("TERM", "dumb")
     (tmp_path / "tiny.toml").write_text(TINY)
+
+
+@pytest.fixture(autouse=True)
+def _nobody_insists(monkeypatch):
+    """No thread ends the process of the tests where one of them keeps a signal to itself."""
+    monkeypatch.setattr(signals, "_watch", lambda: None)
 
 
 @pytest.fixture
