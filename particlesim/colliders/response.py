@@ -96,9 +96,9 @@ def crossable(c: Any) -> bool:
 
 
 def opposite(c: Any, p: Any, q: Any) -> Any:
-    """Whether p and q are on opposite sides of a collider, such as a thin sheet."""
+    """Whether p and q are on opposite sides of a collider, such as a thin sheet, and not only at two sides of a corner."""
     n, m = normal(c, p), normal(c, q)
-    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < type(p.x)(-0.5)
 
 
 @law(gap, ColliderRecord)

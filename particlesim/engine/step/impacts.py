@@ -35,10 +35,12 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
     sunk,
 )
+from particlesim.engine.step.creases import wedged
 from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
 from particlesim.engine.step.hits import hear, silence
+from particlesim.engine.step.lying import borne, settled
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.engine.step.resting import borne, settled, stays, wedged
+from particlesim.engine.step.resting import stays
 from particlesim.laws.registry import PASS, moved_to
 
 MAX_IMPACTS = 1024
@@ -49,7 +51,9 @@ MAX_STALLS = 2
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
 MAX_SWEEPS = 8
-"""Passes over the colliders of a corner before the particle goes back to where its step began."""
+"""Passes over the colliders that a particle lies on before it rests where its step began, and looks for when it turns."""
+MOST_PUSHES = 64
+"""Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
@@ -120,16 +124,19 @@ def respond(contacts: Any, p: Any) -> Any:
 
 @outlined
 def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
-    """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place."""
+    """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place, unless that is
+    deeper in a collider that has moved there."""
     slack = -rounding(contacts, p)
     q, outcome = meet(colliders, p)
-    sweeps = 1
-    while nearest(colliders, q) < slack and sweeps < MAX_SWEEPS:
+    left, sweeps = nearest(colliders, q), 1
+    while left < slack and sweeps < MOST_PUSHES:
         q, more = meet(colliders, q)
         outcome = max(outcome, more)
+        left = nearest(colliders, q)
         sweeps += 1
-    if nearest(colliders, q) < slack:
-        q = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
+    if left < slack:
+        back = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
+        q = chosen(nearest(colliders, back) >= left, back, q)
     return q, outcome
 
 
@@ -301,26 +308,28 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
         legal = p
         while outcome == PASS:
             q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
+            length = left
             if turn < 1 and impacts < MAX_IMPACTS:
-                # It comes to a stop and will not stay there, or to another part of what it lies on: on from there.
-                tau = turn * left
-                q, _, _, turn = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                # It comes to a stop and will not stay there, or to another part of what it lies on: so far, then on.
+                length = turn * left
+                q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                 shorter = 0
                 while turn < SAME and shorter < MAX_SWEEPS:
-                    tau = turn * tau
-                    q, _, _, turn = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                    length = turn * length
+                    q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                     shorter += 1
+            late, place = crossing(contacts, on, p, q, length)
+            if not (late < length or ahead(contacts.continuous, on, q) < 0):
                 p = q
+                if length == left:
+                    memory = after
+                    break
                 memory = restart(memory)
-                left = left - tau
+                left = left - length
                 impacts += 1
                 continue
-            late, place = crossing(contacts, on, p, q, left)
-            if not (late < left or ahead(contacts.continuous, on, q) < 0):
-                p, memory = q, after
-                break
             exact = True
-            if late < left:
+            if late < length:
                 q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, calm)
             if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
@@ -328,7 +337,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 early = outcome == PASS
                 break
             if calm == SURE and not any(on):
-                tau, r = _lying(method, dynamics, forces, contacts, p, left, memory)
+                tau, r = _lying(method, dynamics, forces, contacts, p, length, memory)
                 if tau > 0:
                     p, memory = r, restart(memory)
                     left = left - tau

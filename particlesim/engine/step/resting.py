@@ -21,12 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.colliders.dents import dented, thinnest
-from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
-    at_rest,
     belt_along,
     crossable,
     put_back,
@@ -35,12 +32,8 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
-from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, has_law, moved_to, surface
-
-LIFT = 8
-"""How far above a surface the way along it is looked at, in units of rounding errors."""
+from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
 """How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
@@ -53,7 +46,7 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
     are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
     have died out, only touching counts. What ends beside another face, as over an edge, does not lie on this one."""
     coasting = gap(c, moved_to(q, p.x + h * p.vx, p.y + h * p.vy, p.z + h * p.vz, p.vx, p.vy, p.vz, q.t))
-    n, m = touch.up, touch.normal
+    n = touch.up
     level = type_of(h, LEVEL) * touch.depth - slack if crossable(c) else -slack
     calm = (
         (coasting >= type_of(h, 0.5) * touch.depth - slack)
@@ -61,8 +54,7 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
         & (c.response.bounce < 2)
     )
     calm |= (abs(coasting) <= slack) | sure
-    if crossable(c):
-        calm &= n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type_of(h, 0.5)
+    calm &= same_face(c, touch)
     return (touch.start <= slack) & (touch.depth < 0) & calm & (c.response.outcome == PASS)
 
 
@@ -73,6 +65,14 @@ class Touch(NamedTuple):
     up: Any
     depth: Any
     normal: Any
+
+
+def same_face(c: Any, touch: Touch) -> Any:
+    """Whether a step ends at the face of a collider at which it began, and not beside another one, as over an edge."""
+    n, m = touch.up, touch.normal
+    if not crossable(c):
+        return True
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type_of(touch.start, 0.5)
 
 
 def touched(c: Any, p: Any, q: Any) -> Touch:
@@ -100,69 +100,6 @@ def lifted(c: Any, q: Any, depth: Any, n: Any) -> Any:
     return put_back(c.shape, q, depth, n)
 
 
-def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
-    """The end of a step from p that would end at q without contact, on the colliders on which p lies; which those are; and
-    the part of the step after which p turns around, 1 if it does not."""
-    if len(colliders) == 0:
-        return q, (), type_of(h, 1)
-    here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
-    q = moved_to(
-        q,
-        r.x if here else q.x,
-        r.y if here else q.y,
-        r.z if here else q.z,
-        r.vx if here else q.vx,
-        r.vy if here else q.vy,
-        r.vz if here else q.vz,
-        q.t,
-    )
-    q, others, first = settled(colliders[1:], p, q, h, tolerance, slack, sure)
-    return q, (here, *others), min(turn if here else type_of(h, 1), first)
-
-
-def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
-    """Whether a step from p to q is rest on a collider, and what `held` says of it. One that moves is at rest in its own
-    frame."""
-    if isinstance(c.shape, MovingRecord):
-        here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
-        return here, alight(c.shape, r), turn
-    touch = touched(c, p, q)
-    r, turn = held(c, p, q, touch, h, tolerance)
-    here = lies(c, p, q, touch, h, slack, sure)
-    if dented(c.shape):
-        free = _free_part(c, here, p, r, touch.up, touch.normal, h, slack)
-        return free > 0, r, min(turn, free)
-    return here, r, turn
-
-
-@outlined
-def _free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: Any) -> Any:
-    """The part of a step along the surface of a shape with dents, from p with the normal n to r with m, before which no
-    other part of the shape is in the way: 1 if none is, and 0 of what is not `here` on the surface."""
-    if not here:
-        return h - h
-    # A little above the surface: along the plane that touches it at p, and from there along the one at r.
-    half, lift, one = type_of(h, 0.5), type_of(h, LIFT) * slack, type_of(h, 1)
-    a = tuple(x + lift * u for x, u in zip((p.x, p.y, p.z), n, strict=True))
-    b = tuple(x + lift * u for x, u in zip((r.x, r.y, r.z), m, strict=True))
-    way = tuple(half * (y - x) for x, y in zip(a, b, strict=True))
-    part, begin = one, one - one
-    if np.sqrt(_dot(way, way)) > half * max(type_of(h, thinnest(c.shape)), lift):
-        up = tuple(half * (u + v) for u, v in zip(n, m, strict=True))
-        rise = max(-_dot(way, n) / _dot(up, n), _dot(way, m) / _dot(up, m), one - one)
-        middle = tuple(x + y + rise * u for x, y, u in zip(a, way, up, strict=True))
-        for start, end in ((a, middle), (middle, b)):
-            v = tuple((y - x) / h for x, y in zip(start, end, strict=True))
-            if part >= 1:
-                s = first_contact(c, _at(p, start, v), _at(p, end, v), h, slack)
-                if s < 1:
-                    # up to a place before it from which a free step meets it
-                    s = s - 2 * lift / (h * np.sqrt(_dot(v, v)))
-                    part = begin + half * max(s, one - one)
-            begin = half
-    return part
-
-
 def stays(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
     """As `borne`, with less to work out: whether p was at rest on a plane along an axis, or slid on it without friction, and
     is pressed so that it goes on like that. It is not sure of others."""
@@ -180,7 +117,7 @@ def stays(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
     here &= (p.vx == 0) & (p.vy == 0) & (p.vz == 0) & (approach <= 0) & (abs(touch.start) <= slack)
     here &= square(sliding(c.response, n, approach, q)) <= most * most
     stopped = tuple(None if axis is not None else zero for axis in n)
-    return here, _at(q, (p.x, p.y, p.z), with_slide(c.response, n, zero, c.response.keep, stopped))
+    return here, at_place(q, (p.x, p.y, p.z), with_slide(c.response, n, zero, c.response.keep, stopped))
 
 
 def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
@@ -195,8 +132,8 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
         after, ends = rebound(dull, n, approach, q), lifted(c, q, touch.depth, n)
         hit = approach < 0
         after = tuple(new if hit else old for new, old in zip(after, (q.vx, q.vy, q.vz), strict=True))
-        return _at(
-            q, ends, _unlifted(c, p, q, touch, h, tolerance, (q.x, q.y, q.z), ends, push * push, after)
+        return at_place(
+            q, ends, unlifted(c, p, q, touch, h, tolerance, (q.x, q.y, q.z), ends, push * push, after)
         ), one
     before, after = sliding(response, n, along(n, p), p), sliding(response, n, approach, q)
     change = tuple(None if b is None else a - b for a, b in zip(after, before, strict=True))
@@ -207,7 +144,7 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     base = tuple(None if b is None else (a if calm else b) for a, b in zip(change, before, strict=True))
     # A path that turns by more than friction can hold back does not stop where it turns: friction is against its mean
     # velocity, which is more than friction takes, so that it never works for it.
-    length2, ahead, most2 = square(base), _dot(after, base), drag * drag
+    length2, ahead, most2 = square(base), dot(after, base), drag * drag
     stops = (ahead <= 0) | (ahead * ahead <= most2 * length2)
     bends = stops & (square(after) * length2 - ahead * ahead > most2 * length2)
     base = tuple(None if b is None else (a + b if bends else b) for a, b in zip(after, base, strict=True))
@@ -215,19 +152,19 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     size = np.sqrt(length2)
     inverse = one / size if size > 0 else zero
     way = tuple(None if b is None else inverse * b for b in base)
-    left = _dot(after, way) - drag
+    left = dot(after, way) - drag
     firm = square(change) <= (response.friction.static * push) * (response.friction.static * push)
     slides = bends | ((left > 0) & ((not calm) | (not firm)))
     # Where it slides to the end: what friction takes from the free end, and half of that for the place. Where it stops: the
     # part `f` of the step until then, at a speed that falls evenly.
-    f = zero if calm else length2 / (length2 - _dot(after, base) + drag * size)
+    f = zero if calm else length2 / (length2 - dot(after, base) + drag * size)
     half = type_of(h, 0.5) * h
     belt = belt_along(response, n)
     ends = tuple(
         _along_way(place, old, u, w, slides, half * drag, h, half * f * size)
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
-    there = _at(q, ends, (q.vx, q.vy, q.vz))
+    there = at_place(q, ends, (q.vx, q.vy, q.vz))
     depth, m = sunk(c, p, touch.start, touch.up, there)
     ends = lifted(c, there, depth, m)
     if response.belt is None:
@@ -236,22 +173,24 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     bent = False
     if crossable(c) and response.belt is None:
         # Held back by friction, it ends where the surface has another direction: what presses it until there.
-        bent = _dot(n, m) < one - tolerance
-        lean = type_of(h, 0.5) * drag * (_dot(way, m) - _dot(way, touch.up))
+        bent = dot(n, m) < one - tolerance
+        lean = type_of(h, 0.5) * drag * (dot(way, m) - dot(way, touch.up))
         pressed = response.friction.kinetic * max(lean - along(m, q), zero)
-        drag = min(pressed, size if bends else _dot(after, way)) if bent else drag
+        drag = min(pressed, size if bends else dot(after, way)) if bent else drag
     slid = tuple(
         None if a is None else (a - drag * w if slides else zero) for a, w in zip(after, way, strict=True)
     )
     if crossable(c) and response.belt is None:
-        up = _dot(slid, m)
+        up = dot(slid, m)
         slid = tuple(v - up * axis if bent else v for v, axis in zip(slid, m, strict=True))
-    slid = _unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
+    slid = unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
     turns = not (slides | calm | firm)
-    return _at(q, ends, with_slide(response, n, approach + push, response.keep, slid)), f if turns else one
+    return at_place(
+        q, ends, with_slide(response, n, approach + push, response.keep, slid)
+    ), f if turns else one
 
 
-def _unlifted(
+def unlifted(
     c: Any,
     p: Any,
     q: Any,
@@ -273,88 +212,22 @@ def _unlifted(
         return v
     zero = h - h
     change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
-    work = _dot(change, tuple(b - a for a, b in zip(found, ends, strict=True)))
+    work = dot(change, tuple(b - a for a, b in zip(found, ends, strict=True)))
     had = square(v)
     left = had + min(lost + work / (type_of(h, 0.5) * h), zero)
     kept = np.sqrt(left / had) if left > 0 else zero
-    bent = _dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
+    bent = dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
     return tuple(kept * each if bent & (left < had) else each for each in v)
 
 
-def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
-    """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
-    turns around; and whether both of them press. Creases of surfaces that move or run are not this simple, and none."""
-    one = type_of(h, 1)
-    if c.response.belt is not None or d.response.belt is not None:
-        return q, one, False
-    if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
-        return q, one, False
-    zero = one - one
-    one_touch, other = touched(c, p, q), touched(d, p, q)
-    deep, low = one_touch.depth, other.depth
-    n, m = _full(one_touch.normal, zero), _full(other.normal, zero)
-    velocity = (q.vx, q.vy, q.vz)
-    lean = _dot(n, m)
-    spread = one - lean * lean
-    # Normal impulses J n + K m that end both approaches, and the shift that closes both gaps.
-    a, b = -_dot(n, velocity), -_dot(m, velocity)
-    j, k = (a - lean * b) / spread, (b - lean * a) / spread
-    f, g = (lean * low - deep) / spread, (lean * deep - low) / spread
-    found = (q.x, q.y, q.z)
-    lifts = tuple(x + f * u + g * v for x, u, v in zip(found, n, m, strict=True))
-    inverse = one / np.sqrt(spread)
-    way = (
-        inverse * (n[1] * m[2] - n[2] * m[1]),
-        inverse * (n[2] * m[0] - n[0] * m[2]),
-        inverse * (n[0] * m[1] - n[1] * m[0]),
-    )
-    static, kinetic = zero, zero
-    for each, push in ((c.response, j), (d.response, k)):
-        if each.friction is not None:
-            static, kinetic = static + each.friction.static * push, kinetic + each.friction.kinetic * push
-    # Along the crease, as `held` along a surface
-    before, after = _dot(way, (p.vx, p.vy, p.vz)), _dot(way, velocity)
-    change = after - before
-    calm = abs(before) <= tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
-    side = one if (change if calm else before) > 0 else -one
-    left = side * after - kinetic
-    firm = abs(change) <= static
-    slides = (left > 0) & ((not calm) | (not firm))
-    kept = c.response.keep * d.response.keep
-    speed = kept * side * left if slides else zero
-    part = zero if calm else abs(before) / (abs(before) - left)
-    half = type_of(h, 0.5) * h
-    shift = (
-        -half * side * kinetic
-        if slides
-        else half * part * before - _dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
-    )
-    ends = tuple(x + shift * w for x, w in zip(lifts, way, strict=True))
-    stays = calm & (not slides)
-    ends = tuple(old if stays else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
-    turns = not (slides | calm | firm)
-    lost = _dot(velocity, velocity) - after * after
-    r = _at(
-        q,
-        ends,
-        _unlifted(c, p, q, one_touch, h, tolerance, found, lifts, lost, tuple(speed * w for w in way)),
-    )
-    return r, part if turns else one, (j >= 0) & (k >= 0) & (spread > tolerance)
-
-
-def _full(n: Any, zero: Any) -> Any:
-    """A normal with the zeros that it leaves out."""
-    return tuple(zero if axis is None else axis for axis in n)
-
-
-def _at(q: Any, place: Any, velocity: Any) -> Any:
+def at_place(q: Any, place: Any, velocity: Any) -> Any:
     """The particle at another place, with another velocity."""
     x, y, z = place
     vx, vy, vz = velocity
     return moved_to(q, x, y, z, vx, vy, vz, q.t)
 
 
-def _dot(a: Any, b: Any) -> Any:
+def dot(a: Any, b: Any) -> Any:
     """a·b of vectors that lack the same component, if any."""
     if a[0] is None:
         return a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,215 @@
+"""Lasting contact in a crease: where two colliders meet, or two parts of one shape.
+
+Two contact forces cancel what presses, and friction of both acts along the crease as on one surface (`resting`).
+
+A shape with dents tells one gap and one normal at a time. What rests in a crease of it touches two or three parts; these are
+found by looks a little way into the shape, and taken as planes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.colliders.dents import thinnest
+from particlesim.colliders.moving import MovingRecord
+from particlesim.colliders.plane import PlaneRecord
+from particlesim.colliders.response import ColliderRecord
+from particlesim.compiler import outlined
+from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.resting import at_place, dot, held, same_face, touched, unlifted
+from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal
+
+LIFT = 8
+"""How far above a surface the way along it is looked at, in units of rounding errors."""
+LOOK, FURTHER = 64, 32
+"""How far into a shape its parts are looked for at first, in units of rounding errors, and by how much further each time."""
+MOST_PARTS = 6
+"""Looks for a further part that presses; in a corner there are three."""
+
+
+def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    """The end of a step from p to q in the crease between two colliders on which p lies; the part of the step after which p
+    turns around; and whether both of them press. Creases of surfaces that move or run are not this simple, and none."""
+    one = type_of(h, 1)
+    if c.response.belt is not None or d.response.belt is not None:
+        return q, one, False
+    if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
+        return q, one, False
+    zero = one - one
+    one_touch, other = touched(c, p, q), touched(d, p, q)
+    deep, low = one_touch.depth, other.depth
+    n, m = _full(one_touch.normal, zero), _full(other.normal, zero)
+    velocity = (q.vx, q.vy, q.vz)
+    lean = dot(n, m)
+    spread = one - lean * lean
+    # Normal impulses J n + K m that end both approaches, and the shift that closes both gaps.
+    a, b = -dot(n, velocity), -dot(m, velocity)
+    j, k = (a - lean * b) / spread, (b - lean * a) / spread
+    f, g = (lean * low - deep) / spread, (lean * deep - low) / spread
+    found = (q.x, q.y, q.z)
+    lifts = tuple(x + f * u + g * v for x, u, v in zip(found, n, m, strict=True))
+    inverse = one / np.sqrt(spread)
+    way = (
+        inverse * (n[1] * m[2] - n[2] * m[1]),
+        inverse * (n[2] * m[0] - n[0] * m[2]),
+        inverse * (n[0] * m[1] - n[1] * m[0]),
+    )
+    static, kinetic = zero, zero
+    for each, push in ((c.response, j), (d.response, k)):
+        if each.friction is not None:
+            static, kinetic = static + each.friction.static * push, kinetic + each.friction.kinetic * push
+    # Along the crease, as `held` along a surface
+    before, after = dot(way, (p.vx, p.vy, p.vz)), dot(way, velocity)
+    change = after - before
+    calm = abs(before) <= tolerance * (abs(q.vx) + abs(q.vy) + abs(q.vz))
+    side = one if (change if calm else before) > 0 else -one
+    left = side * after - kinetic
+    firm = abs(change) <= static
+    slides = (left > 0) & ((not calm) | (not firm))
+    kept = c.response.keep * d.response.keep
+    speed = kept * side * left if slides else zero
+    part = zero if calm else abs(before) / (abs(before) - left)
+    half = type_of(h, 0.5) * h
+    shift = (
+        -half * side * kinetic
+        if slides
+        else half * part * before - dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
+    )
+    ends = tuple(x + shift * w for x, w in zip(lifts, way, strict=True))
+    stays = calm & (not slides)
+    ends = tuple(old if stays else new for old, new in zip((p.x, p.y, p.z), ends, strict=True))
+    turns = not (slides | calm | firm)
+    lost = dot(velocity, velocity) - after * after
+    r = at_place(
+        q,
+        ends,
+        unlifted(c, p, q, one_touch, h, tolerance, found, lifts, lost, tuple(speed * w for w in way)),
+    )
+    presses = (j >= 0) & (k >= 0) & (spread > tolerance)
+    return r, part if turns else one, presses & same_face(c, one_touch) & same_face(d, other)
+
+
+def _full(n: Any, zero: Any) -> Any:
+    """A normal with the zeros that it leaves out."""
+    return tuple(zero if axis is None else axis for axis in n)
+
+
+@outlined
+def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: Any) -> Any:
+    """The part of a step along the surface of a shape with dents, from p with the normal n to r with m, before which no
+    other part of the shape is in the way: 1 if none is, and 0 of what is not `here` on the surface."""
+    if not here:
+        return h - h
+    # A little above the surface: along the plane that touches it at p, and from there along the one at r.
+    half, lift, one = type_of(h, 0.5), type_of(h, LIFT) * slack, type_of(h, 1)
+    a = tuple(x + lift * u for x, u in zip((p.x, p.y, p.z), n, strict=True))
+    b = tuple(x + lift * u for x, u in zip((r.x, r.y, r.z), m, strict=True))
+    way = tuple(half * (y - x) for x, y in zip(a, b, strict=True))
+    part, begin = one, one - one
+    if np.sqrt(dot(way, way)) > half * max(type_of(h, thinnest(c.shape)), lift):
+        up = tuple(half * (u + v) for u, v in zip(n, m, strict=True))
+        rise = max(-dot(way, n) / dot(up, n), dot(way, m) / dot(up, m), one - one)
+        middle = tuple(x + y + rise * u for x, y, u in zip(a, way, up, strict=True))
+        for start, end in ((a, middle), (middle, b)):
+            v = tuple((y - x) / h for x, y in zip(start, end, strict=True))
+            if part >= 1:
+                s = first_contact(c, at_place(p, start, v), at_place(p, end, v), h, slack)
+                if s < 1:
+                    # up to a place before it from which a free step meets it
+                    s = s - 2 * lift / (h * np.sqrt(dot(v, v)))
+                    part = begin + half * max(s, one - one)
+            begin = half
+    return part
+
+
+def _facet(c: Any, p: Any, place: Any, g: Any, n: Any) -> Any:
+    """The part of a shape that a particle sees from a place with this gap and normal, as a plane with the same response."""
+    offset = dot(n, (place.x, place.y, place.z)) - p.r - g
+    return ColliderRecord(PlaneRecord(n[0], n[1], n[2], offset), c.response)
+
+
+@outlined
+def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """Whether a step from p to q is rest in a crease or a corner of one shape with dents, or on one side of it; its end; and
+    the part of the step after which the particle turns around, or meets another part of the shape.
+
+    As in `lies`, hops of p must be shorter than the step, or it is `sure` that they have died out. Parts that press are
+    found one after the other: what keeps it off one may lead into the next.
+    """
+    one, half = type_of(h, 1), type_of(h, 0.5)
+    zero, lift, rests, both = one - one, type_of(h, LIFT) * slack, False, False
+    r, turn = q, one
+    if (gap(c, p) <= slack) & (c.response.outcome == PASS) & (c.response.bounce < 2):
+        way = (q.x - p.x, q.y - p.y, q.z - p.z)
+        far = np.sqrt(dot(way, way))
+        # none looks through this part of the shape
+        deepest = half * half * type_of(h, thinnest(c.shape))
+        most, look = min(deepest, far), type_of(h, LOOK) * slack
+        up = (zero, zero, zero)
+        first = _facet(c, p, p, one, up)
+        while (not rests) & (look < type_of(h, FURTHER) * most):
+            near = _along(p, q, way, min(look, most) / far)
+            g, up = gap_and_normal(c, near)
+            first = _facet(c, p, near, g, up)
+            rests = (gap(first, q) < -slack) & (gap(first, p) <= lift)
+            look = look * type_of(h, FURTHER)
+        if rests:
+            rests = _dies_out(first, up, p, q, h, sure)
+        if rests:
+            r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
+        free, seen = one, one
+        for _ in range(MOST_PARTS):
+            way = (r.x - p.x, r.y - p.y, r.z - p.z)
+            far = np.sqrt(dot(way, way))
+            part = min(deepest / far, seen) if far > 0 else seen
+            near = _along(p, q, way, part)
+            g, n = gap_and_normal(c, near)
+            if (not rests) | (g >= -slack):
+                break
+            other = _facet(c, p, near, g, n)
+            start = gap(other, p)
+            if start > lift:
+                # before it comes to that, others may press
+                seen = part * (start - half * lift) / (start - g)
+                free = min(free, _part_until(p, r, n, start - half * lift, h))
+            else:
+                rests = _dies_out(other, n, p, q, h, sure & (not both))
+                if both:
+                    # a corner: three parts press
+                    return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one
+                r, turn, both = wedged(first, other, p, q, h, tolerance)
+                if both:
+                    up = tuple(a + b for a, b in zip(up, n, strict=True))
+                else:
+                    first, up = other, n
+                    r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
+                free, seen = one, one
+        turn = min(turn, free)
+        if rests:
+            above = tuple(axis / dot(up, up) for axis in up)
+            above = tuple((one + one) * axis for axis in above) if both else above
+            free = free_part(c, True, p, r, above, above, h, slack)
+            rests = (free > 0) & ((turn < 1) | (free < 1) | (gap(c, r) <= lift))
+            turn = min(turn, free)
+    return rests, r, turn
+
+
+def _along(p: Any, q: Any, way: Any, part: Any) -> Any:
+    """The particle q after a part of a way from p."""
+    return at_place(q, (p.x + part * way[0], p.y + part * way[1], p.z + part * way[2]), (q.vx, q.vy, q.vz))
+
+
+def _part_until(p: Any, r: Any, n: Any, gap_left: Any, h: Any) -> Any:
+    """The part of an even glide of h from p to r after which it has come nearer by a gap, against a normal n."""
+    end = -h * dot(n, (r.vx, r.vy, r.vz))
+    whole = -dot(n, (r.x - p.x, r.y - p.y, r.z - p.z))
+    # s (2 w − e) + s² (e − w) = gap, by the root that does not cancel
+    a, b = end - whole, (whole - end) + whole
+    return 2 * gap_left / (b + np.sqrt(max(b * b + 4 * a * gap_left, h - h)))
+
+
+def _dies_out(facet: Any, n: Any, p: Any, q: Any, h: Any, sure: Any) -> Any:
+    """Whether forces, not its own velocity, take a particle from p to q into a part of a shape with a normal."""
+    return sure | (-h * dot(n, (p.vx, p.vy, p.vz)) <= type_of(h, -0.5) * gap(facet, q))

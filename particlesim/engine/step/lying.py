@@ -1,0 +1,54 @@
+"""On which colliders a particle lies, and its step there: on one, in the crease of a shape, or on several in turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.colliders.dents import dented
+from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.response import at_rest
+from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.creases import crept, free_part
+from particlesim.engine.step.resting import held, lies, touched
+from particlesim.laws.registry import gap, moved_to
+
+
+def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """The end of a step from p that would end at q without contact, on the colliders on which p lies; which those are; and
+    the part of the step after which p turns around, 1 if it does not."""
+    if len(colliders) == 0:
+        return q, (), type_of(h, 1)
+    here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
+    q = moved_to(
+        q,
+        r.x if here else q.x,
+        r.y if here else q.y,
+        r.z if here else q.z,
+        r.vx if here else q.vx,
+        r.vy if here else q.vy,
+        r.vz if here else q.vz,
+        q.t,
+    )
+    q, others, first = settled(colliders[1:], p, q, h, tolerance, slack, sure)
+    return q, (here, *others), min(turn if here else type_of(h, 1), first)
+
+
+def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """Whether a step from p to q is rest on a collider, and what `held` says of it. One that moves is at rest in its own
+    frame."""
+    if isinstance(c.shape, MovingRecord):
+        here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
+        return here, alight(c.shape, r), turn
+    touch = touched(c, p, q)
+    r, turn = held(c, p, q, touch, h, tolerance)
+    here = lies(c, p, q, touch, h, slack, sure)
+    if dented(c.shape):
+        free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
+        lain, turn = free > 0, min(turn, free)
+        if (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
+            rests, end, bend = crept(c, p, q, h, tolerance, slack, sure)
+            lain = rests
+            if rests:
+                r, turn = end, bend
+        return lain, r, turn
+    return here, r, turn
