@@ -141,7 +141,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     one, half = type_of(h, 1), type_of(h, 0.5)
     zero, lift, rests, both = one - one, type_of(h, LIFT) * slack, False, False
     r, turn = q, one
-    if (gap(c, p) <= slack) & (c.response.outcome == PASS) & (c.response.bounce < 2):
+    if (gap(c, p) <= slack) & (c.response.outcome == PASS):
         way = (q.x - p.x, q.y - p.y, q.z - p.z)
         far = np.sqrt(dot(way, way))
         # none looks through this part of the shape
@@ -156,7 +156,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             rests = (gap(first, q) < -slack) & (gap(first, p) <= lift)
             look = look * type_of(h, FURTHER)
         if rests:
-            rests = _dies_out(first, up, p, q, h, sure)
+            rests = _dies_out(first, up, p, q, h, slack, sure)
         if rests:
             r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
         free, seen = one, one
@@ -175,7 +175,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 seen = part * (start - half * lift) / (start - g)
                 free = min(free, _part_until(p, r, n, start - half * lift, h))
             else:
-                rests = _dies_out(other, n, p, q, h, sure & (not both))
+                rests = _dies_out(other, n, p, q, h, slack, sure & (not both))
                 if both:
                     # a corner: three parts press
                     return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one
@@ -210,6 +210,9 @@ def _part_until(p: Any, r: Any, n: Any, gap_left: Any, h: Any) -> Any:
     return 2 * gap_left / (b + np.sqrt(max(b * b + 4 * a * gap_left, h - h)))
 
 
-def _dies_out(facet: Any, n: Any, p: Any, q: Any, h: Any, sure: Any) -> Any:
-    """Whether forces, not its own velocity, take a particle from p to q into a part of a shape with a normal."""
-    return sure | (-h * dot(n, (p.vx, p.vy, p.vz)) <= type_of(h, -0.5) * gap(facet, q))
+def _dies_out(facet: Any, n: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
+    """Whether forces, not its own velocity, take a particle from p to q into a part of a shape with a normal; hops on an
+    elastic one do not end, unless there is none."""
+    approach = -h * dot(n, (p.vx, p.vy, p.vz))
+    hops = (approach <= type_of(h, -0.5) * gap(facet, q)) & (facet.response.bounce < 2)
+    return sure | hops | (approach <= type_of(h, 2.0**-10) * slack)
