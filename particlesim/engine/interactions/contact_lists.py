@@ -30,9 +30,9 @@ from particlesim.engine.interactions.neighbours.record import (
     slice_of,
 )
 
-CHUNK_GROUPS = 64
-"""Groups of a chunk: as small as leaves most pairs inside, as large as leaves work for some threads."""
-CHUNK = GROUP * CHUNK_GROUPS
+CHUNK_GROUPS, LARGE_CHUNK, MANY = 64, 256, 32
+"""Groups of a chunk: as many as leave most pairs inside, but few enough for threads to share their work; the larger number
+where that leaves many chunks."""
 ROOM = 8
 """Pairs for each particle to have room for at first: those of a dense heap, of which some are in two chunks."""
 APART, HOLDS, SLIDES = range(3)
@@ -92,6 +92,17 @@ class Draft(NamedTuple):
     memory: Any
 
 
+def chunk_groups(groups: Any) -> Any:
+    """Groups of a chunk, of as many groups."""
+    return LARGE_CHUNK if groups >= MANY * LARGE_CHUNK else CHUNK_GROUPS
+
+
+def chunks_of(places: int) -> int:
+    """How many chunks there are."""
+    groups = places // GROUP
+    return int(-(-groups // chunk_groups(groups)))
+
+
 def new_memory(room: int, dtype: Any, *, rolls: bool) -> Memory:
     """A memory of nothing."""
     return Memory(aligned((room, 4), dtype), aligned((room, 4), dtype) if rolls else None)
@@ -125,13 +136,13 @@ def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> 
 
 def draft_for(lists: Lists) -> Draft:
     """Room to make new lists in."""
-    groups, room, memory = len(lists.begin), lists.first.size, lists.memory
+    groups, places, room, memory = len(lists.begin), lists.order.size, lists.first.size, lists.memory
     return Draft(
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
         np.zeros(room, np.int32),
         np.zeros(room, np.uint32),
-        np.zeros(-(-groups // CHUNK_GROUPS), np.int8),
+        np.zeros(chunks_of(places), np.int8),
         None if memory is None else new_memory(room, memory.anchor.dtype, rolls=memory.rolled is not None),
     )
 
@@ -144,7 +155,8 @@ def lists_of(
     place = np.full(particles, -1)
     place[members] = np.arange(len(members))
     i, j = (place[each] for each in pairs)
-    once = (i // CHUNK == j // CHUNK) & (i > j)  # is listed with the smaller one there
+    chunk = GROUP * chunk_groups(places // GROUP)
+    once = (i // chunk == j // chunk) & (i > j)  # is listed with the smaller one there
     sign = np.where(once, -1, 1)
     i, j = np.where(once, j, i), np.where(once, i, j)
     _, kept = np.unique(i * (particles + 1) + j, return_index=True)
@@ -205,7 +217,7 @@ def _make(lists: Any, draft: Any, near: Any, share: Any) -> None:
             end += max(number, 0)
             if not fits:
                 draft.count[g] = NO_ROOM
-                draft.slow[g // CHUNK_GROUPS] = 1
+                draft.slow[g // chunk_groups(groups)] = 1
         lists.report[WANTED] = end
     meet(share.gate, share.threads)
     for s in range(share.number, SLICES, share.threads):
@@ -245,7 +257,9 @@ def _pairs(draft: Any, near: Any, g: Any, at: Any, keeps: Any) -> Any:
 def _pairs_of(draft: Any, near: Any, g: Any, at: Any, keeps: Any, shifted: Any) -> Any:
     if near.count[g] == NO_ROOM:
         return NO_ROOM
-    begin, end, chunk = near.begin[g], at, g // CHUNK_GROUPS
+    begin, end, size = near.begin[g], at, chunk_groups(near.begin.size)
+    low = g // size * size * GROUP
+    high = low + size * GROUP
     base, radii, skin = near.base, near.radii, near.cutoff + near.skin[0]
     first = GROUP * g
     x, y, z, r = (row[first : first + GROUP] for row in (base[0], base[1], base[2], radii))
@@ -257,7 +271,7 @@ def _pairs_of(draft: Any, near: Any, g: Any, at: Any, keeps: Any, shifted: Any) 
         if shifted:
             image = entry >> IMAGE_SHIFT
             u, v, w = u + near.images[0, image], v + near.images[1, image], w + near.images[2, image]
-        least = q if q // CHUNK == chunk else MOST
+        least = q if (low <= q) & (q < high) else MOST
         for i in lanes(GROUP):
             dx, dy, dz, reach = x[i] - u, y[i] - v, z[i] - w, r[i] + s
             there = (first + i < least) & (x[i] < FAR) & (u < FAR)
@@ -274,12 +288,13 @@ def _pairs_of(draft: Any, near: Any, g: Any, at: Any, keeps: Any, shifted: Any) 
 @outlined
 def _recall(lists: Any, draft: Any, near: Any, g: Any) -> None:
     """Look up what the pairs of a group remember."""
+    chunk = GROUP * chunk_groups(near.begin.size)
     for k in range(draft.begin[g], draft.begin[g] + draft.count[g]):
         row, other = near.order[draft.first[k]], near.order[draft.second[k] & (MOST - 1)]
         draft.memory.anchor[k, KNOWN] = APART
         p, q, sign = lists.place[row], lists.place[other], 1
         if (p >= 0) & (q >= 0):
-            if (p // CHUNK == q // CHUNK) & (q < p):
+            if (p // chunk == q // chunk) & (q < p):
                 p, q, sign = q, p, -1
             begin = lists.begin[p // GROUP]
             for j in range(begin, begin + max(lists.count[p // GROUP], 0)):

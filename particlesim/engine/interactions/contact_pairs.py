@@ -155,6 +155,8 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
             prefetch(rows, q, PLACE)
             if each.turns is not None:
                 prefetch(rows, q, TURN)
+            if memory is not None:
+                prefetch(memory.anchor, e, 0)
         count = 0
         for e in range(lo, min(lo + BATCH, end)):
             i, j = lists.first[e], lists.second[e]

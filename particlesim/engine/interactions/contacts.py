@@ -24,7 +24,6 @@ from particlesim.compiler import kernel, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contact_lists import (
     BUILT,
-    CHUNK,
     FRESH,
     ROOM,
     ROUND,
@@ -33,6 +32,8 @@ from particlesim.engine.interactions.contact_lists import (
     Lists,
     Memory,
     aligned,
+    chunk_groups,
+    chunks_of,
     contacts_in,
     draft_for,
     lists_of,
@@ -308,7 +309,8 @@ def since(each: Any, t: Any) -> Any:
 @outlined
 def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
     """Contacts of the places of a chunk: a sum, where one is asked for."""
-    first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), each.near.order.size)
+    size = GROUP * chunk_groups(each.near.begin.size)
+    first, last = size * chunk, min(size * (chunk + 1), each.near.order.size)
     spare, total = each.near.order.size + chunk, 0.0
     if isinstance(what, Sum | Settle):
         for k in range(first, last):
@@ -426,5 +428,5 @@ def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     rows[:, :3] = FAR
     walls, marks = walls_of(site, pairs)
     found = found._replace(near=found.near._replace(x=rows[:, :3].T), seen=seen_in(rows, found.seen))
-    found = found._replace(pull=aligned((places + -(-places // CHUNK), QUAD + TORQUE), site.dtype))
+    found = found._replace(pull=aligned((places + chunks_of(places), QUAD + TORQUE), site.dtype))
     return Contacts(*found, lists, draft_for(lists), rows, turns, walls, marks)
