@@ -32,7 +32,7 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
@@ -185,9 +185,15 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
         slid = tuple(v - up * axis if bent else v for v, axis in zip(slid, m, strict=True))
     slid = unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
     turns = not (slides | calm | firm)
-    return at_place(
-        q, ends, with_slide(response, n, approach + push, response.keep, slid)
-    ), f if turns else one
+    r = at_place(q, ends, with_slide(response, n, approach + push, response.keep, slid))
+    if crossable(c) and response.belt is None:
+        # A curved surface may put back what creeps higher than where it came from: what it has not got, it does not gain.
+        force = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+        rise = -dot(force, (r.x - p.x, r.y - p.y, r.z - p.z))
+        stuck = rise + rise > h * dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz))
+        r = chosen(stuck, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), r)
+        turns = turns & (not stuck)
+    return r, f if turns else one
 
 
 def unlifted(
