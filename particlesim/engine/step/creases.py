@@ -191,8 +191,10 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             above = tuple(axis / dot(up, up) for axis in up)
             above = tuple((one + one) * axis for axis in above) if both else above
             free = free_part(c, True, p, r, above, above, h, slack)
-            rests = (free > 0) & ((turn < 1) | (free < 1) | (gap(c, r) <= lift))
-            turn = min(turn, free)
+            turn, g = min(turn, free), gap(c, r)
+            # along one part, as where it leaves the other, to the end; or along a crease, maybe up to the next part
+            whole = (free > 0) & (turn >= 1) & (abs(g) <= slack)
+            rests = ((free > 0) & (turn < 1)) | whole if both else whole
     return rests, r, turn
 
 

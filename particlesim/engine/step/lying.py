@@ -47,8 +47,7 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         lain, turn = free > 0, min(turn, free)
         if (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
             rests, end, bend = crept(c, p, q, h, tolerance, slack, sure)
-            lain = rests
             if rests:
-                r, turn = end, bend
+                lain, r, turn = True, end, bend
         return lain, r, turn
     return here, r, turn
