@@ -7,10 +7,10 @@ from typing import Any
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import at_rest
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.creases import crept, free_part
 from particlesim.engine.step.resting import held, lies, touched
-from particlesim.laws.registry import gap, moved_to
+from particlesim.laws.registry import gap
 
 
 def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
@@ -19,17 +19,7 @@ def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, 
     if len(colliders) == 0:
         return q, (), type_of(h, 1)
     here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
-    q = moved_to(
-        q,
-        r.x if here else q.x,
-        r.y if here else q.y,
-        r.z if here else q.z,
-        r.vx if here else q.vx,
-        r.vy if here else q.vy,
-        r.vz if here else q.vz,
-        q.t,
-    )
-    q, others, first = settled(colliders[1:], p, q, h, tolerance, slack, sure)
+    q, others, first = settled(colliders[1:], p, chosen(here, r, q), h, tolerance, slack, sure)
     return q, (here, *others), min(turn if here else type_of(h, 1), first)
 
 
