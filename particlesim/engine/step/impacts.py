@@ -216,11 +216,18 @@ def _time_of_impact(
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
     above = max(ahead(contacts.continuous, on, p), h - h)
     below = ahead(contacts.continuous, on, q)
-    # A particle that touches and sinks at once hits now: resting contact must not cost a search.
+    # A particle that touches and sinks at once hits now: resting contact must not cost a search. A fast one would be deep
+    # by then, and gain the energy of being put back: it hits as soon as it is deep enough to be seen.
     now = h * type_of(h, 2.0**-30)
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, now, memory, calm)
-    if ahead(contacts.continuous, on, q) < 0:
-        return now
+    depth = -ahead(contacts.continuous, on, q)
+    if depth > 0:
+        seen = type_of(h, 8) * rounding(contacts, p)
+        if depth <= seen:
+            return now
+        sooner = now * (seen / depth)
+        q, _, on, _ = _glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
+        return sooner if ahead(contacts.continuous, on, q) < 0 else now
     side = 0
     for turn in range(MAX_HALVINGS):
         middle = early + (late - early) * half

@@ -42,8 +42,8 @@ PARTICLES_PER_CELL = 8
 slower, and as exact."""
 _TASKS = 128
 """Parts that the walk is cut into, for threads to take in turn."""
-_TASK = 2048
-"""Fewest particles of a part."""
+_TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 1024, 12
+"""Fewest particles of a part; and of one of a few parts, for threads to share few particles evenly."""
 FIRST_OPENING = 0.5
 """Widest opening while the size of the field is not known yet."""
 RIM = 24.0
@@ -283,7 +283,7 @@ def _walk_all(
     given = Given(tree.keys.rows[side], tree.field, size, tree.height, unit, scale)
     room = Room(*(each[share.number] for each in tree.room))
     count = size.size
-    parts = min(_TASKS, count // _TASK + 1)
+    parts = min(_TASKS, max(count // _TASK, min(count // _TASK_OF_FEW, _FEW_TASKS)) + 1)
     part = atomic_add(tree.next, 0, 1)
     while part < parts:
         walk(
