@@ -108,6 +108,12 @@ def settled(path: Path) -> NDArray[np.float64]:
 
 def simulation(x: NDArray[np.float64], edge: float) -> Simulation:
     """The same grains and walls."""
+    with tempfile.TemporaryDirectory() as name:
+        np.save(Path(name) / "grains.npy", x[:, [0, 2, 1]])
+        return _simulation(Path(name) / "grains.npy", edge)
+
+
+def _simulation(grains: Path, edge: float) -> Simulation:
     walls = (
         ((0, 0, 0), (0, 1, 0)),
         ((0, 0, 0), (1, 0, 0)),
@@ -121,7 +127,7 @@ def simulation(x: NDArray[np.float64], edge: float) -> Simulation:
             "output": {"every": 1000},
             "particles": [
                 {
-                    "layout": {"type": "points", "position": np.ascontiguousarray(x[:, [0, 2, 1]]).tolist()},
+                    "layout": {"type": "file", "path": str(grains)},
                     "radius": RADIUS,
                     "density": DENSITY,
                 }
@@ -211,7 +217,7 @@ def growth(rounds: int) -> None:
         layer = np.stack([k % along, k // along % along, k // along**2], axis=1)
         # each upon four of the layer below
         x = (
-            (layer + 0.5 + 0.25 * (layer[:, 2:] % 2) * np.array([1, 1, 0]))
+            (layer + 0.5 + 0.5 * (layer[:, 2:] % 2) * np.array([1, 1, 0]))
             * 2
             * RADIUS
             * np.array([1, 1, 0.5**0.5 * 0.999])

@@ -11,11 +11,12 @@ into them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from particlesim.colliders.gaps import put_outside
+from particlesim.compiler import kernel
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.interactions import PairSet
@@ -79,24 +80,26 @@ def _separated(
         return None
     before, first, number = x.copy(), float(depth.max()), int((depth > limit).sum())
     ahead = AHEAD * float(r[r > 0].min())
-    room = 0.0
+    looked = np.full_like(x, np.inf)
     for _ in range(TURNS):
-        if room <= 0:
+        if not 2 * _furthest(x, looked) < ahead:
             pairs.find(x, ahead)
-            room = ahead
-        step = pairs.moves(x)
-        if step is None:
+            looked = x.copy()
+        if not pairs.move(x):
             break
-        x += step
         for state, begin, end in zip(states, ends, ends[1:], strict=False):
             _put_out(structure, state, x[begin:end], r[begin:end], free[begin:end])
-        room -= 2 * float(np.sqrt((step**2).sum(axis=1)).max())
     left = pairs.find(x, 0.0)
     cramped = bool((left > 2 * LEFT * pairs.smaller).any())
     for state, begin, end in zip(states, ends, ends[1:], strict=False):
         state.x[:, : state.count] = x[begin:end].T
-    way = float(np.sqrt(((x - before) ** 2).sum(axis=1)).max())
+    way = _furthest(x, before)
     return Separation(each.name, number, first, way, float(left.max(initial=0.0)), cramped)
+
+
+def _furthest(x: Floats, from_: Floats) -> float:
+    """The longest way that one has gone [m]."""
+    return float(np.sqrt(((x - from_) ** 2).sum(axis=1).max()))
 
 
 def _lightness(state: GroupState) -> Floats:
@@ -136,32 +139,65 @@ class Pairs:
         self.i, self.j = i[kept], j[kept]
         return depth[kept] - ahead
 
-    def moves(self, x: Floats) -> Floats | None:
-        """How far each goes in a turn [m], shape [n, 3]; None where nothing is too deep."""
-        i, j, n = self.i, self.j, len(x)
-        way = x[i] - x[j]
-        if self.box is not None:
-            lengths = self.box.as_box().steps
-            way -= lengths * np.round(way / np.where(lengths > 0, lengths, np.inf))
-        far = np.sqrt((way**2).sum(axis=1))
-        deep = self.r[i] + self.r[j] - LEFT / 2 * self.smaller - far
-        if not (deep > LEFT / 2 * self.smaller).any():
-            return None
-        acts = deep > 0
-        i, j, way, far, deep = i[acts], j[acts], way[acts], far[acts], deep[acts]
-        # what has no direction gets one that is not that of others
-        turn = 2.399963 * (i + j)
-        aside = np.stack([np.cos(turn), np.sin(turn), np.cos(2 * turn)], axis=1) / np.sqrt(1.5)
-        unit = np.where(far[:, None] > 0, way / np.where(far > 0, far, 1.0)[:, None], aside)
-        push = (deep / (self.free[i] + self.free[j]))[:, None] * unit
-        step, touched = np.zeros((n, 3)), np.zeros(n)
-        np.add.at(step, i, self.free[i][:, None] * push)
-        np.add.at(step, j, -self.free[j][:, None] * push)
-        np.add.at(touched, np.concatenate([i, j]), 1)
-        step /= np.maximum(touched / 2, 1)[:, None]
-        size = np.sqrt((step**2).sum(axis=1))
-        most = BOLD * self.r
-        return np.asarray(step * np.where(size > most, most / np.where(size > 0, size, 1.0), 1.0)[:, None])
+    def move(self, x: Floats) -> bool:
+        """Move those at x [n, 3] apart by one turn, in place; whether there was anything too deep."""
+        lengths = np.zeros(3) if self.box is None else self.box.as_box().steps
+        moves, deep = np.zeros((len(x), 4)), np.zeros(1)
+        _push(x, self.r, self.free, self.i, self.j, lengths, moves, deep)
+        if deep[0] == 0:
+            return False
+        _go(x, self.r, moves)
+        return True
+
+
+@kernel
+def _push(x: Any, r: Any, free: Any, rows: Any, others: Any, lengths: Any, moves: Any, deep: Any) -> None:
+    """`moves[:, :3]`: the sum of what pairs of spheres at x [n, 3] push each by [m], and [:, 3] of how many; `deep[0]`: 1 if
+    a pair overlaps by too much. `lengths`: of a periodic box, 0 along others."""
+    for k in range(rows.size):
+        i, j = rows[k], others[k]
+        way = _nearest(lengths, (x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]))
+        far = np.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        allowed = LEFT / 2 * min(r[i], r[j])
+        depth = r[i] + r[j] - allowed - far
+        if depth > 0:
+            if depth > allowed:
+                deep[0] = 1.0
+            # what has no direction gets one that is not that of others
+            turn, aside = 2.399963 * float(i + j), 1.5**-0.5
+            scale = 1 / far if far > 0 else 0.0
+            u = (
+                way[0] * scale if far > 0 else aside * np.cos(turn),
+                way[1] * scale if far > 0 else aside * np.sin(turn),
+                way[2] * scale if far > 0 else aside * np.cos(2 * turn),
+            )
+            push = depth / (free[i] + free[j])
+            for axis in range(3):
+                moves[i, axis] += free[i] * push * u[axis]
+                moves[j, axis] -= free[j] * push * u[axis]
+            moves[i, 3] += 1.0
+            moves[j, 3] += 1.0
+
+
+def _nearest(lengths: Any, way: Any) -> Any:
+    """The shortest of the ways between two places and their images."""
+    return tuple(
+        d - length * np.floor(d / length + 0.5) if length > 0 else d
+        for d, length in zip(way, (lengths[0], lengths[1], lengths[2]), strict=True)
+    )
+
+
+@kernel
+def _go(x: Any, r: Any, moves: Any) -> None:
+    """Each goes by twice the mean of its moves, where it has several, and no further than is bold."""
+    for i in range(r.size):
+        share = 1 / max(0.5 * moves[i, 3], 1.0)
+        mx, my, mz = share * moves[i, 0], share * moves[i, 1], share * moves[i, 2]
+        size, most = np.sqrt(mx * mx + my * my + mz * mz), BOLD * r[i]
+        part = most / size if size > most else 1.0
+        x[i, 0] += part * mx
+        x[i, 1] += part * my
+        x[i, 2] += part * mz
 
 
 def overlapping(x: Floats, r: Floats, box: PeriodicBox | None = None) -> tuple[Ints, Ints, Floats]:
