@@ -397,7 +397,7 @@ def test_a_start_that_overlaps_is_put_apart_before_the_first_step() -> None:
     pair.find(places, 0.0)
     assert pair.move(places)
     step = places - rows((0, 0, 0), (1.94, 0, 0))
-    assert step[0] + 3 * step[1] == pytest.approx(0, abs=EPS)
+    assert step[0] + 3 * step[1] == pytest.approx(0, abs=4 * EPS)  # of places, about 2
     assert step[0, 0] < -0.04
 
 
