@@ -32,7 +32,7 @@ COLUMN = 40
 WARM = 200
 """Steps before the clock starts, in which contacts get their history."""
 SETTLING = 30_000
-GROWS = 64
+GROWS = 200
 """Steps of the largest heap between two looks at the clock: those of an interval, as lists are made anew for each."""
 INPUT = """units si
 atom_style sphere
@@ -223,12 +223,11 @@ def growth(rounds: int) -> None:
             * np.array([1, 1, 0.5**0.5 * 0.999])
         )
         runs[number] = simulation(x, along * 2 * RADIUS + RADIUS)
-        runs[number].advance_to(20)
+        runs[number].advance_to(WARM)
         found[number] = np.inf
     for _ in range(rounds):
         for number, one in runs.items():
-            steps = max(4_000_000 // number, GROWS)
-            found[number] = min(found[number], timed(one, steps) / steps / number)
+            found[number] = min(found[number], timed(one, GROWS) / GROWS / number)
     for number, spent in found.items():
         print(f"{number:8d} grains: {spent * 1e9:6.1f} ns for each grain and step")
 

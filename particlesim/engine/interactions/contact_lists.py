@@ -297,13 +297,23 @@ def _recall(lists: Any, draft: Any, near: Any, g: Any) -> None:
             if (p // chunk == q // chunk) & (q < p):
                 p, q, sign = q, p, -1
             begin = lists.begin[p // GROUP]
-            for j in range(begin, begin + max(lists.count[p // GROUP], 0)):
-                if (
-                    (lists.first[j] == p)
-                    & ((lists.second[j] & (MOST - 1)) == q)
-                    & (lists.memory.anchor[j, KNOWN] != APART)
-                ):
-                    _copy(draft.memory, k, lists.memory, j, sign)
+            end = begin + max(lists.count[p // GROUP], 0)
+            # the last of those that are the pair, in vectors, and how many are: with several images, one may touch
+            found, number = -1, 0
+            for j in range(begin, end):
+                same = (lists.first[j] == p) & ((lists.second[j] & (MOST - 1)) == q)
+                found = max(found, j if same else -1)
+                number += 1 if same else 0
+            while (number > 1) & (found > begin) and not _touches(lists, p, q, found):
+                found -= 1
+            if found >= begin and _touches(lists, p, q, found):
+                _copy(draft.memory, k, lists.memory, found, sign)
+
+
+def _touches(lists: Any, p: Any, q: Any, j: Any) -> Any:
+    """Whether the pair j is that of two places, and touches."""
+    same = (lists.first[j] == p) & ((lists.second[j] & (MOST - 1)) == q)
+    return same & (lists.memory.anchor[j, KNOWN] != APART)
 
 
 def _copy(memory: Any, k: Any, other: Any, j: Any, sign: Any) -> None:

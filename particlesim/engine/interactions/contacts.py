@@ -20,7 +20,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import kernel, outlined, prefetch
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contact_lists import (
     BUILT,
@@ -86,6 +86,8 @@ from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import JkrRecord, jumps
 
+AHEAD = 16
+"""Particles whose sums are asked for ahead."""
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
 
@@ -154,6 +156,7 @@ class Contacts(NearLists, ContactColumns):
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
+            prefetch(pull, max(place[min(i + AHEAD, last - 1)], 0), 0)
             if k >= 0:
                 for axis in range(3):
                     total[axis, i] += pull[k, axis]
