@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
-from xml.etree import ElementTree
 
 from psim.console import plain
 
@@ -169,6 +168,8 @@ def write_report(path: Path, suite: str, seconds: float, cases: Sequence[Case]) 
 
     Missing folders are made. Raises InputOutputError when the file cannot be written.
     """
+    from xml.etree import ElementTree  # only here: it takes as long as many a run
+
     from particlesim.trajectory.target import replacing
 
     suite = plain(suite)  # XML has no control characters

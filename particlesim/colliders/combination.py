@@ -29,6 +29,7 @@ from particlesim.laws.registry import (
     gap,
     gap_and_normal,
     law,
+    least_gap,
     normal,
 )
 from particlesim.model.variants import Family, Tagged
@@ -224,6 +225,11 @@ def union_normal(c: UnionRecord, p: Particle) -> Vector:
 @law(normal, IntersectionRecord)
 def intersection_normal(c: IntersectionRecord, p: Particle) -> Vector:
     return extreme(c.parts, p, -1)[1]
+
+
+@law(least_gap, UnionRecord)
+def union_least_gap(c: UnionRecord, p: Particle, need: float) -> float:
+    return min(*[least_gap(part, p, need) for part in c.parts])
 
 
 @law(apart, UnionRecord)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from particlesim.colliders.mesh import MeshRecord, thickness
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
+from particlesim.laws.registry import has_law, thinnest
 
 
 def dented(shape: Any) -> bool:
@@ -14,11 +14,4 @@ def dented(shape: Any) -> bool:
     particle has come to another part of them, as their parts are not thin."""
     if isinstance(shape, (MovingRecord, ShiftedRecord, TurnedRecord)):
         return dented(shape.shape)
-    return isinstance(shape, MeshRecord)
-
-
-def thinnest(shape: Any) -> Any:
-    """A length that a particle must move to get through any part of a shape with dents [m]."""
-    if isinstance(shape, (MovingRecord, ShiftedRecord, TurnedRecord)):
-        return thinnest(shape.shape)
-    return thickness(shape)
+    return has_law(thinnest, shape)

@@ -26,7 +26,17 @@ from particlesim.colliders.sampled import SampledRecord, sampled, sampled_slope
 from particlesim.colliders.way import longest, marched_contact, way_of
 from particlesim.compiler import outlined
 from particlesim.expressions.operations import Ray, slope, value
-from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, gap_and_normal, law, normal
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    gap,
+    gap_and_normal,
+    law,
+    least_gap,
+    normal,
+)
 
 MOST_TURNS = 32
 """Turns of the search for a foot: enough up to half the radius of curvature."""
@@ -188,6 +198,11 @@ def level_gap_and_normal(c: LevelRecord, p: Particle) -> tuple[float, Vector]:
 @law(normal, LevelRecord)
 def level_normal(c: LevelRecord, p: Particle) -> Vector:
     return level_gap_and_normal(c, p)[1]
+
+
+@law(least_gap, LevelRecord)
+def level_least_gap(c: LevelRecord, p: Particle, need: float) -> float:
+    return at_least(c, p) - p.r
 
 
 @law(apart, LevelRecord)

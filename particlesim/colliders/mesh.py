@@ -20,7 +20,18 @@ from particlesim.colliders.triangulation import Triangles
 from particlesim.colliders.way import Way, longest, place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.errors import UsageError
-from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, gap_and_normal, law, normal
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    gap,
+    gap_and_normal,
+    law,
+    least_gap,
+    normal,
+    thinnest,
+)
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Number
@@ -194,7 +205,8 @@ class MeshRecord(NamedTuple):
     half: float
 
 
-def thickness(c: Any) -> Any:
+@law(thinnest, MeshRecord)
+def mesh_thinnest(c: MeshRecord) -> Any:
     """What is taken to be behind all parts of the surface at least [m]: half a sheet, or a part of the size of a solid."""
     box = c.tree.around
     size = max(box[3] - box[0], box[4] - box[1], box[5] - box[2])
@@ -228,7 +240,8 @@ def mesh_gap_and_normal(c: MeshRecord, p: Particle) -> tuple[float, Vector]:
 
 
 @outlined
-def mesh_clearance(c: MeshRecord, p: Particle, need: float) -> float:
+@law(least_gap, MeshRecord)
+def mesh_least_gap(c: MeshRecord, p: Particle, need: float) -> float:
     """A lower bound of the gap [m]: that of the grid if it is above `need`, else the gap."""
     lower = coarse(c.tree, float(p.x), float(p.y), float(p.z))
     free = type(p.x)((lower * c.side if c.side != 0 else abs(lower)) - c.half) - p.r
@@ -239,7 +252,7 @@ def mesh_clearance(c: MeshRecord, p: Particle, need: float) -> float:
 @outlined
 def mesh_apart(c: MeshRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
     way = longest(way_of(p, q, h))
-    return mesh_clearance(c, p, way) > way
+    return mesh_least_gap(c, p, way) > way
 
 
 @law(first_contact, MeshRecord)
@@ -251,7 +264,7 @@ def mesh_first_contact(c: MeshRecord, p: Particle, q: Particle, h: float, slack:
     x, y, z, size = float(p.x), float(p.y), float(p.z), float(p.r) + c.half
     tiny = float(slack)
     speed = float(longest(v))
-    side, thin = c.side, float(p.r) + thickness(c)
+    side, thin = c.side, float(p.r) + thinnest(c)
     if side == 0:
         side = nearest_triangle(c.tree, x, y, z)[1]
     begin = 0.0

@@ -20,9 +20,11 @@ from particlesim.laws.registry import (
     gap,
     gap_and_normal,
     law,
+    least_gap,
     moved_to,
     normal,
     path,
+    thinnest,
 )
 
 
@@ -149,6 +151,16 @@ def moving_normal(c: MovingRecord, p: Particle) -> Vector:
 def moving_gap_and_normal(c: MovingRecord, p: Particle) -> tuple[float, Vector]:
     g, n = gap_and_normal(c.shape, ride(c, p))
     return g, outwards(c, n, p)
+
+
+@law(least_gap, MovingRecord)
+def moving_least_gap(c: MovingRecord, p: Particle, need: float) -> float:
+    return type(p.x)(-1)  # for how long it stays where it is nobody knows
+
+
+@law(thinnest, MovingRecord)
+def moving_thinnest(c: MovingRecord) -> float:
+    return thinnest(c.shape)
 
 
 @law(apart, MovingRecord)

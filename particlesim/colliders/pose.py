@@ -10,7 +10,18 @@ from typing import Any, NamedTuple
 
 from pydantic import field_validator
 
-from particlesim.laws.registry import Particle, Vector, apart, first_contact, gap, law, moved_to, normal
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    gap,
+    law,
+    least_gap,
+    moved_to,
+    normal,
+    thinnest,
+)
 from particlesim.model.base import Model
 from particlesim.model.units import Degrees
 from particlesim.model.units import Vector as VectorOf
@@ -144,7 +155,17 @@ def _first_contact(
     return first_contact(c.shape, seen_from(c, p), seen_from(c, q), h, slack)
 
 
+def _least_gap(c: ShiftedRecord | TurnedRecord, p: Particle, need: float) -> float:
+    return least_gap(c.shape, seen_from(c, p), need)
+
+
+def _thinnest(c: ShiftedRecord | TurnedRecord) -> float:
+    return thinnest(c.shape)
+
+
 for _record in (ShiftedRecord, TurnedRecord):
     law(gap, _record)(_gap)
+    law(least_gap, _record)(_least_gap)
+    law(thinnest, _record)(_thinnest)
     law(apart, _record)(_apart)
     law(first_contact, _record)(_first_contact)

@@ -274,6 +274,20 @@ def surface(c: Any, p: Particle) -> Vector:
 
 
 @generic(0)
+def least_gap(c: Any, p: Particle, need: float) -> float:
+    """A lower bound of the gap [m]: any that is above `need`, else a good one. For shapes whose gap takes a search."""
+    laws = GENERICS[least_gap].laws
+    return laws[type(c)](c, p, need) if type(c) in laws else gap(c, p)
+
+
+@generic(0)
+def thinnest(c: Any) -> float:
+    """A length that a particle must move to get through any part of a shape [m]: for shapes with dents, where what lies on
+    one part may meet another."""
+    return GENERICS[thinnest].laws[type(c)](c)
+
+
+@generic(0)
 def apart(c: Any, p: Particle, q: Particle, h: float, slack: float) -> bool:
     """Whether a step of h from p to q is sure not to touch a collider before its end: a quick look, without loops, that may
     say no for nothing. Gaps above −`slack` [m] are rounding."""

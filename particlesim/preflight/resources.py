@@ -19,7 +19,6 @@ from particlesim.integrators import RungeKutta
 from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.preflight.pair_memory import in_lists, pair_bytes
 from particlesim.sampling.distributions import largest
 from particlesim.scenario.reach import mortal, ties
 from particlesim.scenario.scenario import Scenario
@@ -109,7 +108,7 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
         stepped += held
     most = int(alive.max())
     memory += sum(each.memory(_width(scenario), mortal=_mortal(scenario, each)) for each in ties(scenario))
-    memory += pair_bytes(scenario, numbers, _width(scenario)) + _in_space_bytes(scenario, numbers)
+    memory += _pair_bytes(scenario, numbers)
     if recorded:
         # At the end a column at a time is made for the digest, while the last checkpoint may still be on its way.
         memory += 2 * POOL * most * sum(_stored(scenario).values()) + checkpoint + 3 * _width(scenario) * most
@@ -144,9 +143,19 @@ def _particle_bytes(scenario: Scenario, group: Group) -> float:
     return size
 
 
-def _in_space_bytes(scenario: Scenario, numbers: Mapping[str, float]) -> float:
+def _pair_bytes(scenario: Scenario, numbers: Mapping[str, float]) -> float:
+    """Memory of interactions of pairs, and of the copies in which particles in their lists are stepped."""
+    if not scenario.interactions:
+        return 0.0
+    from particlesim.preflight.pair_memory import in_lists, pair_bytes  # and all kernels of pairs
+
+    listed = in_lists(scenario, numbers)
+    return pair_bytes(scenario, numbers, _width(scenario)) + _in_space_bytes(scenario, numbers, listed)
+
+
+def _in_space_bytes(scenario: Scenario, numbers: Mapping[str, float], listed: frozenset[str]) -> float:
     """Memory of the copies in which many particles in lists are stepped, in an order of neighbours in space."""
-    if not (listed := in_lists(scenario, numbers)):
+    if not listed:
         return 0.0
     from particlesim.engine.islands.in_space import WORTH_PARTICLES, WORTH_STEPS  # and its kernels
 

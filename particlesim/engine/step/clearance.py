@@ -11,18 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.combination import UnionRecord
-from particlesim.colliders.level_set import LevelRecord, at_least
-from particlesim.colliders.mesh import MeshRecord, mesh_clearance
 from particlesim.colliders.moving import MovingRecord
-from particlesim.colliders.pose import ShiftedRecord, TurnedRecord, seen_from
 from particlesim.colliders.response import crossable
 from particlesim.colliders.way import longest, way_of
 from particlesim.compiler import exact, outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import Careful, Simple, rounding
 from particlesim.engine.step.program import Program
-from particlesim.laws.registry import PASS, gap, gap_and_normal
+from particlesim.laws.registry import PASS, gap, gap_and_normal, least_gap
 
 SURE = 1e-5
 """Part of a distance that its rounding errors, also in single precision, stay below."""
@@ -78,22 +74,8 @@ def clearance(contacts: Any, p: Any, need: Any) -> Any:
     least = type_of(p.x, np.inf)
     for c in contacts.continuous:
         if crossable(c):
-            least = min(least, _clearance(c.shape, p, need))
+            least = min(least, least_gap(c.shape, p, need))
     return least * type_of(p.x, 1 - SURE)
-
-
-def _clearance(shape: Any, p: Any, need: Any) -> Any:
-    if isinstance(shape, MovingRecord):
-        return type_of(p.x, -1)
-    if isinstance(shape, (ShiftedRecord, TurnedRecord)):
-        return _clearance(shape.shape, seen_from(shape, p), need)
-    if isinstance(shape, UnionRecord):
-        return min([_clearance(part, p, need) for part in shape.parts])
-    if isinstance(shape, MeshRecord):
-        return mesh_clearance(shape, p, need)
-    if isinstance(shape, LevelRecord):
-        return at_least(shape, p) - p.r
-    return gap(shape, p)
 
 
 # What stands on a collider, held by friction

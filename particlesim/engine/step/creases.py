@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.dents import thinnest
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.response import ColliderRecord
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.resting import at_place, dot, held, same_face, touched, unlifted
-from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal
+from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, thinnest
 
 LIFT = 8
 """How far above a surface the way along it is looked at, in units of rounding errors."""
