@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -168,8 +169,10 @@ def gaps(scene: Scene, x: NDArray[Any], radius: float, t: float) -> NDArray[Any]
     return found
 
 
-def broken_rules(seed: int, particles: int = 1024, only: str | None = None) -> tuple[str, int, list[str]]:
-    """The scene and the particle-steps of a round, and what went wrong in it."""
+def broken_rules(
+    seed: int, particles: int = 1024, only: str | None = None, among: Sequence[int] | None = None
+) -> tuple[str, int, list[str]]:
+    """The scene and the particle-steps of a round, and what went wrong in it; of some `among` its particles, or all."""
     rng = np.random.default_rng([seed])
     rubs, radius = bool(rng.integers(2)), float(rng.choice([0.0, 0.05]))
     name = only or str(rng.choice([*ROOMS, *SHAPES]))
@@ -179,6 +182,8 @@ def broken_rules(seed: int, particles: int = 1024, only: str | None = None) -> t
     x, v = start(rng, scene, particles, radius)
     legal = gaps(scene, x, radius, 0.0) >= -4 * EPS
     x, v = x[legal], v[legal]
+    if among is not None:
+        x, v = x[among], v[among]
     if not len(x):
         return name, 0, []
     c = columns(x, v, radius=radius, method="velocity_verlet")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from fuzz.fuzz_contact import broken_rules
 
 
@@ -26,3 +27,22 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
     _, steps, wrong = broken_rules(1004, 512, "box_upright")
     assert wrong == []
     assert steps > 5e3
+
+
+@pytest.mark.parametrize(
+    ("seed", "particles", "scene", "among"),
+    [
+        # rounding hides the first touch of an impact at 8 km/s; what puts the particle back must not lift it
+        pytest.param(3000094, 16384, None, [185, 8267], id="fast between sheets"),
+        # slides on the outermost edge of a hollow cone that is led and turned
+        pytest.param(900469, 16384, None, [696, 894], id="rim of a moving cone"),
+        # the first part of a step that turns around leads through a wall
+        pytest.param(3012, 4096, "sheets", [1202], id="turns and crosses"),
+        # slides from one face of a thin sheet to another
+        pytest.param(3010, 4096, "sheets", [76, 113, 141, 674], id="faces of sheets"),
+    ],
+)
+def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:
+    _, steps, wrong = broken_rules(seed, particles, scene, among)
+    assert wrong == []
+    assert steps == 20 * len(among)
