@@ -5,7 +5,8 @@
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
 same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
 environment with the package lammps, `--settled` a data file of LAMMPS to go on from, which is written if it is not there:
-to settle takes much longer than to measure. `--growth` takes 10⁴, 10⁵ and 10⁶ grains and needs no peer.
+to settle takes much longer than to measure. `--growth` takes 10⁴ grains that psim has let settle, and nine and a hundred
+times as many, as mirror images side by side; it needs no peer.
 """
 
 from __future__ import annotations
@@ -206,30 +207,44 @@ def against_newton(rounds: int, python: str, given: Path) -> None:
     )
 
 
+def heap(number: int) -> tuple[NDArray[np.float64], float]:
+    """Places of grains that psim has let settle [m], and the edge of the box."""
+    x, edge = loose(number)
+    one = simulation(x, edge)
+    one.advance_to(SETTLING)
+    return one.states[0].position[:, [0, 2, 1]].astype(float), edge
+
+
+def mirrored(x: NDArray[np.float64], edge: float, tiles: int) -> NDArray[np.float64]:
+    """A heap side by side with its mirror images, so that what pressed against walls presses against its own kind."""
+    found = []
+    for i in range(tiles):
+        for j in range(tiles):
+            tile = x.copy()
+            for axis, k in ((0, i), (1, j)):
+                tile[:, axis] = k * edge + (edge - x[:, axis] if k % 2 else x[:, axis])
+            found.append(tile)
+    return np.concatenate(found)
+
+
 def growth(rounds: int) -> None:
-    """CPU time for each grain and step of more and more grains, that lie in a lattice."""
-    found = {}
+    """CPU time for each grain and step of more and more grains, in heaps that are as high and as dense."""
+    x, edge = heap(10_000)
     runs = {}
-    for number in (10_000, 100_000, 1_000_000):
-        x, edge = loose(number)
-        along = round(edge / (2.1 * RADIUS))
-        k = np.arange(number)
-        layer = np.stack([k % along, k // along % along, k // along**2], axis=1)
-        # each upon four of the layer below
-        x = (
-            (layer + 0.5 + 0.5 * (layer[:, 2:] % 2) * np.array([1, 1, 0]))
-            * 2
-            * RADIUS
-            * np.array([1, 1, 0.5**0.5 * 0.999])
-        )
-        runs[number] = simulation(x, along * 2 * RADIUS + RADIUS)
-        runs[number].advance_to(WARM)
-        found[number] = np.inf
+    for tiles in (1, 3):
+        one = simulation(mirrored(x, edge, tiles), tiles * edge)
+        one.advance_to(WARM)
+        runs[tiles] = one
+    spent: dict[int, list[float]] = {tiles: [] for tiles in runs}
     for _ in range(rounds):
-        for number, one in runs.items():
-            found[number] = min(found[number], timed(one, GROWS) / GROWS / number)
-    for number, spent in found.items():
-        print(f"{number:8d} grains: {spent * 1e9:6.1f} ns for each grain and step")
+        for tiles, one in runs.items():
+            spent[tiles].append(timed(one, GROWS) / GROWS / len(x) / tiles**2 * 1e9)
+    for tiles, one in runs.items():
+        number, found = len(x) * tiles**2, len(contacts_in(one.islands[0].interactions[0].lists)[0])
+        print(
+            f"{number:8d} grains, {2 * found / number:.1f} contacts each: {min(spent[tiles]):6.1f} ns for each grain "
+            f"and step at least, {np.median(spent[tiles]):6.1f} in the median"
+        )
 
 
 def main() -> None:
