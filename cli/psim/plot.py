@@ -16,8 +16,8 @@ def plot(
         str,
         typer.Argument(
             metavar="QUANTITY",
-            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, rdf, density_profile, "
-            "power_spectrum, or a component such as x, vy, speed, temperature.",
+            help="energy, drift, momentum, angular_momentum, count, pressure, displacement, kinetic_temperature, rdf, "
+            "density_profile, power_spectrum, or a component such as x, vy, speed, temperature.",
         ),
     ],
     output: Annotated[

@@ -38,6 +38,26 @@ def mean_square_displacement(trajectory: Trajectory, *, group: str | None = None
     return found
 
 
+def temperatures(trajectory: Trajectory, *, group: str | None = None) -> Floats:
+    """`temperature` at every frame [K], NaN where fewer than two particles live; [frames]. group: only its particles.
+
+    Raises UsageError for an unknown group, and where velocities or masses are not recorded.
+    """
+    for field in ("velocity", "mass"):
+        if field not in trajectory.fields:
+            raise UsageError(
+                f"{trajectory.path} has no {field}, which a kinetic temperature needs",
+                f'record it: [output] fields = ["velocity", "mass"]; it has {", ".join(trajectory.fields)}',
+            )
+    found = np.full(len(trajectory), np.nan)
+    for number, frame in enumerate(trajectory):
+        rows = slice(None) if group is None else frame.of(group)
+        v = frame.velocity[rows]
+        if len(v) > 1:
+            found[number] = temperature(v, frame["mass"][rows])
+    return found
+
+
 def temperature(velocity: npt.ArrayLike, mass: npt.ArrayLike | float) -> float:
     """Temperature of a set of particles [K] from the energy of their motion about their centre of mass.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from particlesim.analysis import series
 from particlesim.analysis.figure import COLORS, INK, check_image, new_figure, save
-from particlesim.analysis.motion import mean_square_displacement
+from particlesim.analysis.motion import mean_square_displacement, temperatures
 from particlesim.analysis.structure import Curve, density_profile, power_spectrum, radial_distribution
 from particlesim.errors import UsageError
 from particlesim.trajectory.fields import short_name, unknown_name
@@ -31,13 +31,13 @@ def plot(
 ) -> None:
     """Draw `quantity` over time into the image `out` (PNG, SVG or PDF by its ending).
 
-    quantity: "energy" (parts and total), "drift" (relative energy drift), "momentum", "angular_momentum",
-    "count", "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "rdf" (the
-    radial distribution function of the last frame, over the distance), "density_profile" (of the last frame, over the
-    distance from the densest place; of numbers where masses are not recorded), "power_spectrum" (of density waves of the
-    last frame, in a box that is periodic along all axes), or a component such as "x", "vy", "speed", "temperature": a
-    line per particle if there are at most 12, else the median within bands that hold 50 % and 90 % of them. ids, group:
-    only these particles.
+    quantity: "energy" (parts and total), "drift" (relative energy drift), "momentum", "angular_momentum", "count",
+    "pressure" (in a periodic box), "displacement" (the mean square of how far particles have moved), "kinetic_temperature"
+    (of the motion about the centre of mass), "rdf" (the radial distribution function of the last frame, over the distance),
+    "density_profile" (of the last frame, over the distance from the densest place; of numbers where masses are not
+    recorded), "power_spectrum" (of density waves of the last frame, in a box that is periodic along all axes), or a
+    component such as "x", "vy", "speed", "temperature": a line per particle if there are at most 12, else the median within
+    bands that hold 50 % and 90 % of them. ids, group: only these particles.
     Raises UsageError for what the file does not hold, an output that exists (unless `overwrite`), an unknown
     ending, and when matplotlib is missing.
     """
@@ -86,6 +86,9 @@ def _draw(
     if quantity == "displacement":
         _lines(axes, times, {"displacement": mean_square_displacement(trajectory, group=group)})
         return "Mean square displacement"
+    if quantity == "kinetic_temperature":
+        _lines(axes, times, {quantity: temperatures(trajectory, group=group)})
+        return "Kinetic temperature"
     if quantity in series.ARRANGEMENTS:
         shown = arrangement(trajectory, quantity, group)
         _lines(axes, shown.curve.x, {quantity: shown.curve.y})

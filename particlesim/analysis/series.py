@@ -19,7 +19,7 @@ Series = npt.NDArray[np.float64]
 LEDGER_QUANTITIES = ("energy", "momentum", "angular_momentum", "count", "drift")
 ARRANGEMENTS = ("rdf", "density_profile", "power_spectrum")
 """How the particles of the last frame are arranged: radial distribution, density around the densest place, density waves."""
-TOGETHER = ("displacement", *ARRANGEMENTS)
+TOGETHER = ("displacement", "kinetic_temperature", *ARRANGEMENTS)
 """Quantities of all particles, or of a group, together; the first is the mean square displacement."""
 FEW = 12
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
@@ -141,6 +141,8 @@ def unit_of(quantity: str) -> str:
     """SI unit of anything that `quantities` names; "" for pure numbers."""
     if quantity == "displacement":
         return "m²"
+    if quantity == "kinetic_temperature":
+        return "K"
     if (found := component(quantity)) is not None:
         return FIELDS[found[0]].unit
     return ledger_unit(quantity)

@@ -9,6 +9,7 @@ from particlesim.engine.interactions.methods import IN_MATRICES, chosen
 from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.interactions import PairSet
 from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
 from particlesim.scenario.scenario import Scenario
 
@@ -161,18 +162,27 @@ def _unrepeated(scenario: Scenario) -> list[str]:
     ]
 
 
-def long_sums(scenario: Scenario) -> tuple[str, ...]:
-    """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
-    found = []
+def direct_seconds(scenario: Scenario) -> float:
+    """About how long sums of pairs one by one take in a step, on one core [s]."""
+    return sum(step for _, _, step in _direct_sums(scenario))
+
+
+def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
+    """Interactions whose pairs are summed one by one, with how many there are, and seconds of a step on one core."""
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
         counts = [_number(tables[name], scenario) for name in each.groups]
         boxed = scenario.simulation.box is not None
-        if chosen(each.law, round(sum(counts)), boxed=boxed) != "direct":
-            continue
-        pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
-        method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
-        step = pairs * max(method.evaluations, 1) / PAIR_RATE
+        if chosen(each.law, round(sum(counts)), boxed=boxed) == "direct":
+            pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
+            method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
+            yield each, pairs, pairs * max(method.evaluations, 1) / PAIR_RATE
+
+
+def long_sums(scenario: Scenario) -> tuple[str, ...]:
+    """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
+    found = []
+    for each, pairs, step in _direct_sums(scenario):
         if step * scenario.grid.steps < PATIENCE:
             continue
         way = "fewer particles or fewer steps take less"

@@ -6,11 +6,16 @@ import time
 
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import DivergenceError
+from particlesim.preflight.advice import direct_seconds
 from particlesim.preflight.resources import needs
+from particlesim.process.threads import available_cores
 from particlesim.scenario.scenario import Scenario
 
 BUDGET = 0.3
 """Seconds of stepping that are measured; kernels that have to be compiled come on top."""
+
+LONG_STEP = 1.0
+"""Seconds of sums of pairs one by one in a step beyond which no step is tried."""
 
 MOST_EMPTY_STEPS = 1 << 16
 """Steps without particles after which a scenario is taken not to tell."""
@@ -23,8 +28,11 @@ def estimated_seconds(
 
     Nothing is written. The first step, in which kernels are compiled or loaded, does not count; then pieces of twice as many
     steps are measured until the budget is spent, and the speed of the last, in particle-steps, is taken for all. A scenario
-    that begins without particles does not tell, nor does one that diverges at once.
+    that begins without particles does not tell, nor does one that diverges at once. Sums of pairs one by one that take long
+    are not tried: their number tells.
     """
+    if (step := direct_seconds(scenario)) > LONG_STEP:
+        return step * scenario.grid.steps / (threads or available_cores())
     simulation = Simulation(scenario, threads=threads)
     steps, piece = scenario.grid.steps, 1
     spent = speed = 0.0

@@ -46,7 +46,7 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("cloth_over_sphere", "folding_cloth", "balls_on_a_trampoline", "jelly_on_stairs"),
         *("tumbling_box", "dominoes", "wall_hit_by_a_ball", "balls_and_boxes"),
         *("spinning_top", "wrecking_ball"),
-        *("argon_melt", "flock"),
+        *("argon_melt", "flock", "salt_crystal", "structure_formation", "solar_system", "figure_eight"),
         *("chain_of_rings", "dice", "sand_and_boxes", "afloat", "crate_on_a_rope"),
     }
 

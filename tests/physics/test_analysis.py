@@ -11,7 +11,7 @@ from simulate import points, record
 
 import particlesim as ps
 from particlesim.analysis import structure
-from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature
+from particlesim.analysis.motion import BOLTZMANN, mean_square_displacement, temperature, temperatures
 from particlesim.analysis.orbits import orbital_elements
 from particlesim.analysis.structure import densest_place, density_profile, power_spectrum, radial_distribution
 from particlesim.trajectory.frame import Frame
@@ -89,6 +89,23 @@ def test_displacement_of_straight_flights(tmp_path: Path) -> None:
     with record(tmp_path / "a.vtkhdf", 1.0, 0.25, particles=[moving], output={"every": 1}) as trajectory:
         t = trajectory.times
         assert mean_square_displacement(trajectory) == pytest.approx(t**2 * (9 + 16) / 2)
+
+
+def test_temperature_over_time_is_of_a_group_about_its_centre(tmp_path: Path) -> None:
+    # one degree of freedom of three moves: 2 · ½ m v² = 3 k_B T / 2; what all have in common does not count
+    ends = [points((0, 0, 0), (1, 0, 0), velocity=[(9, 2, 0), (9, -2, 0)], mass=3.0, name="a")]
+    ends.append(points((5, 5, 5), mass=1.0, name="b"))
+    with record(
+        tmp_path / "a.vtkhdf", 1.0, 0.25, particles=ends, output={"every": 1, "fields": ["velocity", "mass"]}
+    ) as trajectory:
+        found = temperatures(trajectory, group="a")
+        assert found == pytest.approx(np.full(5, 2 * 12 / (3 * BOLTZMANN)))
+        assert np.isnan(temperatures(trajectory, group="b")).all()
+    with (
+        record(tmp_path / "b.vtkhdf", 1.0, 0.25, particles=ends, output={"every": 1}) as trajectory,
+        pytest.raises(ps.UsageError, match="has no mass"),
+    ):
+        temperatures(trajectory)
 
 
 def test_arrangements_of_a_recorded_frame_are_those_of_its_particles(tmp_path: Path) -> None:

@@ -274,7 +274,10 @@ def _report(
         message += f", and the strongest force on it was {name} with {size:.6g} N"
     if stable is not None and math.isfinite(stable):
         limit = f"{stable:.3g} s" if stable > 0 else "none"
-        message += f"; dt = {dt:.6g} s, and the largest stable step there is {limit}"
+        when = "was" if world.graph.islands[number].coupled else "there is"
+        message += f"; dt = {dt:.6g} s, and the largest stable step {when} {limit}"
+        if when == "was":
+            message += " as the interval began"
     hint = hint or f"try a smaller step than dt = {dt:.6g} s"
     if stable is not None and dt / RUINED < stable < dt:
         structure = world.graph.islands[number]

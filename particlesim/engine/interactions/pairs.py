@@ -446,7 +446,8 @@ def refuse_coincident(site: Site, pairs: PairSet) -> None:
     if a != b:
         who = f"particle {first} of {names[0]!r} and particle {second} of {names[1]!r}"
     place = ", ".join(f"{value:g}" for value in x[order[k]])
+    where = "at the same place" if box is None else "at the same place of the periodic box"
     raise UsageError(
-        f"{pairs.name}: {who} are at the same place ({place}), where the force between them has no value",
-        "move one of them, or give the interaction a softening" if hasattr(pairs.law, "softening") else None,
+        f"{pairs.name}: {who} are {where} ({place}), where the force between them has no value",
+        "move one of them" + (", or give the interaction a softening" if hasattr(pairs.law, "softening") else ""),
     )
