@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from particlesim.colliders.gaps import gaps_of
-from particlesim.colliders.solid import HollowConvexRecord, HollowRecord, Solid, SolidCollider
+from particlesim.colliders.solid import PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
 from particlesim.colliders.way import lipschitz_apart, marched_contact
 from particlesim.laws.registry import (
@@ -31,6 +31,7 @@ from particlesim.laws.registry import (
     law,
     least_gap,
     normal,
+    thinnest,
 )
 from particlesim.model.variants import Family, Tagged
 
@@ -111,7 +112,7 @@ class Union(Combination):
     type: Literal["union"] = "union"
 
     def geometry(self) -> Any:
-        return UnionRecord(tuple(part.geometry() for part in self.of))
+        return UnionRecord(tuple(part.geometry() for part in self.of), self.grain())
 
     def triangles(self) -> Triangles:
         return joined([part.triangles() for part in self.of])  # what lies inside of another is not seen
@@ -175,9 +176,10 @@ class DifferenceCollider(Difference, SolidCollider):
 
 
 class UnionRecord(NamedTuple):
-    """Shapes."""
+    """Shapes, and the shortest step of a search [m]."""
 
     parts: tuple[Any, ...]
+    grain: float
 
 
 class IntersectionRecord(NamedTuple):
@@ -230,6 +232,16 @@ def intersection_normal(c: IntersectionRecord, p: Particle) -> Vector:
 @law(least_gap, UnionRecord)
 def union_least_gap(c: UnionRecord, p: Particle, need: float) -> float:
     return min(*[least_gap(part, p, need) for part in c.parts])
+
+
+@law(thinnest, UnionRecord)
+def union_thinnest(c: UnionRecord) -> float:
+    return c.grain * PARTS
+
+
+@law(thinnest, IntersectionRecord)
+def intersection_thinnest(c: IntersectionRecord) -> float:
+    return c.grain * PARTS
 
 
 @law(apart, UnionRecord)

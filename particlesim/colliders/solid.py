@@ -17,7 +17,17 @@ from particlesim.colliders.way import (
     lipschitz_apart,
     marched_contact,
 )
-from particlesim.laws.registry import Particle, Vector, apart, first_contact, further, gap, law, normal
+from particlesim.laws.registry import (
+    Particle,
+    Vector,
+    apart,
+    first_contact,
+    further,
+    gap,
+    law,
+    normal,
+    thinnest,
+)
 from particlesim.model.base import Model
 from particlesim.model.vectors import Vector3
 
@@ -63,6 +73,8 @@ def pivot_of(shape: Any) -> Vector3:
 
 GRAIN = 1e-4
 """Shortest step of a search along a way, in units of the smallest radius of a shape."""
+PARTS = 0.25 / GRAIN
+"""A length that no part of a shape is thinner than, a quarter of its smallest radius, in units of that step."""
 
 
 class SolidCollider(Collider):
@@ -134,8 +146,14 @@ def hollow_contact(c: AnyHollow, p: Particle, q: Particle, h: float, slack: floa
     return marched_contact(c, p, q, h, slack, c.grain)
 
 
+def hollow_thinnest(c: AnyHollow) -> float:
+    """Walls have no back; but beyond a part of its size the other side may be nearer."""
+    return c.grain * PARTS
+
+
 for _record in (HollowRecord, HollowConvexRecord):
     law(gap, _record)(hollow_gap)
+    law(thinnest, _record)(hollow_thinnest)
     law(normal, _record)(hollow_normal)
     law(first_contact, _record)(hollow_contact)
 law(apart, HollowRecord)(lipschitz_apart)

@@ -449,5 +449,6 @@ def refuse_coincident(site: Site, pairs: PairSet) -> None:
     where = "at the same place" if box is None else "at the same place of the periodic box"
     raise UsageError(
         f"{pairs.name}: {who} are {where} ({place}), where the force between them has no value",
-        "move one of them" + (", or give the interaction a softening" if hasattr(pairs.law, "softening") else ""),
+        "move one of them"
+        + (", or give the interaction a softening" if hasattr(pairs.law, "softening") else ""),
     )

@@ -24,6 +24,10 @@ LIFT = 8
 """How far above a surface the way along it is looked at, in units of rounding errors."""
 LOOK, FURTHER = 64, 32
 """How far into a shape its parts are looked for at first, in units of rounding errors, and by how much further each time."""
+SAME = 2.0**-20
+"""How far apart normals of one face may be."""
+SOON = 2.0**-16
+"""The part of a step after which hops that have died out may come to a part of a shape that counts as touched."""
 MOST_PARTS = 6
 """Looks for a further part that presses; in a corner there are three."""
 
@@ -157,6 +161,19 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         if rests:
             rests = _dies_out(first, up, p, q, h, slack, sure)
         if rests:
+            # So close, the edge between two triangles of one face was nearest, perhaps, and its normal is rounded more.
+            ahead = (p.vx, p.vy, p.vz)
+            speed = np.sqrt(dot(ahead, ahead))
+            drift = min(most, half * h * speed) / speed if speed > 0 else zero
+            near = at_place(
+                q,
+                tuple(x + drift * v - look * u for x, v, u in zip((p.x, p.y, p.z), ahead, up, strict=True)),
+                (q.vx, q.vy, q.vz),
+            )
+            g, n = gap_and_normal(c, near)
+            # A point sees it from so near that no look is better.
+            if (p.r > look) & (dot(n, up) > one - type_of(h, SAME)):
+                first, up = _facet(c, p, near, g, n), n
             r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
         free, seen = one, one
         for _ in range(MOST_PARTS):
@@ -169,7 +186,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 break
             other = _facet(c, p, near, g, n)
             start = gap(other, p)
-            if start > lift:
+            # What has hopped from one to the other, ever sooner, is at both of them.
+            approach = -h * dot(n, (p.vx, p.vy, p.vz))
+            if start > max(lift, type_of(h, SOON) * approach if sure else lift):
                 # before it comes to that, others may press
                 seen = part * (start - half * lift) / (start - g)
                 free = min(free, _part_until(p, r, n, start - half * lift, h))
@@ -193,7 +212,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             turn, g = min(turn, free), gap(c, r)
             # along one part, as where it leaves the other, to the end; or along a crease, maybe up to the next part
             whole = (free > 0) & (turn >= 1) & (abs(g) <= slack)
-            rests = ((free > 0) & (turn < 1)) | whole if both else whole
+            rests = ((free > 0) & (turn < 1)) | whole if both | sure else whole
     return rests, r, turn
 
 

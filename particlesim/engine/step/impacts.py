@@ -184,7 +184,9 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
             _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
-            if not sunk(contacts.continuous, on, p, lain, slack):
+            # As in `_glide`: what is behind another part of a shape with dents does not matter.
+            blocked = dented(c.shape) & (bend < 1)
+            if blocked or not sunk(contacts.continuous, on, p, lain, slack):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):
         for j, d in enumerate(contacts.continuous[:k]):

@@ -1,0 +1,113 @@
+"""Creases of one shape: what lies in them slides along, and rests at the bottom."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from simulate import EPS, G, points
+
+import particlesim as ps
+
+RADIUS, RATIO = 0.04, math.sqrt(2)
+SPEEDS = (1.0, -2.1, 3.0)
+
+
+def slab(side: int) -> dict[str, Any]:
+    """A thick board whose upper face rises by 45° to one side from the z axis."""
+    x = side * (0.5 + 0.25) / RATIO
+    turned = {"axis": [0, 0, 1], "angle": 45 * side}
+    return {"type": "box", "center": [x, 0.25 / RATIO, 0], "size": [2, 0.5, 2], "orientation": turned}
+
+
+TURNED = {"axis": [0, 0, 1], "angle": 45}
+CUBE = {"type": "box", "center": [0, RATIO, 0], "size": [2, 2, 4], "orientation": TURNED}
+GROOVES: dict[str, dict[str, Any]] = {
+    "container": {**CUBE, "inside": True},
+    "union": {"type": "union", "of": [slab(1), slab(-1)]},
+    "difference": {
+        "type": "difference",
+        "of": [{"type": "box", "center": [0, 0.25, 0], "size": [2, 1.5, 2]}, CUBE],
+    },
+    "height_field": {"type": "height_field", "path": "groove.npy", "size": [2, 2]},
+}
+"""Grooves of 90° along the z axis, made of one shape each."""
+
+
+def thrown(
+    tmp_path: Path, collider: dict[str, Any], x: Any, v: Any, duration: float, **response: float
+) -> ps.Result:
+    """Balls at x with velocities v on a collider, of a file in the folder, if it has one."""
+    placed = {**collider, **response}
+    if "path" in placed:
+        placed["path"] = str(tmp_path / placed["path"])
+    return ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": duration, "dt": 2e-3, "integrator": "velocity_verlet"},
+                "output": {"every": 50, "precision": "double"},
+                "particles": [points(*x, velocity=list(v), radius=RADIUS, mass=1.0)],
+                "forces": [{"type": "gravity", "acceleration": [0, -G, 0]}],
+                "colliders": [placed],
+            }
+        )
+    )
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
+@pytest.mark.parametrize("groove", GROOVES)
+def test_what_lies_in_a_groove_slides_along_it(
+    groove: str, restitution: float, friction: float, tmp_path: Path
+) -> None:
+    # Both sides press with √2/2 g per mass, and both rub. The second starts off the rows of the height field.
+    np.save(tmp_path / "groove.npy", np.abs(np.linspace(-1, 1, 21))[None, :] * np.ones((21, 1)))
+    starts = [(0, RATIO * RADIUS, z) for z in (0.3, -0.35, 0.1)]
+    velocity = [(0, 0, v) for v in SPEEDS]
+    t = 0.2
+    ended = thrown(
+        tmp_path, GROOVES[groove], starts, velocity, t, restitution=restitution, friction=friction
+    ).final
+    lost = friction * RATIO * G * t
+    expected = [math.copysign(abs(v) - lost, v) for v in SPEEDS]
+    along = [math.copysign(abs(v) - lost / 2, v) * t for v in SPEEDS]
+    assert ended.velocity[:, 2] == pytest.approx(expected, rel=1e-9)
+    assert ended.position[:, 2] - [z for *_, z in starts] == pytest.approx(along, rel=1e-9)
+    assert np.abs(ended.position[:, :2] - [0, RATIO * RADIUS]).max() < 1e-12
+
+
+@pytest.mark.parametrize("groove", GROOVES)
+def test_what_slides_into_a_groove_keeps_its_speed_along_it(groove: str, tmp_path: Path) -> None:
+    # What both sides take is across.
+    np.save(tmp_path / "groove.npy", np.abs(np.linspace(-1, 1, 21))[None, :] * np.ones((21, 1)))
+    starts = [(0.02, 0.03 + RATIO * RADIUS, z) for z in (0.3, -0.35, 0.1)]
+    velocity = [(0, 0, v) for v in SPEEDS]
+    ended = thrown(tmp_path, GROOVES[groove], starts, velocity, 0.2, restitution=0.0).final
+    assert ended.velocity[:, 2] == pytest.approx(SPEEDS, rel=1e-9)
+    assert ended.velocity[:, :2] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_what_slides_in_a_pit_comes_to_rest_at_its_bottom_alone(restitution: float, tmp_path: Path) -> None:
+    # A block with a pit of four faces of 45°, their apex in the origin. Nothing but its bottom is a place to stop.
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    vertices = [(x, 1, z) for x, z in corners] + [(0, 0, 0)] + [(x, -0.5, z) for x, z in corners]
+    faces = [(k, 4, (k + 1) % 4) for k in range(4)]
+    faces += [f for k in range(4) for f in ((k, (k + 1) % 4, 5 + (k + 1) % 4), (k, 5 + (k + 1) % 4, 5 + k))]
+    block = trimesh.Trimesh(vertices, [*faces, (5, 6, 7), (5, 7, 8)], process=False)
+    block.fix_normals()
+    block.export(tmp_path / "pit.stl")
+    starts = [(q, abs(q) + RATIO * RADIUS, q) for q in np.linspace(-0.6, 0.6, 9)]
+    starts += [(0.5, 0.8, 0.45), (-0.3, 0.7, 0.1)]
+    pit = {"type": "mesh", "path": "pit.stl"}
+    ended = thrown(
+        tmp_path, pit, starts, [(0, 0, 0)] * len(starts), 3.0, restitution=restitution, friction=0.0
+    )
+    still = (ended.final.velocity == 0).all(axis=1)
+    assert np.abs(ended.final.position[still] - [0, RATIO * RADIUS, 0]).max(initial=0.0) < 1e-6
+    assert still.sum() > (9 if restitution == 0 else 0)
+    assert np.diff(ended.energy).max() < 100 * EPS * ended.energy[0]
