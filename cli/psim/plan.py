@@ -39,6 +39,10 @@ def plan(
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
+    if not look and (scenario.colliders or scenario.bodies):
+        from particlesim.scenario.open_colliders import open_colliders
+
+        open_colliders(scenario)  # their files are read by a first look, too
     methods = {method_of(group, scenario.simulation.integrator).label: None for group in scenario.bodies}
     if len(scenario.bodies) < len(scenario.groups):
         methods = {method_for(scenario.simulation.integrator).label: None, **methods}

@@ -20,7 +20,7 @@ from particlesim.bodies.pieces import HULL, Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
 from particlesim.colliders.mesh import require_solid, without_flat
-from particlesim.colliders.triangulation import Triangles
+from particlesim.colliders.triangulation import Triangles, three_cornered
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.units import Number
@@ -67,7 +67,7 @@ class MeshBody(FromFile, BodyShape):
             raise UsageError(f"{self.path}: none of its triangles has an area", "a rigid body has a volume")
         require_solid(
             corners,
-            faces,
+            faces[three_cornered(faces)],
             self.path,
             "a rigid body has a volume, and every edge of its surface two triangles",
         )

@@ -16,7 +16,7 @@ from particlesim.colliders.bvh import BvhRecord, build, coarse, first_triangle, 
 from particlesim.colliders.content import SolidFromFile
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows
 from particlesim.colliders.solid import SolidCollider
-from particlesim.colliders.triangulation import Triangles
+from particlesim.colliders.triangulation import Triangles, three_cornered
 from particlesim.colliders.way import Way, longest, place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.errors import UsageError
@@ -106,7 +106,7 @@ class Mesh(TriangleSolid):
         if len(solid) == 0:
             raise UsageError(f"{self.path}: none of its triangles has an area", "is it flat?")
         if self.thickness is None:
-            require_solid(corners, faces, self.path)
+            require_solid(corners, faces[three_cornered(faces)], self.path)
         self._surface = Triangles(corners, solid)
         self._content = content
 
@@ -159,6 +159,13 @@ def require_solid(corners: Floats, faces: Ints, name: str, hint: str = SHEET) ->
     if alone.any():
         k = int(alone.argmax())
         x, y, z = corners[ends[k]].mean(axis=0)
+        _, sides = np.unique(np.sort(ends, axis=1) @ [size, 1], return_counts=True)
+        if (sides == 2).all():
+            raise UsageError(
+                f"{name} is turned both outwards and inwards: the triangles at {int(alone.sum())} of its edges do not go "
+                f"round the same way, as at ({x:.4g}, {y:.4g}, {z:.4g})",
+                "programs that edit meshes can make all normals point outwards",
+            )
         raise UsageError(
             f"{name} is open: {int(alone.sum())} of its edges have a triangle on one side only, as at "
             f"({x:.4g}, {y:.4g}, {z:.4g})",

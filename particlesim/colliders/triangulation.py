@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.vectors import Vector3
@@ -153,3 +154,9 @@ def without_slivers(surface: Triangles) -> Triangles:
     t = surface.corners[surface.faces]
     flat = [np.abs(t[:, k] - t[:, k - 1]).max(axis=1) == 0 for k in range(3)]
     return Triangles(surface.corners, surface.faces[~(flat[0] | flat[1] | flat[2])])
+
+
+def three_cornered(triangles: Ints) -> NDArray[np.bool_]:
+    """Which triangles have three different corners."""
+    a, b, c = triangles.T
+    return np.asarray((a != b) & (b != c) & (c != a))

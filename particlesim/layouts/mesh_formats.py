@@ -13,8 +13,8 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from particlesim.colliders.triangulation import three_cornered
 from particlesim.errors import UsageError
 from particlesim.layouts.input_file import bounded_lines, check_regular, require_memory
 from particlesim.layouts.malformed import Malformed
@@ -33,10 +33,16 @@ LONGEST_FACE = 1 << 20
 
 
 def read_surface(path: Path) -> Surface:
-    """Vertices [n, 3] and triangles [m, 3] of a file, by its ending.
+    """Vertices [n, 3] and triangles [m, 3] of a file, by its ending, without those that name a vertex twice.
 
     Raises UsageError when it is missing, malformed, or has no triangles; ResourceError when it is too large.
     """
+    vertices, triangles = read_triangles(path)
+    return vertices, triangles[three_cornered(triangles)]
+
+
+def read_triangles(path: Path) -> Surface:
+    """The same with all triangles of the file. Raises as `read_surface` does."""
     try:
         size = check_regular(path, "a file of triangles", "an .obj, .ply or .stl file")
         kind = path.suffix.lower()
@@ -61,10 +67,9 @@ def _read(path: Path, kind: str, modified: int, size: int) -> Surface:
         raise Malformed(f"a face names a vertex that does not exist; there are {len(vertices)}")
     if kind == ".stl":
         vertices, triangles = _welded(vertices, triangles)
-    sound = triangles[_sound(triangles)]
-    if len(sound) == 0:
+    if not three_cornered(triangles).any():
         raise Malformed("it has no triangle with three different corners", "such faces have no area")
-    return vertices, sound
+    return vertices, triangles
 
 
 def _surface_of(path: Path, kind: str, size: int) -> bytes:
@@ -106,9 +111,3 @@ def _welded(corners: Floats, triangles: Ints) -> Surface:
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return corners[first[order]], rank[place.reshape(-1)][triangles]
-
-
-def _sound(triangles: Ints) -> NDArray[np.bool_]:
-    """Which triangles have three different corners."""
-    a, b, c = triangles.T
-    return np.asarray((a != b) & (b != c) & (c != a))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from particlesim.colliders.content import FromFile, files_in
 from particlesim.errors import ResourceError, UsageError
 from particlesim.layouts.grid_file import read_grid
-from particlesim.layouts.mesh_formats import read_surface
+from particlesim.layouts.mesh_formats import read_triangles
 from particlesim.model.mistakes import Invalid
 from particlesim.model.mistakes import Path as Place
 from particlesim.model.spelling import did_you_mean
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
 
 READERS: dict[str, Callable[[Path], Any]] = {
-    **dict.fromkeys((".obj", ".ply", ".stl"), read_surface),
+    **dict.fromkeys((".obj", ".ply", ".stl"), read_triangles),
     **dict.fromkeys((".npy", ".png"), read_grid),
 }
 """What reads a file, by its ending."""

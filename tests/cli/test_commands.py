@@ -228,6 +228,8 @@ def test_examples_are_copied_with_the_files_that_they_name(psim, tmp_path):
     for name in ("dice", "rain_on_hills"):
         assert psim("examples", name, "--copy", "here").code == 0
         assert psim("check", f"here/{name}.toml", "--no-stability").code == 0
+    (tmp_path / "here" / "octahedron.obj").unlink()
+    assert "octahedron.obj does not exist" in psim("check", "here/dice.toml", "--no-stability").err
     (tmp_path / "here" / "octahedron.obj").write_text("mine")
     assert psim("examples", "dice", "--copy", "here").code == 2
     (tmp_path / "here" / "dice.toml").unlink()

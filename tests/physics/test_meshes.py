@@ -65,7 +65,12 @@ def test_open_and_inside_out_meshes_are_no_solids(tmp_path: Path) -> None:
     ball(tmp_path / "inverted.ply", lambda v, f: (v, f[:, ::-1]))
     ball(tmp_path / "mixed.ply", lambda v, f: (v, np.concatenate([f[:1, ::-1], f[1:]])))
     ball(tmp_path / "flat.ply", lambda v, f: (v * (1, 0, 1), f))
-    wrong = {"open": "is open", "inverted": "inside out", "mixed": "is open|differently", "flat": "no volume"}
+    wrong = {
+        "open": "is open",
+        "inverted": "inside out",
+        "mixed": "at 6 of its edges do not go round the same way",
+        "flat": "no volume",
+    }
     for name, why in wrong.items():
         with pytest.raises(ps.UsageError, match=why):
             ps.run(scenario(tmp_path, {"type": "mesh", "path": f"{name}.ply"}))
@@ -94,6 +99,11 @@ def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
     ball(tmp_path / "flat.ply", split)
     result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "flat.ply", "thickness": 1e-3}))
     assert any("1 of its triangles have no area" in line for line in result.warnings)
+
+    # others name a corner twice; the surface without them is closed
+    ball(tmp_path / "twice.obj", lambda v, f: (v, np.concatenate([f, [[3, 3, 5], [7, 7, 7]]])))
+    result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "twice.obj"}))
+    assert any("2 of its triangles have no area" in line for line in result.warnings)
 
 
 def test_a_height_field_is_the_ground(tmp_path: Path) -> None:
