@@ -231,7 +231,7 @@ def growth(rounds: int) -> None:
     """CPU time for each grain and step of more and more grains, in heaps that are as high and as dense."""
     x, edge = heap(10_000)
     runs = {}
-    for tiles in (1, 3):
+    for tiles in (1, 3, 10):
         one = simulation(mirrored(x, edge, tiles), tiles * edge)
         one.advance_to(WARM)
         runs[tiles] = one
