@@ -111,3 +111,19 @@ def test_what_slides_in_a_pit_comes_to_rest_at_its_bottom_alone(restitution: flo
     assert np.abs(ended.final.position[still] - [0, RATIO * RADIUS, 0]).max(initial=0.0) < 1e-6
     assert still.sum() > (9 if restitution == 0 else 0)
     assert np.diff(ended.energy).max() < 100 * EPS * ended.energy[0]
+
+
+@pytest.mark.parametrize("groove", ["union", "difference", "height_field"])
+def test_what_slides_out_of_a_groove_flies_on(groove: str, tmp_path: Path) -> None:
+    # The groove ends at z = 1, and the ball is fast enough to leave the rim, which it may graze.
+    np.save(tmp_path / "groove.npy", np.abs(np.linspace(-1, 1, 21))[None, :] * np.ones((21, 1)))
+    starts = [(0, RATIO * RADIUS, 0.437), (0, RATIO * RADIUS, -0.31)]
+    t, velocity = 0.4, [(0, 0, 2.0), (0, 0, -3.0)]
+    ended = thrown(tmp_path, GROOVES[groove], starts, velocity, t, restitution=0.0, friction=0.0)
+    x, v = ended.final.position, ended.final.velocity
+    assert x[:, 2] == pytest.approx(
+        [z + w * t for (*_, z), (*_, w) in zip(starts, velocity, strict=True)], abs=2e-5
+    )
+    assert v[:, 2] == pytest.approx([2, -3], abs=2e-5)
+    assert (x[:, 1] < RATIO * RADIUS).all()
+    assert ended.energy == pytest.approx(ended.energy[0], rel=2e-5)

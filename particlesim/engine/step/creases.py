@@ -135,14 +135,16 @@ def _facet(c: Any, p: Any, place: Any, g: Any, n: Any) -> Any:
 
 @outlined
 def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
-    """Whether a step from p to q is rest in a crease or a corner of one shape with dents, or on one side of it; its end; and
-    the part of the step after which the particle turns around, or meets another part of the shape.
+    """Whether a step from p to q is rest in a crease or a corner of one shape with dents, or on one side of it; its end;
+    the part of the step after which the particle turns around, or meets another part of the shape; and whether instead it
+    leaves a crease at its end.
 
     As in `lies`, hops of p must be shorter than the step, or it is `sure` that they have died out. Parts that press are
     found one after the other: what keeps it off one may lead into the next.
     """
     one, half = type_of(h, 1), type_of(h, 0.5)
     zero, lift, rests, both = one - one, type_of(h, LIFT) * slack, False, False
+    leaves = False
     r, turn = q, one
     if (gap(c, p) <= slack) & (c.response.outcome == PASS):
         way = (q.x - p.x, q.y - p.y, q.z - p.z)
@@ -196,7 +198,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 rests = _dies_out(other, n, p, q, h, slack, sure & (not both))
                 if both:
                     # a corner: three parts press
-                    return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one
+                    return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one, False
                 r, turn, both = wedged(first, other, p, q, h, tolerance)
                 if both:
                     up = tuple(a + b for a, b in zip(up, n, strict=True))
@@ -212,8 +214,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             turn, g = min(turn, free), gap(c, r)
             # along one part, as where it leaves the other, to the end; or along a crease, maybe up to the next part
             whole = (free > 0) & (turn >= 1) & (abs(g) <= slack)
+            leaves = both & (free > 0) & (turn >= 1) & (g > lift)
             rests = ((free > 0) & (turn < 1)) | whole if both | sure else whole
-    return rests, r, turn
+    return rests, r, turn, leaves
 
 
 def _along(p: Any, q: Any, way: Any, part: Any) -> Any:

@@ -36,8 +36,10 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
         lain, turn = free > 0, min(turn, free)
         if (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
-            rests, end, bend = crept(c, p, q, h, tolerance, slack, sure)
+            rests, end, bend, leaves = crept(c, p, q, h, tolerance, slack, sure)
             if rests:
                 lain, r, turn = True, end, bend
+            if leaves:
+                lain = False
         return lain, r, turn
     return here, r, turn
