@@ -10,8 +10,8 @@ from particlesim.laws.registry import has_law, thinnest
 
 
 def dented(shape: Any) -> bool:
-    """Whether a shape may have dents, by its type: a surface of triangles. Of others the end of a step says whether a
-    particle has come to another part of them, as their parts are not thin."""
+    """Whether a shape may have dents, by its type: one that tells how thin its parts are at least, as meshes, containers and
+    what is put together do. Of others the end of a step says whether a particle has come to another part of them."""
     if isinstance(shape, (MovingRecord, ShiftedRecord, TurnedRecord)):
         return dented(shape.shape)
     return has_law(thinnest, shape)
