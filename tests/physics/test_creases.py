@@ -127,3 +127,35 @@ def test_what_slides_out_of_a_groove_flies_on(groove: str, tmp_path: Path) -> No
     assert v[:, 2] == pytest.approx([2, -3], abs=2e-5)
     assert (x[:, 1] < RATIO * RADIUS).all()
     assert ended.energy == pytest.approx(ended.energy[0], rel=2e-5)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("shape", ["box", "mesh"])
+def test_what_rests_in_a_corner_wakes_when_forces_change(shape: str, friction: float, tmp_path: Path) -> None:
+    # A step that leads nowhere is remembered until the interval ends, or the force changes: here in the midst of one, by a
+    # wind that blows upwards. The same without anything remembered, as every step is an interval of its own.
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.stl")
+    box: dict[str, Any] = {
+        "box": {"type": "box", "center": [0, 0, 0], "size": [2, 2, 2], "inside": True},
+        "mesh": {"type": "mesh", "path": str(tmp_path / "box.stl"), "inside": True},
+    }[shape]
+    starts = np.random.default_rng(3).uniform(0.7, 0.9, (20, 3)) * [1, -1, 1]
+    calm, ended = [], []
+    for every in (1, 300):
+        for duration, found in ((0.9, calm), (1.2, ended)):
+            table: dict[str, Any] = {
+                "simulation": {"duration": duration, "dt": 2e-3, "integrator": "velocity_verlet"},
+                "output": {"every": every, "precision": "double"},
+                "particles": [points(*starts.tolist(), radius=RADIUS, mass=1.0)],
+                "forces": [
+                    {"type": "gravity", "acceleration": [3, -G, 2]},
+                    {"type": "linear_drag", "coefficient": 4.0},
+                    {"type": "field", "force": ["0", "30 if t > 1 else 0", "0"]},
+                ],
+                "colliders": [{**box, "restitution": 0.0, "friction": friction}],
+            }
+            found.append(ps.run(ps.from_table(table)).final)
+    assert not calm[0].velocity.any()
+    assert (ended[0].position[:, 1] > -0.95).all()
+    assert ended[0].position.tobytes() == ended[1].position.tobytes()
+    assert ended[0].velocity.tobytes() == ended[1].velocity.tobytes()

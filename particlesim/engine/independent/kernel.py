@@ -41,6 +41,9 @@ from particlesim.engine.step.clearance import (
     foothold,
     holds,
     keeps_clear,
+    leads_back,
+    note_way,
+    repeats,
     sets_aside,
     stands,
     without_crossable,
@@ -50,6 +53,7 @@ from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
 from particlesim.engine.step.impacts import keeps_still, overlapped, rest, stay, trace
 from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
+from particlesim.laws.registry import PASS
 from particlesim.model.arrays import zeros
 
 IN_VAIN = 16
@@ -137,7 +141,7 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
         begin, hi = span(c.clock, i, t, end, h)
         p = fetch_known(c, inverse, i, begin)
         q, memory = advance(program.method, program.dynamics, program.forces, p, hi, recall(c.memory, i))
-        aside = False
+        free, aside = q, False
         if clear:
             strikes = ends_inside(program.contacts, q)
             way = _way(p, q, hi, strikes & parts)
@@ -151,6 +155,10 @@ def _fly(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
                 q, meets, aside = chosen(firm, p, q), meets & (not firm), aside & (not firm)
         else:
             meets = overlapped(program.contacts, p, q, hi)
+        if repeats(program.contacts, c.memory):
+            back = leads_back(room.ways, i, free, t)
+            room.ways[6, i] = end if back else room.ways[6, i]
+            q, meets, aside = chosen(back, p, q), meets & (not back), aside & (not back)
         meets &= hi > 0
         room.marks[i] = mark(c, meets) + mark(c, aside, ASIDE)
         found |= meets
@@ -253,6 +261,8 @@ def _lie(
         lain |= lies
         store(c, i, chosen(lies, r, q))
         remember(c.memory, i, lies, restart(recall(c.memory, i)))
+        if repeats(program.contacts, c.memory) and lies:
+            note_way(room.ways, i, p, q, r, end)
     return left, lain
 
 
@@ -262,6 +272,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
         if room.marks[i] == which:
             begin, hi = span(c.clock, i, t, end, h)
             p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
+            free = fetch(c, i, end)
             q, memory, outcome, hit = trace(
                 program.method,
                 program.dynamics,
@@ -275,6 +286,8 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             remember(c.memory, i, True, memory)
             note(c.clock, i, outcome, q.t)
             tell(c.hit, i, hit)
+            if repeats(program.contacts, c.memory) and outcome == PASS:
+                note_way(room.ways, i, p, free, q, end)
 
 
 def refresh(program: Any, c: Any, t: Any) -> None:
@@ -293,7 +306,7 @@ class Room(NamedTuple):
     """What a thread remembers of a block: its state at the beginning as `keep` has it, inverse masses [block], and of the
     present step marks [block], 1 or 0, and the beginning [6, block]; how far each is from colliders at least [block]; for
     how many steps nothing is looked for that lies still [1]; what each that stands still stands on, as `foothold` has
-    it [5, block]."""
+    it [5, block]; the free step that led each back to where it was, as `note_way` has it [7, block]."""
 
     kept: NDArray[np.float64]
     marks: NDArray[np.floating[Any]]
@@ -302,6 +315,7 @@ class Room(NamedTuple):
     clear: NDArray[np.floating[Any]]
     wait: NDArray[np.floating[Any]]
     foothold: NDArray[np.floating[Any]]
+    ways: NDArray[np.float64]
 
 
 def new_room(columns: Columns, block: int) -> Room:
@@ -315,6 +329,7 @@ def new_room(columns: Columns, block: int) -> Room:
         zeros((block,), x),
         zeros((1,), x),
         zeros((5, block), x),
+        zeros((7, block), np.float64),
     )
 
 
@@ -347,6 +362,7 @@ def step_range(
             inverse[i] = type_of(c.m[i], 1) / c.m[i]
             room.clear[i] = type_of(c.m[i], 0)
             room.foothold[3, i] = -type_of(c.m[i], 1)
+            room.ways[6, i] = -np.inf
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):

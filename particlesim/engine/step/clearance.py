@@ -122,3 +122,32 @@ def stands(foothold: Any, i: Any, p: Any, q: Any) -> Any:
     x, y, z = q.vx + push * nx, q.vy + push * ny, q.vz + push * nz
     most = static * push
     return (static >= 0) & (sink > least) & (push > 0) & (x * x + y * y + z * z <= most * most)
+
+
+# What a step has led nowhere
+
+
+def repeats(contacts: Any, memory: Any) -> bool:
+    """Whether a step that ends where and as fast as it began does so again under the same forces, and it is worth it to
+    remember that: some collider is no plane, all are at rest, nobody hears of impacts, and nothing but steps moves particles
+    or changes what their method remembers."""
+    colliders = contacts.continuous + contacts.discrete
+    still = not any(isinstance(c.shape, MovingRecord) or c.response.heard is not None for c in colliders)
+    slow = any(crossable(c) for c in contacts.continuous)
+    return slow and still and len(contacts.soft) == 0 and len(memory) == 0
+
+
+def leads_back(ways: Any, i: Any, q: Any, t: Any) -> Any:
+    """Whether the last step of particle i, until t, ended as it began, and its free step was the one to q, to the last bit:
+    then so does this one. What lies in a crease needs a dozen searches in every step otherwise, and all find the same."""
+    same = (ways[0, i] == q.x) & (ways[1, i] == q.y) & (ways[2, i] == q.z)
+    same &= (ways[3, i] == q.vx) & (ways[4, i] == q.vy) & (ways[5, i] == q.vz)
+    return same & (ways[6, i] == t)
+
+
+def note_way(ways: Any, i: Any, p: Any, q: Any, r: Any, end: Any) -> None:
+    """Note the end q of the free step of particle i, if its step led back from p to p, as r, and when that was."""
+    if (p.x == r.x) & (p.y == r.y) & (p.z == r.z) & (p.vx == r.vx) & (p.vy == r.vy) & (p.vz == r.vz):
+        for row, number in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
+            ways[row, i] = number
+        ways[6, i] = end
