@@ -8,13 +8,15 @@ import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from particlesim.colliders.box import Size
-from particlesim.colliders.level_set import BAND, FormulaRecord, LevelRecord
+from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
+from particlesim.colliders.level_set import BAND, CreasedRecord, FormulaRecord, LevelRecord
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
 from particlesim.colliders.surface_net import surface_net
 from particlesim.colliders.triangulation import Triangles
 from particlesim.expressions.arrays import value_at
 from particlesim.expressions.constants import check_constant
+from particlesim.expressions.kinks import Kink, folded
 from particlesim.expressions.operations import VARIABLES, Node
 from particlesim.expressions.parser import ExpressionError, parse
 from particlesim.model.arrays import Floats
@@ -140,9 +142,22 @@ class Formula(Solid):
     def level(self, side: float) -> Any:
         """The solid, or its inside (−1), as kernels take it."""
         a, b, c = (0.5 * each for each in self.size)
-        field, band = FormulaRecord(self.node()), BAND * max(self.size)
-        level = LevelRecord(field, (-a, -b, -c), (a, b, c), self._steep, band, self.grain(), side)
+        low, high, band = (-a, -b, -c), (a, b, c), BAND * max(self.size)
+        node = self.node()
+        pieces, kinks = folded(node)
+        if 0 < len(kinks) <= MOST_KINKS:
+            field = FoldedRecord(node, pieces, tuple(map(self._kink, kinks)))
+            creased = CreasedRecord(field, low, high, self._steep, band, self.grain(), side)
+            return placed(creased, self.center, self.rotation())
+        level = LevelRecord(FormulaRecord(node), low, high, self._steep, band, self.grain(), side)
         return placed(level, self.center, self.rotation())
+
+    def _kink(self, kink: Kink) -> KinkRecord:
+        """A kink with a bound of its slope."""
+        axes = self._axes()
+        steep = _steepest(value_at(kink.written, *np.meshgrid(*axes, indexing="ij")), axes)
+        # where it has no value at some places, none is too far from it
+        return KinkRecord(kink.pieces, STEEPER * steep if np.isfinite(steep) else np.finfo(float).max)
 
     def geometry(self) -> Any:
         return self.level(1.0)

@@ -7,7 +7,7 @@ brought there by going to the foot of x on the tangent plane at s, again and aga
     s' = x − (φ(s) + ∇φ(s)·(x − s)) ∇φ(s)/|∇φ(s)|²,
 
 which converges quadratically on the surface, and by the factor d/R at a distance d from it, with R its radius of curvature.
-Farther away, and where that does not converge, the gap is the bound.
+Farther away, and where that does not converge, the gap is the bound. Of a φ with kinks every face is looked at (`folds`).
 
 Outside of the box, which cuts the solid off, the gap is √(d² + g²) with the nearest place of the box d away and g the gap
 there.
@@ -22,7 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.folds import FaceRecord, FoldedRecord, face_and_slope, nearest_foot
 from particlesim.colliders.sampled import SampledRecord, sampled, sampled_slope
+from particlesim.colliders.solid import PARTS
 from particlesim.colliders.way import longest, marched_contact, way_of
 from particlesim.compiler import outlined
 from particlesim.expressions.operations import Ray, slope, value
@@ -36,10 +38,14 @@ from particlesim.laws.registry import (
     law,
     least_gap,
     normal,
+    thinnest,
 )
 
 MOST_TURNS = 32
 """Turns of the search for a foot: enough up to half the radius of curvature."""
+
+SAME = 1 - 1e-12
+"""Square of the cosine between slopes of one face where its foot is found."""
 
 BAND = 0.25
 """How far from the surface feet are looked for, in parts of the longest side of the box."""
@@ -64,6 +70,21 @@ class LevelRecord(NamedTuple):
     side: float
 
 
+class CreasedRecord(NamedTuple):
+    """As `LevelRecord`, of a φ with kinks: what lies on it may meet another part of it."""
+
+    field: FoldedRecord
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    steep: float
+    band: float
+    grain: float
+    side: float
+
+
+AnyLevel = LevelRecord | CreasedRecord
+
+
 def level(f: Any, x: Any, y: Any, z: Any) -> Any:
     """φ at a place."""
     if isinstance(f, SampledRecord):
@@ -76,6 +97,8 @@ def level_and_slope(f: Any, x: Any, y: Any, z: Any) -> Any:
     """φ and its gradient at a place."""
     if isinstance(f, SampledRecord):
         return sampled_slope(f, x, y, z)
+    if isinstance(f, FaceRecord):
+        return face_and_slope(f, x, y, z)
     p = Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     return (
         value(f.formula, p),
@@ -106,9 +129,25 @@ def foot(f: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
             break
         if not moved < 4 * scale:
             break
-        v, a, b, c = level_and_slope(f, sx, sy, sz)
+        if isinstance(f, FaceRecord):
+            # √(a² + b²), as edges of formulas have it, has no slope, or any, where it is 0.
+            v, e, g, k = level_and_slope(f, sx, sy, sz)
+            lean, size2 = a * e + b * g + c * k, e * e + g * g + k * k
+            if v * v <= tiny * tiny * steep2 and not lean * abs(lean) > SAME * size2 * steep2:
+                found = True
+                break
+            a, b, c = e, g, k
+        else:
+            v, a, b, c = level_and_slope(f, sx, sy, sz)
     steep = np.sqrt(a * a + b * b + c * c)
     nx, ny, nz = a / steep, b / steep, c / steep
+    if isinstance(f, FaceRecord):
+        # ... and no one direction there
+        ox, oy, oz = x - sx, y - sy, z - sz
+        far = np.sqrt(ox * ox + oy * oy + oz * oz)
+        if far > 8 * tiny:
+            k = (1.0 if outside else -1.0) / far
+            nx, ny, nz = k * ox, k * oy, k * oz
     d = (x - sx) * nx + (y - sy) * ny + (z - sz) * nz
     found = found & ((d > 0) == outside or abs(d) <= 8 * tiny)
     return d, nx, ny, nz, found
@@ -152,7 +191,10 @@ def distance(c: Any, x: Any, y: Any, z: Any, size: Any) -> Any:
     k = 1.0 / np.sqrt(steep2) if steep2 > 0 else 0.0
     g, nx, ny, nz = v / c.steep, k * a, (k * b if steep2 > 0 else 1.0), k * d
     if abs(g) - size <= c.band:
-        exact, mx, my, mz, found = foot(c.field, cx, cy, cz, scale)
+        if isinstance(c.field, FoldedRecord):
+            exact, mx, my, mz, found = nearest_foot(foot, c, cx, cy, cz, scale)
+        else:
+            exact, mx, my, mz, found = foot(c.field, cx, cy, cz, scale)
         if found:
             g, nx, ny, nz = exact, mx, my, mz
     if out > 0:
@@ -182,35 +224,49 @@ def distance(c: Any, x: Any, y: Any, z: Any, size: Any) -> Any:
     return g, nx, ny, nz
 
 
-@law(gap, LevelRecord)
-def level_gap(c: LevelRecord, p: Particle) -> float:
+def level_gap(c: AnyLevel, p: Particle) -> float:
+    """Distance of a particle's surface from the solid, or from the wall around it [m]."""
     d, _, _, _ = distance(c, float(p.x), float(p.y), float(p.z), float(p.r))
     return type(p.x)(c.side * d) - p.r
 
 
-@law(gap_and_normal, LevelRecord)
-def level_gap_and_normal(c: LevelRecord, p: Particle) -> tuple[float, Vector]:
+def level_gap_and_normal(c: AnyLevel, p: Particle) -> tuple[float, Vector]:
+    """Both by one search."""
     d, x, y, z = distance(c, float(p.x), float(p.y), float(p.z), float(p.r))
     like = type(p.x)
     return like(c.side * d) - p.r, (like(c.side * x), like(c.side * y), like(c.side * z))
 
 
-@law(normal, LevelRecord)
-def level_normal(c: LevelRecord, p: Particle) -> Vector:
+def level_normal(c: AnyLevel, p: Particle) -> Vector:
+    """The way from the surface to the side that particles are on."""
     return level_gap_and_normal(c, p)[1]
 
 
-@law(least_gap, LevelRecord)
-def level_least_gap(c: LevelRecord, p: Particle, need: float) -> float:
+def level_least_gap(c: AnyLevel, p: Particle, need: float) -> float:
+    """The bound by φ, without a search."""
     return at_least(c, p) - p.r
 
 
-@law(apart, LevelRecord)
 @outlined
-def level_apart(c: LevelRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
+def level_apart(c: AnyLevel, p: Particle, q: Particle, h: float, slack: float) -> bool:
+    """Whether the bounds at both ends keep the way free."""
     return at_least(c, p) + at_least(c, q) - 2 * p.r >= longest(way_of(p, q, h))
 
 
-@law(first_contact, LevelRecord)
-def level_first_contact(c: LevelRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
+def level_first_contact(c: AnyLevel, p: Particle, q: Particle, h: float, slack: float) -> float:
+    """The part of a step at which a particle first touches the surface."""
     return marched_contact(c, p, q, h, slack, type(p.x)(c.grain))
+
+
+for _record in (LevelRecord, CreasedRecord):
+    law(gap, _record)(level_gap)
+    law(gap_and_normal, _record)(level_gap_and_normal)
+    law(normal, _record)(level_normal)
+    law(least_gap, _record)(level_least_gap)
+    law(apart, _record)(level_apart)
+    law(first_contact, _record)(level_first_contact)
+
+
+@law(thinnest, CreasedRecord)
+def creased_thinnest(c: CreasedRecord) -> float:
+    return c.grain * PARTS

@@ -182,6 +182,12 @@ COLLIDER_CASES: dict[str, Collider] = {
         orientation=TURN,
         center=_CENTER,
     ),
+    "formula_with_kinks": FormulaCollider(
+        distance="max(y - 0.5*abs(x) - 0.3*abs(z), hypot(x, z) - 0.8)",
+        size=(2.0, 2.0, 2.2),
+        orientation=TURN,
+        center=_CENTER,
+    ),
     "distance_grid": opened_grid(
         DistanceGridCollider(
             path="egg.npy", origin=(-1.2, -1.0, -1.1), spacing=(0.1, 0.1, 0.1), orientation=TURN, inside=True

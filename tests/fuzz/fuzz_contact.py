@@ -46,7 +46,7 @@ AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 WORLD = 3.0
 """Radius of the hollow sphere about a shape [m]."""
 SHAPES = tuple(name for name in COLLIDER_CASES if not name.startswith("plane") and name != "sphere")
-CURVED = {"formula": 1e4, "distance_grid": 1e4}
+CURVED = {"formula": 1e4, "formula_with_kinks": 1e4, "distance_grid": 1e4}
 """Rounding errors of a gap that a search for the nearest place finds, in units of those of others."""
 
 

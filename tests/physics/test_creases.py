@@ -34,6 +34,8 @@ GROOVES: dict[str, dict[str, Any]] = {
         "of": [{"type": "box", "center": [0, 0.25, 0], "size": [2, 1.5, 2]}, CUBE],
     },
     "height_field": {"type": "height_field", "path": "groove.npy", "size": [2, 2]},
+    "formula": {"type": "formula", "distance": "y - abs(x)", "size": [2, 2, 2]},
+    "steep_formula": {"type": "formula", "distance": "min(y - x, 3*(y + x))", "size": [2, 2, 2]},
 }
 """Grooves of 90° along the z axis, made of one shape each."""
 
@@ -113,7 +115,60 @@ def test_what_slides_in_a_pit_comes_to_rest_at_its_bottom_alone(restitution: flo
     assert np.diff(ended.energy).max() < 100 * EPS * ended.energy[0]
 
 
-@pytest.mark.parametrize("groove", ["union", "difference", "height_field"])
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_what_lies_in_an_inclined_groove_by_formula_slides_down(friction: float, tmp_path: Path) -> None:
+    # Both sides press with √2/2 g cos θ per mass: a = g (sin θ − √2 μ cos θ).
+    angle, t = math.radians(30), 0.4
+    groove = {**GROOVES["formula"], "orientation": {"axis": [1, 0, 0], "angle": 30}}
+    up = np.array([0, math.cos(angle), math.sin(angle)])
+    down = np.array([0, -math.sin(angle), math.cos(angle)])
+    start = RATIO * RADIUS * up - 0.7 * down
+    ended = thrown(tmp_path, groove, [start], [-0.5 * down], t, restitution=0.0, friction=friction)
+    pull, rub = G * math.sin(angle), RATIO * friction * G * math.cos(angle)
+    turn = 0.5 / (pull + rub)
+    speed = (pull - rub) * (t - turn)
+    way = -0.7 - 0.25 * turn + speed * (t - turn) / 2
+    assert ended.final.velocity[0] == pytest.approx(speed * down, abs=1e-9)
+    assert ended.final.position[0] == pytest.approx(RATIO * RADIUS * up + way * down, abs=1e-9)
+
+
+PITS = {"equal": "y - max(abs(x), abs(z))", "steeper": "min(y - abs(x), 2*(y - abs(z)))"}
+"""Pits of four faces of 45° about the origin, by formulas."""
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+@pytest.mark.parametrize("pit", PITS)
+def test_what_slides_in_a_pit_by_formula_rests_at_its_bottom(
+    pit: str, restitution: float, tmp_path: Path
+) -> None:
+    # It lies on all four faces, and nothing gains energy on its way there.
+    collider = {"type": "formula", "distance": PITS[pit], "size": [2, 2, 2]}
+    starts = [(q, abs(q) + RATIO * RADIUS, q) for q in np.linspace(-0.6, 0.6, 9)]
+    starts += [(0.5, 0.8, 0.45), (-0.3, 0.7, 0.1)]
+    ended = thrown(
+        tmp_path, collider, starts, [(0, 0, 0)] * len(starts), 3.0, restitution=restitution, friction=0.0
+    )
+    x = ended.final.position
+    sides = np.abs(x[:, [0, 2]])
+    assert ((x[:, 1, None] - sides) / RATIO).min() > RADIUS - 1e-12
+    still = (ended.final.velocity == 0).all(axis=1)
+    assert np.abs(x[still] - [0, RATIO * RADIUS, 0]).max(initial=0.0) < 1e-6
+    assert still.sum() > (9 if restitution == 0 else 0)
+    assert np.diff(ended.energy).max() < 100 * EPS * ended.energy[0]
+
+
+def test_what_slides_over_an_edge_by_formula_does_as_at_a_box(tmp_path: Path) -> None:
+    # The edge at x = 0 of a formula that is no distance, which has no foot on either face there.
+    table = {"type": "formula", "distance": "max(y, 3*x)", "size": [2, 2, 2]}
+    box = {"type": "box", "center": [-0.5, -0.5, 0], "size": [1, 1, 2]}
+    start, velocity = [(-0.2, RADIUS, 0), (-0.1, RADIUS, 0.5)], [(1.3, 0, 0), (0.2, 0, 0)]
+    one, other = (thrown(tmp_path, each, start, velocity, 0.4, restitution=0.0) for each in (table, box))
+    assert one.final.position == pytest.approx(other.final.position, abs=1e-9)
+    assert one.final.velocity == pytest.approx(other.final.velocity, abs=1e-9)
+    assert np.diff(one.energy).max() < 100 * EPS * one.energy[0]
+
+
+@pytest.mark.parametrize("groove", ["union", "difference", "height_field", "formula"])
 def test_what_slides_out_of_a_groove_flies_on(groove: str, tmp_path: Path) -> None:
     # The groove ends at z = 1, and the ball is fast enough to leave the rim, which it may graze.
     np.save(tmp_path / "groove.npy", np.abs(np.linspace(-1, 1, 21))[None, :] * np.ones((21, 1)))

@@ -12,7 +12,13 @@ from simulate import EPS, G, points
 from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
-from particlesim.colliders import DistanceGridCollider, FormulaCollider, PlaneCollider, SphereCollider
+from particlesim.colliders import (
+    BoxCollider,
+    DistanceGridCollider,
+    FormulaCollider,
+    PlaneCollider,
+    SphereCollider,
+)
 from particlesim.colliders.gaps import gaps_of
 from particlesim.engine.simulation import Simulation
 from particlesim.expressions.arrays import value_at
@@ -87,6 +93,37 @@ def test_a_formula_that_is_no_distance_is_as_exact_as_the_shape(inside: bool) ->
     assert np.abs(found[0][:, :3] - x - 0.4 * v).max() > 0.5  # they do bounce
     # rounding, which every one of some impacts makes larger by a distance over the radius
     np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
+BOXES = {
+    "distance_inside": "max(abs(x) - 0.5, max(abs(y) - 0.4, abs(z) - 0.3))",
+    "uneven": "max(2*(abs(x) - 0.5), max(abs(y) - 0.4, 5*(abs(z) - 0.3)))",
+    "distance": "min(max(abs(x) - 0.5, max(abs(y) - 0.4, abs(z) - 0.3)), 0)"
+    " + sqrt(max(abs(x) - 0.5, 0)**2 + max(abs(y) - 0.4, 0)**2 + max(abs(z) - 0.3, 0)**2)",
+}
+"""Boxes by formulas with kinks."""
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("name", BOXES)
+def test_a_formula_with_kinks_is_as_exact_as_the_shape(name: str, inside: bool) -> None:
+    # Faces, edges and corners. On an edge of "distance" the slope is that of a root of rounding errors.
+    x = np.random.default_rng(1).uniform(-0.8, 0.8, (2000, 3))
+    formula = FormulaCollider(distance=BOXES[name], size=(2, 2, 2), inside=inside)
+    box = BoxCollider(size=(1, 0.8, 0.6), inside=inside)
+    np.testing.assert_allclose(gaps(formula, x), gaps(box, x), atol=1e-12 if name == "distance" else 16 * EPS)
+
+
+def test_the_nearest_of_the_faces_of_a_formula_counts() -> None:
+    # Of two faces in a dent the one with the smaller φ decides, at places that are nearer to the other.
+    formula = FormulaCollider(distance="min(y - 0.3*abs(x), 4*(y - 0.2*z + 0.5*x))", size=(4, 4, 4))
+    faces = np.array([[-0.3, 1, 0], [0.3, 1, 0], [0.5, 1, -0.2]])
+    x = np.random.default_rng(1).uniform(-0.6, 0.6, (2000, 3))
+    above = x @ faces.T
+    free = (above[:, :2].min(axis=1) > 0) & (above[:, 2] > 0)
+    nearest = (above / np.linalg.norm(faces, axis=1)).min(axis=1)
+    assert free.sum() > 500
+    np.testing.assert_allclose(gaps(formula, x[free]), nearest[free], atol=16 * EPS)
 
 
 def test_distances_between_the_samples_are_of_fourth_order() -> None:
