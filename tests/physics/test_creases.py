@@ -41,7 +41,14 @@ GROOVES: dict[str, dict[str, Any]] = {
 
 
 def thrown(
-    tmp_path: Path, collider: dict[str, Any], x: Any, v: Any, duration: float, **response: float
+    tmp_path: Path,
+    collider: dict[str, Any],
+    x: Any,
+    v: Any,
+    duration: float,
+    gravity: tuple[float, float, float] = (0, -G, 0),
+    every: int = 50,
+    **response: float,
 ) -> ps.Result:
     """Balls at x with velocities v on a collider, of a file in the folder, if it has one."""
     placed = {**collider, **response}
@@ -51,9 +58,9 @@ def thrown(
         ps.from_table(
             {
                 "simulation": {"duration": duration, "dt": 2e-3, "integrator": "velocity_verlet"},
-                "output": {"every": 50, "precision": "double"},
+                "output": {"every": every, "precision": "double"},
                 "particles": [points(*x, velocity=list(v), radius=RADIUS, mass=1.0)],
-                "forces": [{"type": "gravity", "acceleration": [0, -G, 0]}],
+                "forces": [{"type": "gravity", "acceleration": list(gravity)}],
                 "colliders": [placed],
             }
         )
@@ -182,6 +189,40 @@ def test_what_slides_out_of_a_groove_flies_on(groove: str, tmp_path: Path) -> No
     assert v[:, 2] == pytest.approx([2, -3], abs=2e-5)
     assert (x[:, 1] < RATIO * RADIUS).all()
     assert ended.energy == pytest.approx(ended.energy[0], rel=2e-5)
+
+
+@pytest.mark.parametrize("groove", ["union", "formula", "mesh"])
+def test_what_climbs_out_of_a_groove_falls_off_or_slides_back(groove: str, tmp_path: Path) -> None:
+    # Gravity is turned by 20°, so that the groove rises towards its end at z = −1. Beyond it the ball lies on two rims, and
+    # its centre is at y = √2 √(r² − s²), s beyond the end: with tan φ = tan 20°/√2 and s = r sin φ that is highest, by
+    # g r (√2 cos 20° (cos φ − 1) + sin 20° sin φ).
+    corners = [(-1, 1), (0, 0), (1, 1), (1, -1), (-1, -1)]
+    faces = [(k, 5 + k, (k + 1) % 5) for k in range(5)] + [
+        (5 + k, 5 + (k + 1) % 5, (k + 1) % 5) for k in range(5)
+    ]
+    ends = [(0, 1, 4), (1, 3, 4), (1, 2, 3)]
+    faces += [*ends, *((5 + a, 5 + c, 5 + b) for a, b, c in ends)]
+    block = trimesh.Trimesh([(x, y, z) for z in (-1, 1) for x, y in corners], faces, process=False)
+    block.fix_normals()
+    block.export(tmp_path / "block.stl")
+    shapes = {**GROOVES, "mesh": {"type": "mesh", "path": "block.stl"}}
+    lean, rise = math.radians(20), 0.5
+    phi = math.atan(math.tan(lean) / RATIO)
+    barrier = G * RADIUS * (RATIO * math.cos(lean) * (math.cos(phi) - 1) + math.sin(lean) * math.sin(phi))
+    left = (-0.1, 0.1, 0.8, 1.8, 10.0)  # energy at the end of the groove, over that barrier
+    speeds = [math.sqrt(2 * (G * math.sin(lean) * rise + each * barrier)) for each in left]
+    velocity = [(0, 0, -v) for v in speeds]
+    starts = [(0, RATIO * RADIUS, rise - 1)] * len(left)
+    gravity = (0, -G * math.cos(lean), G * math.sin(lean))
+    ended = thrown(
+        tmp_path, shapes[groove], starts, velocity, 1.2, gravity, every=1, restitution=0.0, friction=0.0
+    )
+    x, v = ended.final.position, ended.final.velocity
+    assert (x[:, 1] < 0).tolist() == [False, False, False, True, True]
+    # what slides back has hardly lost anything
+    energy = 0.5 * v[:3, 2] ** 2 - gravity[2] * (x[:3, 2] + 1)
+    assert energy == pytest.approx([each * barrier for each in left[:3]], abs=0.02 * barrier)
+    assert np.diff(ended.energy).max() < 1e-9
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])

@@ -16,7 +16,7 @@ from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.response import ColliderRecord
 from particlesim.compiler import outlined
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.resting import at_place, dot, held, same_face, touched, unlifted
 from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, thinnest
 
@@ -152,7 +152,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         # none looks through this part of the shape
         deepest = half * half * type_of(h, thinnest(c.shape))
         most, look = min(deepest, far), type_of(h, LOOK) * slack
-        up = (zero, zero, zero)
+        up = second = (zero, zero, zero)
         first = _facet(c, p, p, one, up)
         while (not rests) & (look < type_of(h, FURTHER) * most):
             near = _along(p, q, way, min(look, most) / far)
@@ -196,18 +196,23 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 free = min(free, _part_until(p, r, n, start - half * lift, h))
             else:
                 rests = _dies_out(other, n, p, q, h, slack, sure & (not both))
+                if both and max(dot(n, up), dot(n, second)) > one - type_of(h, SAME):
+                    # the same part, which turns away under the way: it ends there
+                    return False, q, one, True
                 if both:
                     # a corner: three parts press
                     return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one, False
                 r, turn, both = wedged(first, other, p, q, h, tolerance)
                 if both:
-                    up = tuple(a + b for a, b in zip(up, n, strict=True))
+                    second = n
                 else:
                     first, up = other, n
                     r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
                 free, seen = one, one
         turn = min(turn, free)
         if rests:
+            between = tuple(a + b for a, b in zip(up, second, strict=True))
+            up = between if both else up
             above = tuple(axis / dot(up, up) for axis in up)
             above = tuple((one + one) * axis for axis in above) if both else above
             free = free_part(c, True, p, r, above, above, h, slack)
@@ -217,6 +222,25 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             leaves = both & (free > 0) & (turn >= 1) & (g > lift)
             rests = ((free > 0) & (turn < 1)) | whole if both | sure else whole
     return rests, r, turn, leaves
+
+
+def no_faster(p: Any, q: Any, r: Any, h: Any, tolerance: Any) -> Any:
+    """The end r of a step that would be free to q, no faster than the work of all forces allows: where a shape turns away
+    under the way, its parts taken as planes may lift what glides on them."""
+    over = _gained(p, r, q, h) - max(_gained(p, q, q, h), h - h)
+    had = dot((r.vx, r.vy, r.vz), (r.vx, r.vy, r.vz))
+    left = had - (over + over)
+    slower = over > 8 * tolerance * had
+    kept = np.sqrt(left / had) if slower & (left > 0) else h - h
+    return chosen(slower, at_place(r, (r.x, r.y, r.z), (kept * r.vx, kept * r.vy, kept * r.vz)), r)
+
+
+def _gained(p: Any, r: Any, q: Any, h: Any) -> Any:
+    """The energy over mass that a step from p to r has added [J/kg], with the force of the free step to q."""
+    v, w = (p.vx, p.vy, p.vz), (r.vx, r.vy, r.vz)
+    force = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    work = dot(force, (r.x - p.x, r.y - p.y, r.z - p.z)) / h
+    return type_of(h, 0.5) * (dot(w, w) - dot(v, v)) - work
 
 
 def _along(p: Any, q: Any, way: Any, part: Any) -> Any:

@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.dents import dented
+from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
@@ -35,7 +36,7 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
     sunk,
 )
-from particlesim.engine.step.creases import wedged
+from particlesim.engine.step.creases import no_faster, wedged
 from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.lying import borne, settled
@@ -176,10 +177,16 @@ def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     return wedged(c, d, p, q, h, tolerance)
 
 
+def runs(c: Any) -> bool:
+    """Whether the surface of a collider moves."""
+    return isinstance(c.shape, MovingRecord) or c.response.belt is not None
+
+
 @outlined
 def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
     """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
-    along the crease between two, or on each in turn. One that stays caught comes to rest where it was."""
+    along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape with dents,
+    whose rounded edges no plane follows, it lies on nothing, and hops."""
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
@@ -200,9 +207,13 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
-        if sunk(contacts.continuous, on, p, r, slack):
+        if any(dented(c.shape) for c in contacts.continuous) and sunk(contacts.continuous, on, p, r, slack):
+            r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
+        elif sunk(contacts.continuous, on, p, r, slack):
             zero = h - h
             r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
+        elif any(dented(c.shape) for c in contacts.continuous) and not any(map(runs, contacts.continuous)):
+            r = no_faster(p, q, r, h, contacts.tolerance)
     return r, on, turn
 
 

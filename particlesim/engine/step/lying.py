@@ -8,7 +8,7 @@ from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight, ride
 from particlesim.colliders.response import at_rest
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.creases import crept, free_part
+from particlesim.engine.step.creases import crept, free_part, no_faster
 from particlesim.engine.step.resting import held, lies, touched
 from particlesim.laws.registry import gap
 
@@ -41,5 +41,7 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 lain, r, turn = True, end, bend
             if leaves:
                 lain = False
+        if c.response.belt is None:
+            r = no_faster(p, q, r, h, tolerance)
         return lain, r, turn
     return here, r, turn
