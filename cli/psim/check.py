@@ -10,6 +10,7 @@ import typer
 from psim.complete import scenario_files
 from psim.console import print_json
 from psim.options import Overrides, Quiet
+from psim.progress import told_when_long
 from psim.report import as_data, report
 
 
@@ -43,7 +44,8 @@ def check(
     results = []
     for number, path in enumerate(scenarios):
         try:
-            planned = plan(ps.load(path, overrides or ()), default_output(path), look=stability)
+            with told_when_long(path.stem, quiet=quiet or as_json):
+                planned = plan(ps.load(path, overrides or ()), default_output(path), look=stability)
         except ps.PsimError as error:
             worst = max(worst, error.exit_code)
             if not as_json:

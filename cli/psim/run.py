@@ -21,7 +21,7 @@ from psim.options import (
     Threads,
     parse_seconds,
 )
-from psim.progress import render_progress, run_progress
+from psim.progress import render_progress, run_progress, told_when_long
 
 if TYPE_CHECKING:
     from particlesim.runs.filming import Filming
@@ -193,8 +193,9 @@ def _dry_run(
     from psim.plan import plan, show_plan
 
     loaded, path = _prepare(scenario, overrides, output)
-    planned = plan(loaded, path, must_fit=must_fit)
-    planned["seconds"] = estimated_seconds(loaded, threads=threads)
+    with told_when_long(scenario.stem, quiet=as_json):
+        planned = plan(loaded, path, must_fit=must_fit)
+        planned["seconds"] = estimated_seconds(loaded, threads=threads)
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})
     else:

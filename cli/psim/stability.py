@@ -10,6 +10,7 @@ import typer
 
 from psim.console import facts, paint, print_json, print_path, warn
 from psim.options import Force, Overrides, ScenarioFile
+from psim.progress import told_when_long
 
 
 def stability(
@@ -36,7 +37,8 @@ def stability(
     from psim.plan import stability_rows
 
     loaded = ps.load(scenario, overrides or ())
-    found = ps.stability(loaded)
+    with told_when_long(scenario.stem, quiet=as_json):
+        found = ps.stability(loaded)
     if plot is not None:
         from particlesim.analysis.stability import plot_stability
 
