@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.interactions.mesh.ewald import Sum, ewald_field
-from particlesim.engine.interactions.mesh.plan import FLOOR, Plan, Task, planned
+from particlesim.engine.interactions.mesh.plan import FLOOR, SIZES, Plan, Task, planned
 from particlesim.errors import UsageError
 from particlesim.process.threads import Team
 
@@ -99,7 +99,9 @@ def calibrated(
     if not good:
         raise UsageError(
             f"forces cannot be as accurate as {accuracy:g} with a mesh: {min(tried)[0]:.1e} is reached",
-            'a larger accuracy, or precision = "double"',
+            'a larger accuracy, or precision = "double"'
+            if max(plan.shape) < SIZES[-1]
+            else f"a larger accuracy, or a box that is not as long: a mesh has {SIZES[-1]} nodes along an axis at most",
         )
     error, plan = good[-1]
     return plan, max(error, float(np.finfo(float).eps))

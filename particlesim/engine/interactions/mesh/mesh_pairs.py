@@ -74,6 +74,7 @@ from particlesim.engine.step.records import as_precision
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.vectors import square
+from particlesim.process.preparing import preparing
 from particlesim.process.threads import Team
 
 SPRINGS = 40
@@ -166,7 +167,11 @@ class MeshPairs(NearLists, MeshColumns):
     def calibrate(self, c: Any, team: Team) -> Self:
         if self.plan[ERROR] > 0:
             return self
-        c = c._replace(clock=None)
+        with preparing("measuring the errors of forces by a mesh"):
+            return self._measured(c._replace(clock=None), team)
+
+    def _measured(self, c: Any, team: Team) -> Self:
+        """The same with a plan whose errors have been measured, at the present places of all particles."""
         weight = weights_of(self, c)
         size = np.abs(weight).sum()
         self.plan[TOTAL] = weight.sum() / size if size > 0 else 0.0
