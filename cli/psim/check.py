@@ -45,7 +45,8 @@ def check(
     for number, path in enumerate(scenarios):
         try:
             with told_when_long(path.stem, quiet=quiet or as_json):
-                planned = plan(ps.load(path, overrides or ()), default_output(path), look=stability)
+                loaded = ps.load(path, overrides or ())
+                planned = plan(loaded, default_output(path), look=stability)
         except ps.PsimError as error:
             worst = max(worst, error.exit_code)
             if not as_json:
@@ -56,7 +57,7 @@ def check(
         if not as_json and not quiet:
             if number:
                 print()
-            show_plan(str(path), planned)
+            show_plan(str(path), planned, loaded)
     if as_json:
         print_json(results)
     if worst:

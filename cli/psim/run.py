@@ -141,7 +141,8 @@ def _tell(
     if as_json:
         print_json(told)
     elif not quiet:
-        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
+        unsaid = [text for text in warnings if text not in said]
+        show_summary({**told, "warnings": unsaid}, result.scenario)
         for path in (result.path, film):
             if path is not None:
                 print_path(path)
@@ -199,7 +200,7 @@ def _dry_run(
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})
     else:
-        show_plan(str(scenario), planned)
+        show_plan(str(scenario), planned, loaded)
 
 
 def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool, resume: bool) -> None:
@@ -236,7 +237,7 @@ def _simulate(
     from psim.console import warn
 
     def tell(text: str) -> None:
-        warn(text)
+        warn(text, loaded)
         said.append(text)
 
     try:

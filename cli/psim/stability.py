@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from psim.console import facts, paint, print_json, print_path, warn
+from psim.console import facts, paint, places, print_json, print_path, warn
 from psim.options import Force, Overrides, ScenarioFile
 from psim.progress import told_when_long
 
@@ -47,6 +47,7 @@ def stability(
         "scenario": str(scenario),
         **found.as_data(),
         "warnings": list(found.warnings),
+        "warning_places": places(found.warnings, loaded),
         "plot": plot and str(plot),
     }
     if as_json:
@@ -62,6 +63,6 @@ def stability(
         sys.stdout,
     )
     for text in found.warnings:
-        warn(text)
+        warn(text, loaded)
     if plot is not None:
         print_path(plot)

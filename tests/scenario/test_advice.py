@@ -9,6 +9,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.preflight.advice import advice, sliding
+from particlesim.scenario.subject import subject
 
 
 def table(method: str, force: dict[str, Any], **plane: Any) -> dict[str, Any]:
@@ -178,3 +179,54 @@ def test_particles_that_pass_through_bodies_are_told(
         }
     )
     assert any("pass through rigid bodies" in sentence for sentence in advice(scenario)) is told
+
+
+WRITTEN = """format = 1
+[simulation]
+duration = 1.0
+dt = 0.01
+[[particles]]
+name = "dt"
+layout = { type = "rope", start = [0, 0, 0], end = [1, 0, 0], count = 5 }
+springs = { structural = 100.0 }
+[[particles]]
+name = "a"
+layout = { type = "points", position = [[0, 1, 0]] }
+radius = 0.1
+[[forces]]
+type = "gravity"
+[[forces]]
+type = "gravity"
+[[interactions]]
+name = "pull"
+type = "gravity"
+[[planes]]
+name = "floor"
+[[colliders]]
+type = "sphere"
+radius = 0.1
+center = [0, -5, 0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("pull: it is near", 17),
+        ("the pulley of 'a' and 'dt'", 9),
+        ('particles of "a" pass', 9),
+        ("dt = 0.01 s is beyond the largest stable step for 'a'", 4),
+        ("gravity and gravity_2 act together on 'a'", 13),
+        ("gravity_2 acts", 15),
+        ("dt.structural alone", 5),
+        ("5 particles of 'a' start inside plane floor", 9),
+        ("plane floor: friction", 20),
+        ("sphere 1 with discrete detection", 22),
+        ("sphere colliders.0: nobody", 22),
+        ("nothing that has a name", None),
+    ],
+)
+def test_a_warning_has_the_place_of_what_it_names_first(text: str, line: int | None) -> None:
+    found = subject(ps.loads(WRITTEN), text)
+    assert (None if found is None or found.span is None else found.span.line) == line
+    assert subject(ps.from_table(table("rk4", {"type": "gravity"})), "gravity") is None
