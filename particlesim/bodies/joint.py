@@ -42,6 +42,12 @@ class Joint(Model):
     @model_validator(mode="after")
     def _joins(self) -> Joint:
         first, second = self.groups()
+        if first == second == WORLD:
+            raise invalid(
+                "the world is joined to itself, and does not move",
+                at=("between",),
+                allowed='a group of bodies and "world", or two groups of bodies',
+            )
         if first == WORLD:
             raise invalid(
                 '"world" must be the second of the two',
