@@ -26,8 +26,11 @@ def surely_apart(shapes: Sequence[Any], reach: float) -> bool:
     waiting: list[tuple[float, int, tuple[float, float, float], float]] = []
 
     def look(x: float, y: float, z: float, half: float) -> bool:
+        """Whether they may have the middle of a cube in common; if not, the cube waits."""
         p = Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         largest = max(float(gap(shape, p)) for shape in shapes)
+        if not math.isfinite(largest):  # sizes out of all proportion, of which nothing is known
+            return True
         heapq.heappush(waiting, (largest - math.sqrt(3) * half, next(numbers), (x, y, z), half))
         return largest < 0
 

@@ -523,3 +523,8 @@ def test_a_joint_between_the_world_and_itself_is_told_as_such() -> None:
         ps.from_table(table(1, 0.01, joints=[{"type": "ball", "between": ["world", "world"]}]))
     (told,) = [each for each in error.value.diagnostics if "world" in each.message]
     assert told.allowed == 'a group of bodies and "world", or two groups of bodies'
+
+
+def test_a_joint_of_a_body_with_itself_speaks_of_a_body() -> None:
+    with pytest.raises(ps.ScenarioError, match="joins body 0 to itself"):
+        ps.from_table(table(1, 0.01, joints=[{"type": "ball", "on": "bar", "pairs": [[0, 0]]}]))

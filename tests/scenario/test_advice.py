@@ -230,3 +230,65 @@ def test_a_warning_has_the_place_of_what_it_names_first(text: str, line: int | N
     found = subject(ps.loads(WRITTEN), text)
     assert (None if found is None or found.span is None else found.span.line) == line
     assert subject(ps.from_table(table("rk4", {"type": "gravity"})), "gravity") is None
+
+
+def pairs(*interactions: dict[str, Any], **simulation: Any) -> dict[str, Any]:
+    """Two groups of balls, and what acts between them."""
+    groups = [
+        {
+            "name": name,
+            "layout": {"type": "points", "position": [[0.2, 0.2, k]]},
+            "radius": 0.01,
+            "charge": 1e-9,
+        }
+        for k, name in enumerate("ab")
+    ]
+    return {
+        "simulation": {"duration": 1e-5, "dt": 1e-6, **simulation},
+        "particles": groups,
+        "interactions": list(interactions),
+    }
+
+
+def test_what_acts_twice_between_the_same_groups_is_told() -> None:
+    def told(*interactions: dict[str, Any]) -> list[str]:
+        return [text for text in advice(ps.from_table(pairs(*interactions))) if "add up" in text]
+
+    pull, push = {"type": "gravity"}, {"type": "coulomb"}
+    assert told(pull, pull) == ["gravity_2 acts on pairs of 'a' as gravity does: they add up"]
+    assert told({**pull, "on": ["b"]}, {**pull, "between": ["b", "a"]}) == []
+    (both,) = told(pull, {**pull, "between": ["b", "a"]})
+    assert "pairs of 'a' and 'b'" in both
+    assert told(pull, push) == []
+    well = {"type": "yukawa", "strength": 1.0, "screening_length": 1.0}
+    assert told(well, well) == []
+
+
+def test_grains_that_stretch_by_a_part_of_their_radius_are_told() -> None:
+    def told(cohesion: float) -> list[str]:
+        touch = {"type": "contact", "model": "hertz", "young_modulus": 1e7, "adhesion": "jkr"}
+        return [
+            text
+            for text in advice(ps.from_table(pairs({**touch, "cohesion": cohesion})))
+            if "stretch" in text
+        ]
+
+    assert told(1.0) == []
+    (text,) = told(1e5)
+    assert text.startswith("contact: the smallest grains stretch by ")
+
+
+@pytest.mark.parametrize("softening", [99.0, 1e200])
+def test_a_softening_far_beyond_the_box_is_refused(softening: float) -> None:
+    scenario = pairs({"type": "gravity", "softening": softening}, box={"size": [1, 1, 1.5]})
+    if softening == 99.0:
+        ps.from_table(scenario)
+        return
+    with pytest.raises(
+        ps.ScenarioError, match=r"a softening of 1e\+200 m in a box of 1\.5 m leaves no force"
+    ):
+        ps.from_table(scenario)
+
+
+def test_a_formula_without_numbers_is_read_without_a_word_of_numpy() -> None:
+    ps.from_table(pairs({"type": "formula", "potential": "1/(r - r)"}))

@@ -73,6 +73,7 @@ LARGE, AWAY = {"type": "box", "size": [3, 3, 3]}, {**FAR_BALL, "center": [3, 3, 
         ("intersection", [{**AWAY, "radius": 0.01}, {**AWAY, "radius": 0.02}], None),
         ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], None),  # they touch, in one point
         ("difference", [LARGE, BALL], None),
+        ("intersection", [{**BALL, "radius": 1e300}, {**BALL, "center": [1e299, 0, 0]}], None),
         ("difference", [BALL, {**BALL, "radius": 0.9999}], None),
         ("union", [BALL, AWAY], None),
     ],
