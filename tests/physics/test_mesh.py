@@ -497,3 +497,13 @@ def test_a_box_too_long_for_a_mesh_is_told_as_such() -> None:
     ):
         simulation.advance_to(1)
     assert said == ["measuring the errors of forces by a mesh", None]
+
+
+@pytest.mark.parametrize(("size", "mass"), [((1e5, 1, 1), 1.0), ((1000, 1000, 1), 1.0), (SIZE, 1e300)])
+def test_what_a_mesh_cannot_do_is_refused_at_once(size: tuple[float, ...], mass: float) -> None:
+    """No minutes go into waves of a box that is too long for a mesh, and no traceback comes of masses beyond numbers."""
+    x = np.random.default_rng(3).random((30, 3))
+    scenario = told(x, {"method": "mesh", "softening": 0.1}, size, mass=mass)
+    message = "is not finite|times as long as it is wide" if mass == 1.0 else "not finite|no finite|beyond"
+    with pytest.raises(PsimError, match=message):
+        ps.run(ps.from_table(scenario), threads=1)

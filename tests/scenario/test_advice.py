@@ -290,5 +290,15 @@ def test_a_softening_far_beyond_the_box_is_refused(softening: float) -> None:
         ps.from_table(scenario)
 
 
+def test_a_box_where_numbers_are_far_apart_is_refused() -> None:
+    box: dict[str, Any] = {"size": [1, 1, 1], "origin": [0, 1e9, 0]}
+    ps.from_table(pairs(box=box))
+    box["origin"][1] = 1e17
+    with pytest.raises(
+        ps.ScenarioError, match=r"at 1e\+17 m numbers are 16 m apart, too far for a box of 1 m"
+    ):
+        ps.from_table(pairs(box=box))
+
+
 def test_a_formula_without_numbers_is_read_without_a_word_of_numpy() -> None:
     ps.from_table(pairs({"type": "formula", "potential": "1/(r - r)"}))

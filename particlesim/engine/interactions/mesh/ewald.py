@@ -232,8 +232,8 @@ def wave_sums(x: Floats, weight: Floats, given: Sum, last: Ints, team: Team) -> 
         add_waves(x, weight, first, end, unit, given.waves, planes, last, room, parts[chunk])
 
     team.each(work, SHARES * len(chunks))
-    total = np.zeros(parts.shape[1:])
-    for part in parts:  # in their order
+    total: Floats = parts[0]
+    for part in parts[1:]:  # in their order
         total += part
     return total
 

@@ -106,7 +106,8 @@ class TreePairs(Interaction, TreeColumns):
         limits = self.limits.copy()
         limits[calibration.TOLERANCE] *= ENERGY_TOLERANCE**2
         field_of_all(tree, limits, self.size.copy(), c.x, c.y, c.z, w, Hand(0, 1, new_gate()))
-        return -0.5 * self.coupling * float((w * height).sum())
+        with np.errstate(over="ignore", invalid="ignore"):  # the ledger says what is not finite
+            return -0.5 * self.coupling * float((w * height).sum())
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self.direct, c, t)
