@@ -10,6 +10,7 @@ import typer
 from psim.complete import scenario_files
 from psim.console import print_json
 from psim.options import Overrides, Quiet
+from psim.progress import told_when_long
 from psim.report import as_data, report
 
 
@@ -43,7 +44,9 @@ def check(
     results = []
     for number, path in enumerate(scenarios):
         try:
-            planned = plan(ps.load(path, overrides or ()), default_output(path), look=stability)
+            with told_when_long(path.stem, quiet=quiet or as_json):
+                loaded = ps.load(path, overrides or ())
+                planned = plan(loaded, default_output(path), look=stability)
         except ps.PsimError as error:
             worst = max(worst, error.exit_code)
             if not as_json:
@@ -54,7 +57,7 @@ def check(
         if not as_json and not quiet:
             if number:
                 print()
-            show_plan(str(path), planned)
+            show_plan(str(path), planned, loaded)
     if as_json:
         print_json(results)
     if worst:

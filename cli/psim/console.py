@@ -6,7 +6,10 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from particlesim.scenario.scenario import Scenario
 
 _CODES = {"red": "1;31", "yellow": "1;33", "cyan": "36", "bold": "1", "dim": "2"}
 
@@ -44,9 +47,34 @@ def say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def warn(text: str) -> None:
-    """A warning to the user."""
+def warn(text: str, scenario: Scenario | None = None) -> None:
+    """A warning to the user, with the place in a scenario of what it speaks of."""
     say(f"{paint('warning', 'yellow')}: {plain(text)}")
+    if scenario is not None:
+        from particlesim.scenario.subject import subject
+        from particlesim.scenario.text.report import place_of
+
+        if (found := subject(scenario, text)) is not None and (place := place_of(found)):
+            say(f"  {paint('-->', 'cyan')} {place}")
+
+
+def places(texts: Sequence[str], scenario: Scenario) -> list[dict[str, Any] | None]:
+    """The place in a scenario of what every warning speaks of, for JSON; None where there is none."""
+    if not texts:
+        return []
+    from particlesim.scenario.subject import subject
+
+    return [
+        None
+        if found is None
+        else {
+            "path": found.path,
+            "file": None if found.file is None else str(found.file),
+            "line": None if found.span is None else found.span.line,
+            "column": None if found.span is None else found.span.column,
+        }
+        for found in (subject(scenario, text) for text in texts)
+    ]
 
 
 def facts(rows: Iterable[tuple[str, str]], stream: TextIO) -> None:

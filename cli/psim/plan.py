@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.console import duration, facts, listed, number, paint, warn
+from psim.console import duration, facts, listed, number, paint, places, warn
 
 if TYPE_CHECKING:
     from particlesim.engine.stability.limits import Stability
@@ -60,6 +60,7 @@ def plan(
                 "not looked for, as kernels would be compiled for it: psim stability does, and so does a run"
             )
     grid = scenario.grid
+    told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)]
     return {
         "title": scenario.title,
         "groups": [group.name for group in scenario.groups],
@@ -81,7 +82,8 @@ def plan(
         "output": None if output is None else str(output),
         "stability": None if found is None else found.as_data(),
         "stability_missing": missing,
-        "advice": [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)],
+        "advice": told,
+        "advice_places": places(told, scenario),
     }
 
 
@@ -101,7 +103,7 @@ def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[st
         return found, (*found.warnings, *doubtful(world))
 
 
-def show_plan(name: str, planned: dict[str, Any]) -> None:
+def show_plan(name: str, planned: dict[str, Any], scenario: Scenario) -> None:
     """A plan on stdout, for people."""
     from particlesim.preflight.resources import size
 
@@ -129,7 +131,7 @@ def show_plan(name: str, planned: dict[str, Any]) -> None:
         sys.stdout,
     )
     for line in planned["advice"]:
-        warn(line)
+        warn(line, scenario)
     if planned["output"] is not None and Path(planned["output"]).exists():
         warn(f"{planned['output']} exists; psim run needs --force or another --output")
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from psim.console import animated, counted, duration, plain, rate, say
 
 if TYPE_CHECKING:
+    import threading
+
     from particlesim.runs.runner import Progress
     from particlesim.sweep import SweepProgress
 
@@ -17,6 +19,8 @@ FIRST_LINE, LINE_EVERY = 10.0, 30.0
 """Seconds before the first plain line, and between them: a log of CI stays short."""
 REDRAWN = 8
 """Times per second that a bar is drawn."""
+WAITED = 2.0
+"""Seconds after which a preparation is told."""
 COMPILING = "compiling kernels, to be kept"
 
 
@@ -26,10 +30,11 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
     if quiet:
         yield None
     elif not animated():
-        with _told_when_long(name):
+        with told_when_long(name):
             yield _plain_run(name)
     else:
         from particlesim.compiler import told_of_compiling
+        from particlesim.process.preparing import told_of_preparing
 
         with _bar(name, remaining=False) as bar:
             task = bar.add_task(plain(name), total=None, note="preparing")
@@ -46,7 +51,12 @@ def run_progress(name: str, *, quiet: bool) -> Iterator[Callable[[Progress], Non
             def compiling(busy: bool) -> None:
                 bar.update(task, note=COMPILING if busy else last)
 
-            with told_of_compiling(compiling):
+            def preparing(what: str | None) -> None:
+                nonlocal last
+                last = what or "preparing"
+                bar.update(task, note=last)
+
+            with told_of_compiling(compiling), told_of_preparing(preparing):
                 yield show
 
 
@@ -75,7 +85,7 @@ def render_progress(name: str, *, quiet: bool) -> Iterator[Callable[[int, int], 
                 left = duration((total - done) / rate)
                 say(f"{plain(name)}: {done} of {total} pictures, {left} left")
 
-        with _told_when_long(name):
+        with told_when_long(name):
             yield line
     else:
         from particlesim.compiler import told_of_compiling
@@ -174,32 +184,62 @@ class _Pace:
 
 
 @contextmanager
-def _told_when_long(name: str) -> Iterator[None]:
-    """A line when kernels have been compiled for a while."""
-    import threading
-
+def told_when_long(name: str, *, quiet: bool = False) -> Iterator[None]:
+    """A line when kernels have been compiled for a while, and when something else before the first step takes its time."""
+    if quiet:
+        yield
+        return
     from particlesim.compiler import told_of_compiling
+    from particlesim.process.preparing import told_of_preparing
 
-    waiting: list[threading.Timer] = []
-    told: list[None] = []
-
-    def tell() -> None:
-        told.append(None)
-        say(f"{plain(name)}: compiling kernels, which are kept for the next run")
-
-    def compiling(busy: bool) -> None:
-        while waiting:
-            waiting.pop().cancel()
-        if busy and not told:
-            waiting.append(threading.Timer(FIRST_LINE, tell))
-            waiting[0].daemon = True
-            waiting[0].start()
-
+    waiting = _Waiting(name)
     try:
-        with told_of_compiling(compiling):
+        with told_of_compiling(waiting.compiling), told_of_preparing(waiting.preparing):
             yield
     finally:
-        compiling(False)
+        waiting.end()
+
+
+class _Waiting:
+    """Tells what is waited for once it has taken long. Kernels are compiled in the middle of preparations, whose time begins
+    again after that."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._timer: threading.Timer | None = None
+        self._what: str | None = None
+        self._told: set[str] = set()
+
+    def compiling(self, busy: bool) -> None:
+        if busy:
+            self._tell_after(FIRST_LINE, "compiling kernels, which are kept for the next run")
+        else:
+            self.preparing(self._what)
+
+    def preparing(self, what: str | None) -> None:
+        self._what = what
+        if what is None:
+            self.end()
+        else:
+            self._tell_after(WAITED, what)
+
+    def end(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _tell_after(self, seconds: float, what: str) -> None:
+        import threading
+
+        self.end()
+        if what not in self._told:
+            self._timer = threading.Timer(seconds, self._tell, (what,))
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _tell(self, what: str) -> None:
+        self._told.add(what)
+        say(f"{plain(self._name)}: {what}")
 
 
 class _Speed:

@@ -21,7 +21,7 @@ from psim.options import (
     Threads,
     parse_seconds,
 )
-from psim.progress import render_progress, run_progress
+from psim.progress import render_progress, run_progress, told_when_long
 
 if TYPE_CHECKING:
     from particlesim.runs.filming import Filming
@@ -141,7 +141,8 @@ def _tell(
     if as_json:
         print_json(told)
     elif not quiet:
-        show_summary({**told, "warnings": [text for text in warnings if text not in said]})
+        unsaid = [text for text in warnings if text not in said]
+        show_summary({**told, "warnings": unsaid}, result.scenario)
         for path in (result.path, film):
             if path is not None:
                 print_path(path)
@@ -193,12 +194,13 @@ def _dry_run(
     from psim.plan import plan, show_plan
 
     loaded, path = _prepare(scenario, overrides, output)
-    planned = plan(loaded, path, must_fit=must_fit)
-    planned["seconds"] = estimated_seconds(loaded, threads=threads)
+    with told_when_long(scenario.stem, quiet=as_json):
+        planned = plan(loaded, path, must_fit=must_fit)
+        planned["seconds"] = estimated_seconds(loaded, threads=threads)
     if as_json:
         print_json({"scenario": str(scenario), **planned, "exit_code": 0})
     else:
-        show_plan(str(scenario), planned)
+        show_plan(str(scenario), planned, loaded)
 
 
 def _check_targets(loaded: Scenario, path: Path, film: Path | None, force: bool, resume: bool) -> None:
@@ -235,7 +237,7 @@ def _simulate(
     from psim.console import warn
 
     def tell(text: str) -> None:
-        warn(text)
+        warn(text, loaded)
         said.append(text)
 
     try:

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from psim.console import facts, paint, print_json, print_path, warn
+from psim.console import facts, paint, places, print_json, print_path, warn
 from psim.options import Force, Overrides, ScenarioFile
+from psim.progress import told_when_long
 
 
 def stability(
@@ -36,7 +37,8 @@ def stability(
     from psim.plan import stability_rows
 
     loaded = ps.load(scenario, overrides or ())
-    found = ps.stability(loaded)
+    with told_when_long(scenario.stem, quiet=as_json):
+        found = ps.stability(loaded)
     if plot is not None:
         from particlesim.analysis.stability import plot_stability
 
@@ -45,6 +47,7 @@ def stability(
         "scenario": str(scenario),
         **found.as_data(),
         "warnings": list(found.warnings),
+        "warning_places": places(found.warnings, loaded),
         "plot": plot and str(plot),
     }
     if as_json:
@@ -60,6 +63,6 @@ def stability(
         sys.stdout,
     )
     for text in found.warnings:
-        warn(text)
+        warn(text, loaded)
     if plot is not None:
         print_path(plot)

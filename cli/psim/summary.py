@@ -6,10 +6,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from psim.console import counted, duration, facts, paint, rate, say, warn
+from psim.console import counted, duration, facts, paint, places, rate, say, warn
 
 if TYPE_CHECKING:
     from particlesim.runs.runner import Result
+    from particlesim.scenario.scenario import Scenario
 
 DIGITS = 16
 """Digits of a digest that people are shown; two runs agree in them by chance once in 10¹⁹."""
@@ -64,6 +65,7 @@ def summary(result: Result, scenario: Path, video: Path | None, warnings: list[s
         "physics": physics_digest(result.scenario),
         "state": result.state,
         "warnings": warnings,
+        "warning_places": places(warnings, result.scenario),
         "exit_code": 0 if result.passed else 1,
     }
 
@@ -97,7 +99,7 @@ def _momentum(result: Result) -> dict[str, list[float]] | None:
     return {end: [float(values[k]) for values in axes] for end, k in (("first", 0), ("last", -1))}
 
 
-def show_summary(told: dict[str, Any]) -> None:
+def show_summary(told: dict[str, Any], scenario: Scenario) -> None:
     """The table on stderr."""
     from particlesim.preflight.resources import size
 
@@ -121,7 +123,7 @@ def show_summary(told: dict[str, Any]) -> None:
     say(paint(told["title"] or Path(told["scenario"]).stem, "bold"))
     facts(rows, sys.stderr)
     for text in told["warnings"]:
-        warn(text)
+        warn(text, scenario)
 
 
 def _took(told: dict[str, Any]) -> str:

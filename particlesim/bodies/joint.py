@@ -42,6 +42,12 @@ class Joint(Model):
     @model_validator(mode="after")
     def _joins(self) -> Joint:
         first, second = self.groups()
+        if first == second == WORLD:
+            raise invalid(
+                "the world is joined to itself, and does not move",
+                at=("between",),
+                allowed='a group of bodies and "world", or two groups of bodies',
+            )
         if first == WORLD:
             raise invalid(
                 '"world" must be the second of the two',
@@ -52,7 +58,7 @@ class Joint(Model):
             raise invalid(
                 "which bodies are joined?", allowed="pairs = [[0, 1]], or two groups with between = [...]"
             )
-        check_pairs(self.pairs or (), inside=first == second)
+        check_pairs(self.pairs or (), inside=first == second, of="body")
         for k, pair in enumerate(self.pairs or ()):
             if second == WORLD and pair[1] != 0:
                 raise invalid("the index of the world is 0", at=("pairs", k, 1), allowed="0")

@@ -26,12 +26,12 @@ def joined_groups(on: str | None, between: tuple[str, str] | None) -> tuple[str,
     raise invalid("joins one group or two", allowed='on = "chain", or between = ["hook", "chain"]')
 
 
-def check_pairs(pairs: Sequence[tuple[int, int]], *, inside: bool) -> None:
+def check_pairs(pairs: Sequence[tuple[int, int]], *, inside: bool, of: str = "particle") -> None:
     """Raises a mistake for a pair that is listed twice and, `inside` one group, for a particle that is joined to itself."""
     seen: dict[frozenset[int] | tuple[int, int], int] = {}
     for k, (a, b) in enumerate(pairs):
         if inside and a == b:
-            raise invalid(f"joins particle {a} to itself", at=("pairs", k))
+            raise invalid(f"joins {of} {a} to itself", at=("pairs", k))
         key = frozenset((a, b)) if inside else (a, b)
         if key in seen:
             raise invalid(

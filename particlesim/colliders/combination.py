@@ -11,12 +11,13 @@ Source: J. C. Hart, Sphere tracing, The Visual Computer 12, 527 (1996), section 
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from particlesim.colliders.emptiness import EXACT, surely_apart
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.solid import PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
@@ -33,6 +34,7 @@ from particlesim.laws.registry import (
     normal,
     thinnest,
 )
+from particlesim.model.mistakes import invalid
 from particlesim.model.variants import Family, Tagged
 
 SOLIDS = Family[Solid](
@@ -96,6 +98,11 @@ def listed(parts: Sequence[Solid]) -> str:
     return f"{', '.join(some)} and {last}" if some else last
 
 
+def are_known(parts: Sequence[Solid]) -> bool:
+    """Whether it is known how large solids are, and where, without a file that would have to be read."""
+    return all(part.kind in EXACT for part in parts)
+
+
 def distances(shape: Any, corners: Any) -> Any:
     """Signed distances of places [n, 3] to a shape [m], shape [n]."""
     x, y, z = np.ascontiguousarray(corners.T, float)
@@ -131,6 +138,17 @@ class Intersection(Combination):
 
     type: Literal["intersection"] = "intersection"
 
+    @model_validator(mode="after")
+    def _holds_something(self) -> Intersection:
+        if are_known(self.of) and surely_apart(self.whole(), min(part.farthest() for part in self.of)):
+            raise invalid(
+                f"{listed(self.of)} have nothing in common",
+                at=("of",),
+                allowed="solids that overlap each other",
+                hint='a "union" is all of them together',
+            )
+        return self
+
     def whole(self) -> tuple[Any, ...]:
         return tuple(part.geometry() for part in self.of)
 
@@ -150,6 +168,17 @@ class Difference(Combination):
     kind: ClassVar[str] = "difference"
 
     type: Literal["difference"] = "difference"
+
+    @model_validator(mode="after")
+    def _leaves_something(self) -> Difference:
+        first, *others = self.of
+        if are_known(self.of) and surely_apart(self.whole(), first.farthest()):
+            raise invalid(
+                f"nothing is left of a {first.kind} without {listed(others)}",
+                at=("of",),
+                allowed="a first solid that is not wholly inside of the others",
+            )
+        return self
 
     def whole(self) -> tuple[Any, ...]:
         first, *others = self.of
@@ -173,6 +202,14 @@ class DifferenceCollider(Difference, SolidCollider):
     """The first solid without the others."""
 
     costly: ClassVar[bool] = True
+
+    def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
+        yield from super().doubts(name, lightest, dt)
+        first, *others = self.of
+        for k, other in enumerate(others, start=1):
+            pair = (first, other)
+            if are_known(pair) and surely_apart([part.geometry() for part in pair], first.farthest()):
+                yield f"{name}: the {other.kind} of[{k}] takes nothing off, as it is apart from the {first.kind}"
 
 
 class UnionRecord(NamedTuple):

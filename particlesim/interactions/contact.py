@@ -60,6 +60,9 @@ SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
 """Keys of all models but hard impulses, and what they are unless given."""
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
+STRETCHED = 0.2
+"""By what part of its radius a grain may stretch before it parts from another, for what is told of JKR."""
+
 
 class Contact(Rubbing, PairInteraction):
     """Particles, surfaces and strands that touch each other, with restitution and friction."""
@@ -256,6 +259,11 @@ class Contact(Rubbing, PairInteraction):
         if lightest is None or not self.soft:
             return
         mass, radius = lightest
+        if (reach := self.beyond(radius)) > STRETCHED * radius:
+            yield (
+                f"{self.label}: the smallest grains stretch by {reach:.3g} m before they part, and have a radius of "
+                f"{radius:.3g} m; JKR is a law of small deformations: a smaller cohesion, or a larger young_modulus"
+            )
         if self.stiffness is not None:
             # Along the surface the mass of two equal balls that turn is 2/7 of that along the normal.
             along = 3.5 * (self.tangential_stiffness or 0.0) if self.rubs else 0.0

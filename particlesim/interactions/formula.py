@@ -142,7 +142,8 @@ class PairFormula(PairInteraction):
             with np.errstate(all="ignore"):
                 one = value(node, Known(r, m1, m2, q1, q2, r1, r2, t))  # type: ignore[arg-type]
                 other = value(node, Known(r, m2, m1, q2, q1, r2, r1, t))  # type: ignore[arg-type]
-            if abs(one - other) > 1e-9 * (abs(one) + abs(other)):
+                differs = abs(one - other) > 1e-9 * (abs(one) + abs(other))
+            if differs:
                 raise invalid(
                     "the energy of a pair must not depend on which of the two is the first",
                     at=("potential",),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations_with_replacement
 
 from particlesim.emitters import Emitter
 from particlesim.engine.interactions.methods import IN_MATRICES, chosen
@@ -17,6 +18,8 @@ PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
 """Seconds on one core beyond which all pairs of a run are told to be many."""
+ONCE = ("gravity", "coulomb", "contact")
+"""Interactions that act between two particles once, if at all."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -28,6 +31,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_own(scenario),
         *_friction(scenario),
         *_twice(scenario),
+        *_pairs_twice(scenario),
         *_loose(scenario),
         *_other_constant(scenario),
         *_joined_twice(scenario),
@@ -229,6 +233,24 @@ def _twice(scenario: Scenario) -> list[str]:
         if len(here) > 1:
             found.append(f"{' and '.join(here)} act together on {group.name!r}: gravity adds up")
     return found
+
+
+def _pairs_twice(scenario: Scenario) -> list[str]:
+    """Two interactions of one kind, of which there is one in nature, between the same groups."""
+    seen: dict[tuple[str, frozenset[str]], str] = {}
+    found: dict[tuple[str, str], str] = {}
+    for each, label in zip(scenario.interactions, scenario.labels.interactions, strict=True):
+        if each.type not in ONCE:
+            continue
+        names = [group.name for group in interacting(each, scenario.groups)]
+        pairs = combinations_with_replacement(names, 2) if each.between is None else [names]
+        for pair in map(frozenset, pairs):
+            if (other := seen.setdefault((each.type, pair), label)) != label:
+                found.setdefault((other, label), " and ".join(map(repr, sorted(pair))))
+    return [
+        f"{label} acts on pairs of {names} as {other} does: they add up"
+        for (other, label), names in found.items()
+    ]
 
 
 def _loose(scenario: Scenario) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from annotated_types import Gt
@@ -11,6 +12,9 @@ from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres, Vector
 from particlesim.trajectory.box import Box
+
+FINE = 1e-6
+"""How far numbers may be apart in a periodic box, as a part of its side."""
 
 
 class PeriodicBox(Model):
@@ -31,6 +35,13 @@ class PeriodicBox(Model):
                 at=("periodic",),
                 hint="leave the box out",
             )
+        for axis, (low, size) in enumerate(zip(self.origin, self.size, strict=True)):
+            if math.ulp(low) > FINE * size:
+                raise invalid(
+                    f"at {low:g} m numbers are {math.ulp(low):.2g} m apart, too far for a box of {size:g} m",
+                    at=("origin", axis),
+                    allowed=f"up to {FINE * size / math.ulp(1.0):.2g} m",
+                )
         return self
 
     def as_box(self) -> Box:

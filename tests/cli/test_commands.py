@@ -389,6 +389,27 @@ def test_check_and_run_tell_of_steps_that_are_too_long(psim):
     assert "beyond" in psim("run", "pair.toml", "--json", "--force", *beyond).json["warnings"][0]
 
 
+def test_warnings_have_a_place_in_the_file(psim):
+    """As errors have: of the step, of a group, of a collider; in JSON beside the sentences, which stay as they are."""
+    sunk = SPRUNG.replace("dt = 0.05", "dt = 0.1") + '[[planes]]\nname = "floor"\npoint = [0, 1, 0]\n'
+    Path("pair.toml").write_text(sunk)
+    lines = sunk.split("\n")
+    step, group = (lines.index(each) + 1 for each in ("dt = 0.1", "[[particles]]"))
+    for command in ("check", "run", "stability"):
+        told = psim(command, "pair.toml").err
+        assert f"\n  --> pair.toml:{step}:6  (simulation.dt)\n" in told
+        assert (f"\n  --> pair.toml:{group}:1  (particles.pair)\n" in told) is (command != "stability")
+    data = psim("check", "pair.toml", "--json").json[0]
+    places = dict(zip(data["advice"], data["advice_places"], strict=True))
+    assert {"path": "simulation.dt", "file": "pair.toml", "line": step, "column": 6} in places.values()
+    data = psim("stability", "pair.toml", "--json").json
+    assert [each["line"] for each in data["warning_places"]] == [step]
+    data = psim(
+        "run", "pair.toml", "--json", "--force", "--set", "simulation.dt=0.01", "--set", "output.ledger=false"
+    ).json
+    assert len(data["warnings"]) == len(data["warning_places"]) > 0
+
+
 def test_check_quietly(psim):
     assert psim("check", "tiny.toml", "--quiet") == Ended(0, "", "")
     Path("bad.toml").write_text("nonsense")

@@ -9,9 +9,10 @@ import pytest
 
 from particlesim import compiler
 from particlesim.compiler.kernel import _timed as compiling
+from particlesim.process.preparing import preparing
 from particlesim.sweep.sweep import SweepProgress
 from psim import progress
-from psim.progress import render_progress, sweep_progress
+from psim.progress import render_progress, run_progress, sweep_progress, told_when_long
 
 
 @pytest.fixture
@@ -62,7 +63,37 @@ def test_a_video_says_that_it_compiles(told, monkeypatch):
     assert told == ["a.mp4: compiling kernels, which are kept for the next run"]
 
 
-def test_a_bar_says_that_it_compiles(monkeypatch):
+def test_what_takes_long_before_the_first_step_is_told_once(told, monkeypatch):
+    heard = threading.Event()
+    monkeypatch.setattr(progress, "WAITED", 0.0)
+    monkeypatch.setattr(progress, "say", lambda text: (told.append(text), heard.set()))
+    for way in (run_progress, told_when_long):
+        told.clear()
+        with way("a", quiet=False):
+            for _ in range(2):
+                with preparing("counting sheep"):
+                    assert heard.wait(60)
+        assert told == ["a: counting sheep"]
+    with told_when_long("a", quiet=True), preparing("counting sheep"):
+        pass
+    assert told == ["a: counting sheep"]
+
+
+def test_what_is_done_before_it_is_long_is_not_told(told):
+    with told_when_long("a"):
+        with preparing("counting sheep"):
+            pass
+        assert not [
+            each
+            for each in threading.enumerate()
+            if isinstance(each, threading.Timer) and not each.finished.is_set()
+        ]
+    assert told == []
+
+
+@pytest.fixture
+def notes(monkeypatch):
+    """What a bar says of what is done."""
     notes: list[str] = []
 
     class Bar:
@@ -80,6 +111,17 @@ def test_a_bar_says_that_it_compiles(monkeypatch):
 
     monkeypatch.setattr(progress, "animated", lambda: True)
     monkeypatch.setattr(progress, "_bar", lambda *_, **__: Bar())
+    return notes
+
+
+def test_a_bar_says_what_is_prepared(notes):
+    with run_progress("a", quiet=False), preparing("counting sheep"), compiling():
+        pass
+    said = ["preparing", "counting sheep", "compiling kernels, to be kept", "counting sheep", "preparing"]
+    assert notes == said
+
+
+def test_a_bar_says_that_it_compiles(notes):
     with render_progress("a.mp4", quiet=False) as show:
         with compiling():
             pass

@@ -10,12 +10,16 @@ import pytest
 from simulate import EPS, points, rows, simulate, table
 
 import particlesim as ps
-from particlesim.engine.islands.separation import Pairs, overlapping
+from particlesim.engine.islands import overlaps, separation
+from particlesim.engine.islands.overlaps import overlapping
+from particlesim.engine.islands.separation import Pairs
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
 from particlesim.laws.contact import touch
 from particlesim.laws.pair import Pair
+from particlesim.process.preparing import told_of_preparing
+from particlesim.scenario.box import PeriodicBox
 
 R, M = 0.05, 0.1
 LINEAR = {"type": "contact", "model": "linear", "stiffness": 1e4}
@@ -462,3 +466,47 @@ def test_contacts_beside_springs_keep_what_both_keep() -> None:
             spin = 0.4 * M * R * R * final["angular_velocity"].sum(axis=0)
             turn = M * np.cross(final.position, final.velocity).sum(axis=0) + spin
             assert np.abs(turn - (0, 0, -M * 0.03)).max() < 1e-12
+
+
+@pytest.mark.parametrize("least", [0.05, 0.008, 0.0005])
+@pytest.mark.parametrize("sides", [None, (True, True, True), (True, False, True)])
+def test_overlaps_of_all_sizes_are_those_of_all_pairs(
+    least: float, sides: tuple[bool, bool, bool] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the grids of each class of sizes find, against all pairs one by one; sizes differ up to a hundred times, one has
+    none, and some are far away."""
+    rng = np.random.default_rng(11)
+    x, r = rng.uniform(-0.7, 1.3, (900, 3)), rng.uniform(least, 0.09, 900)
+    x[5], x[6], x[7], r[8] = 1e12, (1e18, 0, 0), np.nan, 0.0
+    box = None if sides is None else PeriodicBox(size=(1.0, 1.1, 0.9), origin=(-0.3, 0, 0), periodic=sides)
+    i, j, depth = overlapping(x, r, box)
+    monkeypatch.setattr(overlaps, "FEW", 1000)
+    p, q, deep = overlapping(x, r, box)
+    found = dict(
+        zip(zip(np.minimum(i, j).tolist(), np.maximum(i, j).tolist(), strict=True), depth, strict=True)
+    )
+    known = dict(zip(zip(p.tolist(), q.tolist(), strict=True), deep, strict=True))
+    assert len(found) == len(i) > 100
+    assert found == pytest.approx(known)
+
+
+def test_grains_of_sizes_that_differ_are_put_apart_without_looking_for_pairs_again_and_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The smallest of sizes that differ six times does not say how far all look ahead: by its radius, pairs were looked for
+    in one turn of three, which was most of the time."""
+    looked, said = [], []
+
+    def counted(*given: Any) -> Any:
+        looked.append(given)
+        return overlapping(*given)
+
+    monkeypatch.setattr(separation, "overlapping", counted)
+    start = heap("hertz", n=400)
+    start["particles"][0]["radius"] = {"type": "uniform", "low": 0.004, "high": 0.024}
+    start["interactions"][0]["overlap"] = "auto"
+    with told_of_preparing(said.append):
+        (found,) = World(ps.from_table(start)).separations
+    assert found.number > 100
+    assert len(looked) < 20
+    assert said == ["moving apart particles that overlap at the start", None]

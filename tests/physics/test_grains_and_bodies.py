@@ -240,4 +240,4 @@ def test_particles_that_start_inside_of_bodies_are_told_with_their_depth() -> No
     with uncompiled():
         (told,) = embedded(World(ps.from_table(table(0.1, 0.1, **parts))))
     assert "1 particle of 'grains'" in told
-    assert "(id 1) in body 3 of 'body' by 0.03 m" in told
+    assert "(id 1) in body 0 of 'body' by 0.03 m" in told

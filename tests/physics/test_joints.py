@@ -516,3 +516,15 @@ def test_starts_that_do_not_fit_joints_are_refused(
 ) -> None:
     with pytest.raises(ps.UsageError, match=message):
         simulate(1.0, 1e-2, bodies=[BODY | body], **joint)
+
+
+def test_a_joint_between_the_world_and_itself_is_told_as_such() -> None:
+    with pytest.raises(ps.ScenarioError, match="the world is joined to itself") as error:
+        ps.from_table(table(1, 0.01, joints=[{"type": "ball", "between": ["world", "world"]}]))
+    (told,) = [each for each in error.value.diagnostics if "world" in each.message]
+    assert told.allowed == 'a group of bodies and "world", or two groups of bodies'
+
+
+def test_a_joint_of_a_body_with_itself_speaks_of_a_body() -> None:
+    with pytest.raises(ps.ScenarioError, match="joins body 0 to itself"):
+        ps.from_table(table(1, 0.01, joints=[{"type": "ball", "on": "bar", "pairs": [[0, 0]]}]))

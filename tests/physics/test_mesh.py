@@ -26,6 +26,7 @@ from particlesim.engine.snapshot import restore, snapshot
 from particlesim.errors import PsimError, UsageError
 from particlesim.interactions.gravity import MutualGravity
 from particlesim.laws.pair import Pair, central
+from particlesim.process.preparing import told_of_preparing
 
 Places = NDArray[np.float64]
 SIZE = (1.0, 2.0, 1.5)
@@ -483,3 +484,26 @@ def test_a_burst_of_two_groups_between_which_nothing_acts_is_refused() -> None:
     scenario["particles"].append(points((0.5, 0.5, 0.5), name="others", mass=1.0))
     with pytest.raises(PsimError, match="between two groups"):
         ps.from_table(scenario)
+
+
+def test_a_box_too_long_for_a_mesh_is_told_as_such() -> None:
+    """300 times as long as wide: 1024 nodes along it are cells as wide as a third of its width."""
+    x = np.random.default_rng(3).random((300, 3)) * (300, 1, 1)
+    said: list[str | None] = []
+    with (
+        closing(Simulation(ps.from_table(told(x, {"method": "mesh"}, (300, 1, 1))), threads=1)) as simulation,
+        told_of_preparing(said.append),
+        pytest.raises(PsimError, match="a box that is not as long: a mesh has 1024 nodes along an axis"),
+    ):
+        simulation.advance_to(1)
+    assert said == ["measuring the errors of forces by a mesh", None]
+
+
+@pytest.mark.parametrize(("size", "mass"), [((1e5, 1, 1), 1.0), ((1000, 1000, 1), 1.0), (SIZE, 1e300)])
+def test_what_a_mesh_cannot_do_is_refused_at_once(size: tuple[float, ...], mass: float) -> None:
+    """No minutes go into waves of a box that is too long for a mesh, and no traceback comes of masses beyond numbers."""
+    x = np.random.default_rng(3).random((30, 3))
+    scenario = told(x, {"method": "mesh", "softening": 0.1}, size, mass=mass)
+    message = "is not finite|times as long as it is wide" if mass == 1.0 else "not finite|no finite|beyond"
+    with pytest.raises(PsimError, match=message):
+        ps.run(ps.from_table(scenario), threads=1)

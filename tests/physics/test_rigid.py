@@ -328,7 +328,7 @@ def test_all_bodies_that_touch_are_found(large: float) -> None:
     found = {tuple(sorted((each.body, each.other))) for each in island.intrusions()}  # type: ignore[type-var]
     apart = np.linalg.norm(b.x[:, :, None] - b.x[:, None], axis=0)
     i, j = np.nonzero(np.triu(apart < b.reach[:, None] + b.reach - 1e-3, 1))
-    names = [(state.name, int(each)) for state in world.states for each in state.id[: state.count]]
+    names = [(state.name, k) for state in world.states for k in range(state.count)]
     wanted = {tuple(sorted((names[m], names[n]))) for m, n in zip(i, j, strict=True)}
     assert len(wanted) > 150
     assert wanted <= found

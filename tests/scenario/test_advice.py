@@ -9,6 +9,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.preflight.advice import advice, sliding
+from particlesim.scenario.subject import subject
 
 
 def table(method: str, force: dict[str, Any], **plane: Any) -> dict[str, Any]:
@@ -178,3 +179,126 @@ def test_particles_that_pass_through_bodies_are_told(
         }
     )
     assert any("pass through rigid bodies" in sentence for sentence in advice(scenario)) is told
+
+
+WRITTEN = """format = 1
+[simulation]
+duration = 1.0
+dt = 0.01
+[[particles]]
+name = "dt"
+layout = { type = "rope", start = [0, 0, 0], end = [1, 0, 0], count = 5 }
+springs = { structural = 100.0 }
+[[particles]]
+name = "a"
+layout = { type = "points", position = [[0, 1, 0]] }
+radius = 0.1
+[[forces]]
+type = "gravity"
+[[forces]]
+type = "gravity"
+[[interactions]]
+name = "pull"
+type = "gravity"
+[[planes]]
+name = "floor"
+[[colliders]]
+type = "sphere"
+radius = 0.1
+center = [0, -5, 0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("pull: it is near", 17),
+        ("the pulley of 'a' and 'dt'", 9),
+        ('particles of "a" pass', 9),
+        ("dt = 0.01 s is beyond the largest stable step for 'a'", 4),
+        ("gravity and gravity_2 act together on 'a'", 13),
+        ("gravity_2 acts", 15),
+        ("dt.structural alone", 5),
+        ("5 particles of 'a' start inside plane floor", 9),
+        ("plane floor: friction", 20),
+        ("sphere 1 with discrete detection", 22),
+        ("sphere colliders.0: nobody", 22),
+        ("nothing that has a name", None),
+    ],
+)
+def test_a_warning_has_the_place_of_what_it_names_first(text: str, line: int | None) -> None:
+    found = subject(ps.loads(WRITTEN), text)
+    assert (None if found is None or found.span is None else found.span.line) == line
+    assert subject(ps.from_table(table("rk4", {"type": "gravity"})), "gravity") is None
+
+
+def pairs(*interactions: dict[str, Any], **simulation: Any) -> dict[str, Any]:
+    """Two groups of balls, and what acts between them."""
+    groups = [
+        {
+            "name": name,
+            "layout": {"type": "points", "position": [[0.2, 0.2, k]]},
+            "radius": 0.01,
+            "charge": 1e-9,
+        }
+        for k, name in enumerate("ab")
+    ]
+    return {
+        "simulation": {"duration": 1e-5, "dt": 1e-6, **simulation},
+        "particles": groups,
+        "interactions": list(interactions),
+    }
+
+
+def test_what_acts_twice_between_the_same_groups_is_told() -> None:
+    def told(*interactions: dict[str, Any]) -> list[str]:
+        return [text for text in advice(ps.from_table(pairs(*interactions))) if "add up" in text]
+
+    pull, push = {"type": "gravity"}, {"type": "coulomb"}
+    assert told(pull, pull) == ["gravity_2 acts on pairs of 'a' as gravity does: they add up"]
+    assert told({**pull, "on": ["b"]}, {**pull, "between": ["b", "a"]}) == []
+    (both,) = told(pull, {**pull, "between": ["b", "a"]})
+    assert "pairs of 'a' and 'b'" in both
+    assert told(pull, push) == []
+    well = {"type": "yukawa", "strength": 1.0, "screening_length": 1.0}
+    assert told(well, well) == []
+
+
+def test_grains_that_stretch_by_a_part_of_their_radius_are_told() -> None:
+    def told(cohesion: float) -> list[str]:
+        touch = {"type": "contact", "model": "hertz", "young_modulus": 1e7, "adhesion": "jkr"}
+        return [
+            text
+            for text in advice(ps.from_table(pairs({**touch, "cohesion": cohesion})))
+            if "stretch" in text
+        ]
+
+    assert told(1.0) == []
+    (text,) = told(1e5)
+    assert text.startswith("contact: the smallest grains stretch by ")
+
+
+@pytest.mark.parametrize("softening", [99.0, 1e200])
+def test_a_softening_far_beyond_the_box_is_refused(softening: float) -> None:
+    scenario = pairs({"type": "gravity", "softening": softening}, box={"size": [1, 1, 1.5]})
+    if softening == 99.0:
+        ps.from_table(scenario)
+        return
+    with pytest.raises(
+        ps.ScenarioError, match=r"a softening of 1e\+200 m in a box of 1\.5 m leaves no force"
+    ):
+        ps.from_table(scenario)
+
+
+def test_a_box_where_numbers_are_far_apart_is_refused() -> None:
+    box: dict[str, Any] = {"size": [1, 1, 1], "origin": [0, 1e9, 0]}
+    ps.from_table(pairs(box=box))
+    box["origin"][1] = 1e17
+    with pytest.raises(
+        ps.ScenarioError, match=r"at 1e\+17 m numbers are 16 m apart, too far for a box of 1 m"
+    ):
+        ps.from_table(pairs(box=box))
+
+
+def test_a_formula_without_numbers_is_read_without_a_word_of_numpy() -> None:
+    ps.from_table(pairs({"type": "formula", "potential": "1/(r - r)"}))

@@ -12,7 +12,8 @@ from simulate import points, simulate, table
 import particlesim as ps
 from particlesim.compiler import uncompiled
 from particlesim.engine.world import World
-from particlesim.runs.validity import misplaced
+from particlesim.preflight.advice import advice
+from particlesim.runs.validity import doubtful, misplaced
 
 GRAIN = {"particles": [points((0, 5, 0), name="grain", radius=0.05)]}
 MIDDLE = {"of": [{"type": "sphere", "radius": 1.0}]}
@@ -50,6 +51,51 @@ def test_numbers_that_no_collider_has_are_refused(name: str) -> None:
     collider, key = REFUSED[name]
     with pytest.raises(ps.ScenarioError, match=key):
         ps.from_table(table(1, 0.01, colliders=[collider], **GRAIN))
+
+
+BALL, FAR_BALL = {"type": "sphere", "radius": 1.0}, {"type": "sphere", "radius": 1.0, "center": [1.9, 0, 0]}
+LARGE, AWAY = {"type": "box", "size": [3, 3, 3]}, {**FAR_BALL, "center": [3, 3, 1e5]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "of", "message"),
+    [
+        ("intersection", [BALL, AWAY], "a sphere and a sphere have nothing in common"),
+        ("intersection", [BALL, LARGE, FAR_BALL, AWAY], "have nothing in common"),
+        (
+            "intersection",
+            [{**LARGE, "center": [1e4, 0, 0]}, {**BALL, "center": [1e4, 2.6, 0]}],
+            "nothing in common",
+        ),
+        ("difference", [BALL, LARGE], "nothing is left of a sphere without a box"),
+        ("difference", [BALL, FAR_BALL, LARGE], "nothing is left of a sphere without a sphere and a box"),
+        ("intersection", [BALL, FAR_BALL], None),
+        ("intersection", [{**AWAY, "radius": 0.01}, {**AWAY, "radius": 0.02}], None),
+        ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], None),  # they touch, in one point
+        ("difference", [LARGE, BALL], None),
+        ("intersection", [{**BALL, "radius": 1e300}, {**BALL, "center": [1e299, 0, 0]}], None),
+        ("difference", [BALL, {**BALL, "radius": 0.9999}], None),
+        ("union", [BALL, AWAY], None),
+    ],
+)
+def test_solids_with_nothing_in_them_are_refused(kind: str, of: list[Any], message: str | None) -> None:
+    scenario = table(1, 0.01, colliders=[{"type": kind, "name": "block", "of": of}], **GRAIN)
+    if message is None:
+        ps.from_table(scenario)
+        return
+    with pytest.raises(ps.ScenarioError, match=message) as error:
+        ps.from_table(scenario)
+    (told,) = error.value.diagnostics
+    assert told.path == "colliders.block.of"
+    assert told.allowed
+
+
+def test_what_takes_nothing_off_is_told() -> None:
+    holes = [BALL, FAR_BALL, AWAY]
+    scenario = table(1, 0.01, colliders=[{"type": "difference", "name": "block", "of": holes}], **GRAIN)
+    assert [text for text in advice(ps.from_table(scenario)) if "takes nothing off" in text] == [
+        "difference block: the sphere of[2] takes nothing off, as it is apart from the sphere"
+    ]
 
 
 def test_walls_that_overlap_are_refused() -> None:
@@ -102,3 +148,18 @@ def test_what_is_doubtful_is_told(tmp_path: Any) -> None:
     trimesh.Trimesh(vertices, faces, process=False).export(path)
     found = simulate(0.1, 0.01, colliders=[{"type": "mesh", "path": str(path)}], **GRAIN)
     assert any("1 of its triangles have no area" in text for text in found.warnings)
+
+
+def test_bodies_are_counted_in_their_group() -> None:
+    """The second body of the second group is number 1, however many there are in the groups before it."""
+    ball = {"shape": {"type": "sphere", "radius": 0.5}, "density": 1000}
+    groups = [
+        {**ball, "name": "a", "layout": {"type": "points", "position": [[10 * k, 0, 0] for k in range(3)]}},
+        {**ball, "name": "b", "layout": {"type": "points", "position": [[5, 0, 0], [10, 0.6, 0]]}},
+    ]
+    dust = points((5, 0.1, 0), (10, 0.8, 0), name="dust", radius=0.01, mass=1e-3)
+    touch = {"type": "contact", "model": "impulse", "between": ["dust", "b"]}
+    scenario = table(1, 0.01, bodies=groups, particles=[dust], interactions=[touch])
+    told = " ".join(doubtful(World(ps.from_table(scenario))))
+    assert "body 1 of 'a' and body 1 of 'b'" in told or "body 1 of 'b' and body 1 of 'a'" in told
+    assert "in body 0 of 'b' by 0.41 m" in told

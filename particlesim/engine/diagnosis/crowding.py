@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from particlesim.engine.islands.separation import overlapping
+from particlesim.engine.islands.overlaps import overlapping
 from particlesim.engine.world import World
 from particlesim.interactions.contact import Contact
 from particlesim.scenario.reach import interacting, touches_by_surfaces

@@ -11,8 +11,8 @@ from particlesim.engine.world import World
 
 
 def embedding(world: World, particles: str, bodies: str) -> tuple[int, int, int, float]:
-    """How many particles of a group are inside of bodies of another; of the deepest its id, the id of the body, and how deep
-    it is [m]."""
+    """How many particles of a group are inside of bodies of another; of the deepest its id, which body of
+    the group it is in, and how deep it is [m]."""
     state = next(each for each in world.states if each.name == particles)
     if not state.count:
         return 0, 0, 0, 0.0
@@ -23,4 +23,5 @@ def embedding(world: World, particles: str, bodies: str) -> tuple[int, int, int,
     depths_in(island.bodies(), group, x, radius, depth, which)
     number = int((depth > TOUCHING * np.abs(x).max()).sum())
     row = int(depth.argmax())
-    return number, int(state.id[row]), int(island.ids()[which[row]]), float(depth[row])
+    first = sum(each.count for each in island.states[:group])
+    return number, int(state.id[row]), int(which[row]) - first, float(depth[row])

@@ -110,7 +110,7 @@ def not_finite(world: World, number: int, fault: Fault, first: int) -> Divergenc
     if (joint := fault.unclosed) is not None:
         place = row - rows.start
         sign = Sign(fault.step, row, _particle(columns, place, time), place, interactions, columns)
-        text = f"joint {joint.name!r} could not be held in the step from t = {time:.9g} s; body {{who}} was"
+        text = f"joint {joint.name!r} could not be held in the step from t = {time:.9g} s; body {{body}} was"
         return _report(world, number, sign, "not held", time, text, UNCLOSED)
     over = f"no longer finite after the step from t = {time:.9g} s"
     early = _first_sign(world, number, row, first, fault.step)
@@ -247,7 +247,8 @@ def _report(
     text: str,
     hint: str | None = None,
 ) -> DivergenceError:
-    """Message, hint and data of a post-mortem. `text` says what happened to {who}, up to where it was."""
+    """Message, hint and data of a post-mortem. `text` says what happened to {who} or {body}, up to where it
+    was."""
     island = world.islands[number]
     member = int(np.searchsorted(np.cumsum([s.count for s in island.states]), sign.row, side="right"))
     state, p = island.states[member], sign.particle
@@ -269,7 +270,11 @@ def _report(
         stable,
     )
     where = f"({p.x:.6g}, {p.y:.6g}, {p.z:.6g}) m with velocity ({p.vx:.6g}, {p.vy:.6g}, {p.vz:.6g}) m/s"
-    message = text.replace("{who}", f"{found.particle} of {found.group!r}") + f" at {where}"
+    # bodies are counted in their group, as by the pairs of joints; particles have ids
+    message = text.replace("{who}", f"{found.particle} of {found.group!r}").replace(
+        "{body}", f"{row} of {found.group!r}"
+    )
+    message += f" at {where}"
     if name is not None:
         message += f", and the strongest force on it was {name} with {size:.6g} N"
     if stable is not None and math.isfinite(stable):

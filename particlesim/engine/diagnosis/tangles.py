@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from particlesim.engine.diagnosis.crowding import TOUCHING
 from particlesim.engine.interactions.surfaces.surface_contacts import SurfaceContacts
 from particlesim.engine.islands.coupled import CoupledIsland
-from particlesim.engine.islands.separation import overlapping
+from particlesim.engine.islands.overlaps import overlapping
 from particlesim.engine.world import World
 from particlesim.model.arrays import Floats
 

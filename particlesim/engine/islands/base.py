@@ -43,7 +43,7 @@ OWN_STEPS = 20
 
 
 class Intrusion(NamedTuple):
-    """A body, by its group and id, that is inside of a collider or of another body, and how deep [m]."""
+    """A body, by its group and its number there, that is inside of a collider or of another body, and how deep [m]."""
 
     body: tuple[str, int]
     other: Collider | tuple[str, int]

@@ -127,10 +127,6 @@ class RigidIsland(BaseIsland):
         n = whole.count
         return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
 
-    def ids(self) -> NDArray[np.int64]:
-        """Ids of all bodies."""
-        return np.concatenate([state.id[: state.count] for state in self.states])
-
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
         b, motion = self._on_rods()
@@ -265,28 +261,29 @@ class RigidIsland(BaseIsland):
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = colliders_of(self._structure)
-        ids = self.ids()
         names = np.repeat([state.name for state in self.states], np.diff(bounds))
+        numbers = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))
         found: dict[tuple[int, int], Intrusion] = {}
         for c in np.argsort(k.gap[: k.number[0]], kind="stable").tolist():
             i, j, depth = int(k.first[c]), int(k.second[c]), -float(k.gap[c])
             if depth <= DEEP * self._scene.slop:
                 break
-            mine = (str(names[i]), int(ids[i]))
+            mine = (str(names[i]), int(numbers[i]))
             if j == WORLD:
                 number = int(k.feature[c]) // FEATURES - 1
                 found.setdefault((i, -1 - number), Intrusion(mine, colliders[number], depth))
             else:
-                found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(ids[j])), depth))
+                found.setdefault((i, j), Intrusion(mine, (str(names[j]), int(numbers[j])), depth))
         return list(found.values())
 
     def crammed(self) -> Intrusion | None:
         """The first of the bodies that are deepest inside of colliders which no shift frees."""
         b, allowed = self.bodies(), DEEP * self._scene.slop
-        ids = self.ids().tolist()
+        names = [state.name for state in self.states]
         for each in self.intrusions()[:TRIED]:
             if not isinstance(each.other, tuple):
-                i, kept = ids.index(each.body[1]), b.x.copy()
+                name, number = each.body
+                i, kept = int(self._joined.bounds[names.index(name)]) + number, b.x.copy()
 
                 def look(shift: Floats, i: int = i, kept: Floats = kept) -> tuple[Floats, Floats]:
                     b.x[:, i] = kept[:, i] + shift

@@ -17,15 +17,16 @@ import numpy as np
 
 from particlesim.colliders.gaps import put_outside
 from particlesim.compiler import kernel
+from particlesim.engine.islands.overlaps import overlapping
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.model.arrays import Floats, Ints
+from particlesim.process.preparing import preparing
+from particlesim.process.signals import held_signals
 from particlesim.scenario.box import PeriodicBox
 
-CLASSES = 2.0
-"""Ratio of radii within a class of sizes, which is looked through together."""
 DEEP = 0.05
 """Overlap beyond which no contact is left as it is, as a part of the smaller radius: laws of contact are for small ones."""
 LEFT = 0.01
@@ -34,8 +35,9 @@ BOLD = 0.1
 """How far a particle goes at once, as a part of its radius."""
 TURNS = 400
 """Turns at most; what then overlaps has no room."""
-AHEAD = 0.2
-"""Pairs are looked for this far beyond touching, as a part of the smallest radius, so that a list does for some turns."""
+AHEAD = 0.3
+"""Pairs are looked for among spheres that are larger by this part of their radius, so that a list does for some turns: until
+one has gone as far."""
 
 
 class Separation(NamedTuple):
@@ -79,16 +81,17 @@ def _separated(
     if not (depth > limit).any():
         return None
     before, first, number = x.copy(), float(depth.max()), int((depth > limit).sum())
-    ahead = AHEAD * float(r[r > 0].min())
     looked = np.full_like(x, np.inf)
-    for _ in range(TURNS):
-        if not 2 * _furthest(x, looked) < ahead:
-            pairs.find(x, ahead)
-            looked = x.copy()
-        if not pairs.move(x):
-            break
-        for state, begin, end in zip(states, ends, ends[1:], strict=False):
-            _put_out(structure, state, x[begin:end], r[begin:end], free[begin:end])
+    with preparing("moving apart particles that overlap at the start"), held_signals() as signals:
+        for _ in range(TURNS):
+            signals.check()
+            if not _holds(x, looked, r):
+                pairs.find(x, AHEAD)
+                looked = x.copy()
+            if not pairs.move(x):
+                break
+            for state, begin, end in zip(states, ends, ends[1:], strict=False):
+                _put_out(structure, state, x[begin:end], r[begin:end], free[begin:end])
     left = pairs.find(x, 0.0)
     cramped = bool((left > 2 * LEFT * pairs.smaller).any())
     for state, begin, end in zip(states, ends, ends[1:], strict=False):
@@ -100,6 +103,11 @@ def _separated(
 def _furthest(x: Floats, from_: Floats) -> float:
     """The longest way that one has gone [m]."""
     return float(np.sqrt(((x - from_) ** 2).sum(axis=1).max()))
+
+
+def _holds(x: Floats, looked: Floats, r: Floats) -> bool:
+    """Whether nobody has gone so far since pairs were looked for that they may lack some."""
+    return bool((((x - looked) ** 2).sum(axis=1) < (AHEAD * r) ** 2)[r > 0].all())
 
 
 def _lightness(state: GroupState) -> Floats:
@@ -131,13 +139,13 @@ class Pairs:
         return np.minimum(self.r[self.i], self.r[self.j])
 
     def find(self, x: Floats, ahead: float) -> Floats:
-        """Look for those nearer than `ahead` [m], and how deep they overlap."""
-        i, j, depth = overlapping(x, np.where(self.r > 0, self.r + ahead / 2, 0.0), self.box)
+        """Look for those that overlap as spheres larger by this part, and how deep they do as they are; less than 0: not."""
+        i, j, depth = overlapping(x, (1 + ahead) * self.r, self.box)
         kept = self.free[i] + self.free[j] > 0
         if self.side is not None:
             kept &= self.side[i] != self.side[j]
         self.i, self.j = i[kept], j[kept]
-        return depth[kept] - ahead
+        return depth[kept] - ahead * (self.r[self.i] + self.r[self.j])
 
     def move(self, x: Floats) -> bool:
         """Move those at x [n, 3] apart by one turn, in place; whether there was anything too deep."""
@@ -198,37 +206,3 @@ def _go(x: Any, r: Any, moves: Any) -> None:
         x[i, 0] += part * mx
         x[i, 1] += part * my
         x[i, 2] += part * mz
-
-
-def overlapping(x: Floats, r: Floats, box: PeriodicBox | None = None) -> tuple[Ints, Ints, Floats]:
-    """All pairs of spheres at x [n, 3] with radii r [n] that overlap, each once, and how deep [m].
-
-    Spheres are looked for among those of their own size and of smaller ones, size by size, so that few large ones do not
-    make small ones look far.
-    """
-    from scipy.spatial import cKDTree
-
-    periods = None if box is None else box.as_box().steps
-    if box is not None and periods is not None:
-        x = np.mod(x - box.as_box().origin, np.where(periods > 0, periods, np.inf))
-    there = np.flatnonzero((r > 0) & np.isfinite(x).all(axis=1))
-    sizes = np.floor(np.log(r[there]) / np.log(CLASSES)).astype(np.int64)
-    classes = [there[sizes == size] for size in np.unique(sizes)]
-    trees = [cKDTree(x[rows], boxsize=periods) for rows in classes]
-    ends: list[tuple[Ints, Ints]] = []
-    for k, (rows, tree) in enumerate(zip(classes, trees, strict=True)):
-        inside = tree.query_pairs(2 * r[rows].max(), output_type="ndarray")
-        ends.append((rows[inside[:, 0]], rows[inside[:, 1]]))
-        for smaller, other in zip(classes[:k], trees[:k], strict=True):
-            near = other.query_ball_point(x[rows], r[rows] + r[smaller].max())
-            count = np.array([len(each) for each in near], np.int64)
-            if count.any():
-                ends.append((np.repeat(rows, count), smaller[np.concatenate(near).astype(np.int64)]))
-    i = np.concatenate([np.empty(0, np.int64), *(a for a, _ in ends)])
-    j = np.concatenate([np.empty(0, np.int64), *(b for _, b in ends)])
-    way = x[i] - x[j]
-    if periods is not None:
-        way -= periods * np.round(way / np.where(periods > 0, periods, np.inf))
-    depth = r[i] + r[j] - np.sqrt((way**2).sum(axis=1))
-    touch = depth > 0
-    return i[touch], j[touch], depth[touch]

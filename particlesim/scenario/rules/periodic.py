@@ -127,8 +127,19 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
             )
 
 
+WIDEST = 100.0
+"""Softenings over the longest side of a box beyond which they are slips of the hand: no force is left."""
+
+
 def _images(each: FarInteraction, here: Path, box: PeriodicBox, shortest: float) -> Iterator[Invalid]:
     """Sums over all images, by a mesh."""
+    if (softening := each.far_softening()) > WIDEST * (longest := max(box.size)):
+        yield Invalid(
+            f"a softening of {softening:g} m in a box of {longest:g} m leaves no force",
+            (*here, "softening"),
+            ((BOX, "here"),),
+            allowed=f"up to {WIDEST * longest:g} m",
+        )
     if not all(box.periodic):
         axes = " and ".join("xyz"[k] for k in range(3) if not box.periodic[k])
         yield Invalid(

@@ -41,7 +41,7 @@ def render_text(diagnostic: Diagnostic, *, color: bool = False) -> str:
     gutter = max((len(number) for number in numbers), default=0) or 1
     bar = paint(_BLUE, f"{'':{gutter}} |")
     lines = [paint(_RED, "error") + paint(_BOLD, f": {printable(diagnostic.message)}")]
-    if place := _place(diagnostic):
+    if place := place_of(diagnostic):
         lines.append(f"{'':{gutter}}{paint(_BLUE, '-->')} {place}")
     source = diagnostic.source.split("\n")
     previous = None
@@ -96,7 +96,8 @@ def _marks(diagnostic: Diagnostic) -> list[_Mark]:
     return sorted(marks, key=lambda mark: (mark.line, not mark.primary, mark.column))
 
 
-def _place(diagnostic: Diagnostic) -> str:
+def place_of(diagnostic: Diagnostic) -> str:
+    """File, line, column and address of a diagnostic, as far as there are such."""
     place = "" if diagnostic.file is None else str(diagnostic.file)
     if diagnostic.span is not None and place:
         place += f":{diagnostic.span.line}:{diagnostic.span.column}"

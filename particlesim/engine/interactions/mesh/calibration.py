@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.interactions.mesh.ewald import Sum, ewald_field
-from particlesim.engine.interactions.mesh.plan import FLOOR, Plan, Task, planned
+from particlesim.engine.interactions.mesh.influence import COARSEST
+from particlesim.engine.interactions.mesh.plan import FLOOR, SIZES, Plan, Task, planned
 from particlesim.errors import UsageError
 from particlesim.process.threads import Team
 
@@ -29,6 +30,8 @@ LEAST_NEED = 1e-3
 EXACT = 0.02
 """The error of Ewald's sums over the accuracy."""
 ROUNDS = 8
+MOST_WAVES = 30_000_000
+"""Waves of Ewald's sums: they take seconds, and a GiB of memory."""
 TIGHTEST, GAIN = 10.0, 0.7
 """How much more exact a plan is than the one before at most; and what part of the error must then be left at most."""
 
@@ -41,6 +44,21 @@ class Sample(NamedTuple):
     gradient: Floats
     weight: Floats
     need: Floats
+
+
+def refuse_long(
+    plan: Plan, size: tuple[float, float, float], waves: tuple[int, int, int], accuracy: float
+) -> None:
+    """Raises UsageError for a box so long for its width that the finest mesh does not see what the near part leaves, or that
+    there are too many waves to be summed; minutes would be spent on finding that out."""
+    cell = max(length / nodes for length, nodes in zip(size, plan.shape, strict=True))
+    x, y, z = waves
+    if plan.alpha * cell > COARSEST or (x + 1) * (2 * y + 1) * (2 * z + 1) > MOST_WAVES:
+        raise UsageError(
+            f"forces cannot be as accurate as {accuracy:g} with a mesh in a box that is {max(size) / min(size):.3g} times "
+            "as long as it is wide",
+            "a larger accuracy, or a box that is more like a cube",
+        )
 
 
 def sampled(place: Floats, weight: Floats, volume: float, given: Sum, team: Team) -> Sample:
@@ -99,7 +117,9 @@ def calibrated(
     if not good:
         raise UsageError(
             f"forces cannot be as accurate as {accuracy:g} with a mesh: {min(tried)[0]:.1e} is reached",
-            'a larger accuracy, or precision = "double"',
+            'a larger accuracy, or precision = "double"'
+            if max(plan.shape) < SIZES[-1]
+            else f"a larger accuracy, or a box that is not as long: a mesh has {SIZES[-1]} nodes along an axis at most",
         )
     error, plan = good[-1]
     return plan, max(error, float(np.finfo(float).eps))

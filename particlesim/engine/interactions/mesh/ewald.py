@@ -28,6 +28,8 @@ BLOCK = 64
 """Particles whose waves are added up together."""
 CHUNK = 1 << 15
 """Particles whose sums are made one after the other."""
+SHARES = 16
+"""Parts into which the waves of a chunk are cut, for threads to share."""
 LANES = 8
 TARGETS = 32
 """Particles whose near parts are summed together: roots and polynomials of several vectors at a time."""
@@ -174,23 +176,18 @@ def _near_field(law: Any, x: Any, weight: Any, rows: Any, at: Any, size: Any, li
 
 def _far(x: Floats, weight: Floats, rows: NDArray[np.int64], given: Sum, team: Team) -> tuple[Floats, Floats]:
     """Sums over waves: of all particles chunk by chunk, and then at the rows."""
-    kx, ky, kz, factor = _lattice(given)
-    sums = wave_sums(x, weight, given, team)
-    amplitude = sums[kx, :, ky + given.waves[1], kz + given.waves[2]]  # [waves, 2]
-    unit = 2 * np.pi / np.array(given.size)
-    wave = np.stack([kx, ky, kz]) * unit[:, None]
-    gradient, height = np.empty((3, len(rows))), np.empty(len(rows))
-    step = max(1, (1 << 21) // max(len(kx), 1))
-    for first in range(0, len(rows), step):
-        some = rows[first : first + step]
-        phase = sum(x[axis, some][:, None] * wave[axis] for axis in range(3))
-        c, s = np.cos(phase), np.sin(phase)
-        even, odd = factor * amplitude[:, 0], factor * amplitude[:, 1]
-        height[first : first + step] = (c * even + s * odd).sum(axis=1)
-        turned = c * odd - s * even
-        for axis in range(3):
-            gradient[axis, first : first + step] = (turned * wave[axis]).sum(axis=1)
-    return gradient, height
+    factor, last = _lattice(given)
+    sums = wave_sums(x, weight, given, last, team)
+    sums *= factor[:, None]
+    unit = tuple(2 * np.pi / length for length in given.size)
+    found = np.zeros((4, len(rows)))
+
+    def work(k: int) -> None:
+        room = np.zeros((6, max(given.waves) + 1, BLOCK))
+        read_waves(x, rows, k * BLOCK, unit, given.waves, last, sums, room, found)
+
+    team.each(work, -(-len(rows) // BLOCK))
+    return found[:3], found[3]
 
 
 def _last(given: Sum) -> float:
@@ -200,74 +197,98 @@ def _last(given: Sum) -> float:
     )
 
 
-def _lattice(given: Sum) -> tuple[Ints, Ints, Ints, Floats]:
-    """Waves of half of space with R/V, twice where the other half has its opposite."""
+def _lattice(given: Sum) -> tuple[Floats, Ints]:
+    """R/V of the waves of half of space, twice where the other half has its opposite and 0 of those that do not count,
+    [mx + 1, 2 my + 1, 2 mz + 1]; and the last wave along z that counts, −1 where none does [mx + 1, 2 my + 1]."""
     mx, my, mz = given.waves
-    ranges = np.arange(mx + 1), np.arange(-my, my + 1), np.arange(-mz, mz + 1)
-    kx, ky, kz = (each.ravel() for each in np.meshgrid(*ranges, indexing="ij"))
-    square = np.zeros(len(kx))
-    for k, length in zip((kx, ky, kz), given.size, strict=True):
-        square += (2 * np.pi * k / length) ** 2
-    some = (square > 0) & (square <= _last(given) ** 2)
-    kx, ky, kz, square = kx[some], ky[some], kz[some], square[some]
-    twice = np.where(kx > 0, 2.0, 1.0)
-    far = transform(given.alpha, given.softening).values(square)
-    return kx, ky, kz, twice * far / math.prod(given.size)
+    unit = [2 * np.pi / length for length in given.size]
+    kx, ky, kz = np.arange(mx + 1), np.arange(-my, my + 1), np.arange(-mz, mz + 1)
+    flat = (unit[0] * kx)[:, None] ** 2 + (unit[1] * ky) ** 2
+    square = flat[..., None] + (unit[2] * kz) ** 2
+    counts = square <= _last(given) ** 2
+    last = np.where(counts.any(axis=2), counts[..., mz:].sum(axis=2) - 1, -1)
+    counts &= square > 0
+    factor = np.zeros(square.shape)
+    far = transform(given.alpha, given.softening).values(square[counts])
+    factor[counts] = far / math.prod(given.size)
+    factor[1:] *= 2
+    return factor, last
 
 
-def wave_sums(x: Floats, weight: Floats, given: Sum, team: Team) -> Floats:
-    """Σ w cos(k·x) and Σ w sin(k·x), shape [mx + 1, 2, 2 my + 1, 2 mz + 1]."""
+def wave_sums(x: Floats, weight: Floats, given: Sum, last: Ints, team: Team) -> Floats:
+    """Σ w cos(k·x) and Σ w sin(k·x) of the waves that count, shape [mx + 1, 2, 2 my + 1, 2 mz + 1]."""
     mx, my, mz = given.waves
     chunks = range(0, max(len(weight), 1), CHUNK)
     parts = np.zeros((len(chunks), mx + 1, 2, 2 * my + 1, 2 * mz + 1))
     unit = tuple(2 * np.pi / length for length in given.size)
+    rows = -(-(mx + 1) // min(SHARES, mx + 1))
 
     def work(k: int) -> None:
         room = np.zeros((6, max(given.waves) + 1, BLOCK))
-        first = chunks[k]
-        add_waves(x, weight, first, min(first + CHUNK, len(weight)), unit, given.waves, room, parts[k])
+        chunk, share = divmod(k, SHARES)
+        first, low = chunks[chunk], min(share * rows, mx + 1)
+        planes = (low, min(low + rows, mx + 1))
+        end = min(first + CHUNK, len(weight))
+        add_waves(x, weight, first, end, unit, given.waves, planes, last, room, parts[chunk])
 
-    team.each(work, len(chunks))
-    total = np.zeros(parts.shape[1:])
-    for part in parts:  # in their order
+    team.each(work, SHARES * len(chunks))
+    total: Floats = parts[0]
+    for part in parts[1:]:  # in their order
         total += part
     return total
 
 
-@kernel
-def add_waves(x: Any, weight: Any, first: Any, last: Any, unit: Any, waves: Any, room: Any, out: Any) -> None:
-    """Add the waves of particles [first, last) to `out`; `room` [6, waves + 1, BLOCK]: cos and sin of all multiples."""
-    products = on_stack(2, BLOCK, np.float64)
-    pr, pi = products[0], products[1]
-    for begin in range(first, last, BLOCK):
-        number = min(BLOCK, last - begin)
-        for axis in range(3):
-            c, s = room[2 * axis], room[2 * axis + 1]
+def _multiples(x: Any, unit: Any, waves: Any, rows: Any, room: Any) -> None:
+    """cos and sin of all multiples of the angles of a block of particles, into `room` [6, waves + 1, BLOCK]."""
+    for axis in range(3):
+        c, s = room[2 * axis], room[2 * axis + 1]
+        for i in range(BLOCK):
+            angle = unit[axis] * x[axis, rows[i]]
+            c[0, i], s[0, i] = 1.0, 0.0
+            c[1, i], s[1, i] = np.cos(angle), np.sin(angle)
+        for k in range(2, waves[axis] + 1):
             for i in range(BLOCK):
-                angle = unit[axis] * x[axis, begin + min(i, number - 1)]
-                c[0, i], s[0, i] = 1.0, 0.0
-                c[1, i], s[1, i] = np.cos(angle), np.sin(angle)
-            for k in range(2, waves[axis] + 1):
-                for i in range(BLOCK):
-                    c[k, i] = c[k - 1, i] * c[1, i] - s[k - 1, i] * s[1, i]
-                    s[k, i] = s[k - 1, i] * c[1, i] + c[k - 1, i] * s[1, i]
-        for kx in range(waves[0] + 1):
+                c[k, i] = c[k - 1, i] * c[1, i] - s[k - 1, i] * s[1, i]
+                s[k, i] = s[k - 1, i] * c[1, i] + c[k - 1, i] * s[1, i]
+
+
+@kernel
+def add_waves(
+    x: Any,
+    weight: Any,
+    first: Any,
+    end: Any,
+    unit: Any,
+    waves: Any,
+    planes: Any,
+    last: Any,
+    room: Any,
+    out: Any,
+) -> None:
+    """Add the waves of particles [first, end) to some planes of `out`; `room` as in `_multiples`."""
+    products, row = on_stack(2, BLOCK, np.float64), on_stack(1, BLOCK, np.int64)[0]
+    pr, pi = products[0], products[1]
+    for begin in range(first, end, BLOCK):
+        number = min(BLOCK, end - begin)
+        for i in range(BLOCK):
+            row[i] = begin + min(i, number - 1)
+        _multiples(x, unit, waves, row, room)
+        for kx in range(planes[0], planes[1]):
             for ky in range(-waves[1], waves[1] + 1):
-                if (kx * kx) * (waves[1] * waves[1]) + (ky * ky) * (waves[0] * waves[0]) > (
-                    waves[0] * waves[0]
-                ) * (waves[1] * waves[1]):
+                most = last[kx, ky + waves[1]]
+                if most < 0:
                     continue  # beyond the last wave, whatever that along z
                 flip = 1.0 if ky >= 0 else -1.0
                 cx, sx, cy, sy = room[0, kx], room[1, kx], room[2, abs(ky)], room[3, abs(ky)]
                 for i in range(BLOCK):
-                    w = weight[begin + min(i, number - 1)] if i < number else 0.0
+                    w = weight[row[i]] if i < number else 0.0
                     pr[i] = w * (cx[i] * cy[i] - flip * (sx[i] * sy[i]))
                     pi[i] = w * (sx[i] * cy[i] + flip * (cx[i] * sy[i]))
-                _add_row(pr, pi, room, waves[2], out[kx], ky + waves[1])
+                _add_row(pr, pi, room, most, waves[2], out[kx], ky + waves[1])
 
 
 @outlined
-def _add_row(pr: Any, pi: Any, room: Any, most: Any, out: Any, ky: Any) -> None:
+def _add_row(pr: Any, pi: Any, room: Any, most: Any, middle: Any, out: Any, ky: Any) -> None:
     """The waves of one row, forwards and backwards along z."""
     sums = on_stack(4, LANES, np.float64)
     a, b, c, d = sums[0], sums[1], sums[2], sums[3]
@@ -288,8 +309,59 @@ def _add_row(pr: Any, pi: Any, room: Any, most: Any, out: Any, ky: Any) -> None:
             odd += d[i] + c[i]
             even_back += a[i] + b[i]
             odd_back += d[i] - c[i]
-        out[0, ky, most + kz] += even
-        out[1, ky, most + kz] += odd
+        out[0, ky, middle + kz] += even
+        out[1, ky, middle + kz] += odd
         if kz > 0:
-            out[0, ky, most - kz] += even_back
-            out[1, ky, most - kz] += odd_back
+            out[0, ky, middle - kz] += even_back
+            out[1, ky, middle - kz] += odd_back
+
+
+@kernel
+def read_waves(
+    x: Any, rows: Any, at: Any, unit: Any, waves: Any, last: Any, sums: Any, room: Any, out: Any
+) -> None:
+    """The gradient and the height of waves with amplitudes `sums`, as of `wave_sums`, at a block of the rows from `at` on,
+    into out [4, rows]."""
+    found, row = on_stack(8, BLOCK, np.float64), on_stack(1, BLOCK, np.int64)[0]
+    pr, pi, turned, gx, gy, gz, height = (found[k] for k in range(7))
+    number = min(BLOCK, rows.size - at)
+    for i in range(BLOCK):
+        row[i] = rows[at + min(i, number - 1)]
+        gx[i] = gy[i] = gz[i] = height[i] = 0.0
+    _multiples(x, unit, waves, row, room)
+    for kx in range(waves[0] + 1):
+        for ky in range(-waves[1], waves[1] + 1):
+            most = last[kx, ky + waves[1]]
+            if most < 0:
+                continue
+            flip = 1.0 if ky >= 0 else -1.0
+            cx, sx, cy, sy = room[0, kx], room[1, kx], room[2, abs(ky)], room[3, abs(ky)]
+            for i in range(BLOCK):
+                pr[i] = cx[i] * cy[i] - flip * (sx[i] * sy[i])
+                pi[i] = sx[i] * cy[i] + flip * (cx[i] * sy[i])
+                turned[i] = 0.0
+            _read_row(found, room, most, waves[2], unit[2], sums[kx], ky + waves[1])
+            for i in range(BLOCK):
+                gx[i] += unit[0] * kx * turned[i]
+                gy[i] += unit[1] * ky * turned[i]
+    for i in range(number):
+        for axis, each in enumerate((gx, gy, gz, height)):
+            out[axis, at + i] = each[i]
+
+
+@outlined
+def _read_row(found: Any, room: Any, most: Any, middle: Any, unit: Any, sums: Any, ky: Any) -> None:
+    """What the waves of one row add, forwards and backwards along z."""
+    pr, pi, turned, gz, height = found[0], found[1], found[2], found[5], found[6]
+    for kz in range(most + 1):
+        cos, sin = room[4, kz], room[5, kz]
+        even, odd = sums[0, ky, middle + kz], sums[1, ky, middle + kz]
+        even_back = sums[0, ky, middle - kz] if kz > 0 else 0.0
+        odd_back = sums[1, ky, middle - kz] if kz > 0 else 0.0
+        for i in range(BLOCK):
+            a, b, c, d = pr[i] * cos[i], pi[i] * sin[i], pi[i] * cos[i], pr[i] * sin[i]
+            height[i] += (a - b) * even + (c + d) * odd + ((a + b) * even_back + (c - d) * odd_back)
+            t = (a - b) * odd - (c + d) * even
+            back = (a + b) * odd_back - (c - d) * even_back
+            turned[i] += t + back
+            gz[i] += unit * kz * (t - back)

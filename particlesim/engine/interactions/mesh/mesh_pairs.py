@@ -74,6 +74,7 @@ from particlesim.engine.step.records import as_precision
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.vectors import square
+from particlesim.process.preparing import preparing
 from particlesim.process.threads import Team
 
 SPRINGS = 40
@@ -88,6 +89,8 @@ SHORTEST = 0.5
 would not hold for long."""
 BY_LAW = 0.1
 """How exact the polynomials of the far part are, over the accuracy."""
+WITHOUT_END = np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
+"""Numbers that nothing holds are infinite, and whoever looks at energies and errors says so."""
 ALPHA, CUTOFF, NODES, ERROR, TOTAL = 0, 1, 2, 5, 6
 """Places in `plan`: those of a `Plan`, the error that was measured, 0 before it is, and Σ w over Σ |w|."""
 
@@ -166,7 +169,12 @@ class MeshPairs(NearLists, MeshColumns):
     def calibrate(self, c: Any, team: Team) -> Self:
         if self.plan[ERROR] > 0:
             return self
-        c = c._replace(clock=None)
+        with preparing("measuring the errors of forces by a mesh"):
+            return self._measured(c._replace(clock=None), team)
+
+    @WITHOUT_END
+    def _measured(self, c: Any, team: Team) -> Self:
+        """The same with a plan whose errors have been measured, at the present places of all particles."""
         weight = weights_of(self, c)
         size = np.abs(weight).sum()
         self.plan[TOTAL] = weight.sum() / size if size > 0 else 0.0
@@ -177,7 +185,9 @@ class MeshPairs(NearLists, MeshColumns):
         task = task_of(self, len(members))._replace(
             nearer=calibration.counted(np.ascontiguousarray(place[:, members]), self.box)
         )
-        sample = calibration.sampled(place, weight, task.volume, self._exact(), team)
+        exact = self._exact()
+        calibration.refuse_long(self.made, task.size, exact.waves, self.aim.accuracy)
+        sample = calibration.sampled(place, weight, task.volume, exact, team)
         threads = team.threads if len(members) > WORTH_THREADS else 1
         made = [self]  # the last one measured
 
@@ -207,6 +217,7 @@ class MeshPairs(NearLists, MeshColumns):
         collective = 4 * math.pi * abs(self.aim.strength) * weight * weight.sum() / math.prod(self.box)
         return rows, np.maximum(stiff, collective * w), damped
 
+    @WITHOUT_END
     def energy(self, c: Any) -> float:
         near = float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
         power, _ = self._power(c)
@@ -216,6 +227,7 @@ class MeshPairs(NearLists, MeshColumns):
         far = -0.5 * self.aim.strength * (float(power.sum()) - own)
         return near + far + self._background(weight) + self._ended(weight)
 
+    @WITHOUT_END
     def virial(self, c: Any, t: float) -> Floats:
         """Σ l ⊗ f over all pairs and images, −∂U/∂strain [J], shape [3, 3]."""
         out = np.zeros(9)
@@ -245,7 +257,7 @@ class MeshPairs(NearLists, MeshColumns):
 
     def _background(self, weight: Floats) -> float:
         """The energy of the near part with the background [J], which the waves do not have."""
-        return -0.5 * self.volume / math.prod(self.box) * float(weight.sum()) ** 2
+        return -0.5 * self.volume / math.prod(self.box) * square(float(weight.sum()))
 
     def _ended(self, weight: Floats) -> float:
         """What the energy lacks as that of pairs ends at 0 [J]. Masses within the reach are the mean of the background,

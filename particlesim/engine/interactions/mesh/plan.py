@@ -131,7 +131,7 @@ def _alpha(task: Task, h: float, share: float) -> float:
 
 def _near_error(task: Task, alpha: float, cutoff: float) -> float:
     """ln σ² of what is missing beyond the end of the near part."""
-    square = cutoff**2 + task.softening**2
+    square = cutoff * cutoff + task.softening * task.softening  # infinite where no number holds it
     return math.log(4 / (cutoff * task.volume)) - 2 * alpha**2 * square
 
 
@@ -150,5 +150,5 @@ def _cutoff(task: Task, alpha: float, share: float) -> float | None:
 
 def _least_alpha(task: Task, cutoff: float, share: float) -> float:
     """The least α for an end of the near part."""
-    square = cutoff**2 + task.softening**2
+    square = cutoff * cutoff + task.softening * task.softening
     return math.sqrt(max(math.log(4 / (cutoff * task.volume * share)), 1.0) / (2 * square))

@@ -37,6 +37,7 @@ from particlesim.engine.state.columns import presence, type_of
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
 from particlesim.model.vectors import square
+from particlesim.process.preparing import preparing
 from particlesim.process.threads import Team
 
 SPRINGS_PER_PARTICLE = 200
@@ -95,7 +96,8 @@ class TreePairs(Interaction, TreeColumns):
     def calibrate(self, c: Any, team: Team) -> Self:
         if self.limits[calibration.ERROR] == 0:
             self.w[:] = source_of(self, c)
-            calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
+            with preparing("measuring the errors of forces by a tree"):
+                calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
         return self
 
     def energy(self, c: Any) -> float:
@@ -104,7 +106,8 @@ class TreePairs(Interaction, TreeColumns):
         limits = self.limits.copy()
         limits[calibration.TOLERANCE] *= ENERGY_TOLERANCE**2
         field_of_all(tree, limits, self.size.copy(), c.x, c.y, c.z, w, Hand(0, 1, new_gate()))
-        return -0.5 * self.coupling * float((w * height).sum())
+        with np.errstate(over="ignore", invalid="ignore"):  # the ledger says what is not finite
+            return -0.5 * self.coupling * float((w * height).sum())
 
     def linearise(self, c: Any, t: float) -> PairTensors:
         return PairTensors(self.direct, c, t)
