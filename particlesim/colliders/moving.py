@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.compiler import exact
 from particlesim.laws.registry import (
     Particle,
     Vector,
@@ -62,8 +63,10 @@ class Frame(NamedTuple):
     rows: Any
 
 
+@exact
 def frame_at(c: MovingRecord, t: Any, like: Any) -> Frame:
-    """The frame of a collider at a time, in the precision of `like`."""
+    """The frame of a collider at a time, in the precision of `like`: the same to the last bit wherever it is asked for, as
+    what is found to touch at one place must touch at the next, too."""
     number = type(like)
     x, y, z = c.x, c.y, c.z
     vx, vy, vz = number(0), number(0), number(0)

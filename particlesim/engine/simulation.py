@@ -76,6 +76,14 @@ class Simulation(World):
         self._energies_of = -1
         self._guard = Guard(self, self._ledger_columns)
 
+    def begin(self) -> None:
+        """Find out what interactions need to know before their first sum, as how exact it is; once is enough.
+
+        Raises UsageError for an accuracy that cannot be had.
+        """
+        for island in self.islands:
+            island.begin(self.team)
+
     def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
         """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
 

@@ -105,14 +105,17 @@ def run(
         check_fits(required, path)
     checks = Checks(scenario, bless=bless)
     with held_signals() as signals:  # the loading of compiled code would swallow an exception
+        # first of all, as looks at the step take sums of forces, too
+        doubts = _told(long_sums(scenario), warn)
         simulation = Simulation(scenario, threads=threads)
         check_ledger(simulation)
         if path is not None:
             check_stored(simulation)
-        doubts = _doubts(simulation, warn)
+        doubts += _told((*suspects(simulation).warnings, *doubtful(simulation)), warn)
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
             found.apply(simulation, path)
+        simulation.begin()
         signals.check()  # before anything is written
         writer = _writer(simulation, path, overwrite or resume, required.particles, found)
         keeper = None if writer is None else _keeper(writer, scenario, checkpoint_every, checkpoint_wall)
@@ -171,10 +174,8 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
     refuse_file_in_use(path)
 
 
-def _doubts(simulation: Simulation, warn: Callable[[str], None] | None) -> tuple[str, ...]:
+def _told(found: tuple[str, ...], warn: Callable[[str], None] | None) -> tuple[str, ...]:
     """What is doubtful before the first step, which `warn` is told."""
-    scenario = simulation.scenario
-    found = (*suspects(simulation).warnings, *doubtful(simulation), *long_sums(scenario))
     if warn is not None:
         for text in found:
             warn(text)

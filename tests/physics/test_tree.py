@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -263,6 +264,40 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had(monkeypatch: pytest.Monke
     monkeypatch.setattr(calibration, "FIRST", 1e4)
     with pytest.raises(UsageError, match="is reached"):
         forces(scenario(plummer(3000, np.random.default_rng(1)), {"method": "tree", "accuracy": 1e-6}))
+
+
+def test_the_first_frame_is_as_exact_as_all_others(tmp_path: Path) -> None:
+    x, accuracy = uniform(3000, np.random.default_rng(2)), 1e-3
+    charges = {"mass": 1e9, "charge": np.random.default_rng(3).normal(size=len(x)).tolist()}
+    told = scenario(x, {"type": "coulomb", "method": "tree", "accuracy": accuracy}, **charges)
+    told["output"] = {"fields": ["force"], "precision": "double"}
+    ps.run(ps.from_table(told), tmp_path / "out.vtkhdf")
+    direct, exact = forces(scenario(x, {"type": "coulomb", "method": "direct"}, **charges), begun=False)
+    direct.close()
+    with ps.open(tmp_path / "out.vtkhdf") as trajectory:
+        off = np.linalg.norm(trajectory[0]["force"].T - exact, axis=0) / np.linalg.norm(exact, axis=0)
+    assert np.sqrt(np.mean(off**2)) < 1.3 * accuracy
+
+
+def test_an_accuracy_out_of_reach_leaves_the_last_run_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from particlesim.engine.interactions.tree import calibration
+
+    x = plummer(3000, np.random.default_rng(1))
+    ps.run(ps.from_table(scenario(x, {"method": "tree", "accuracy": 1e-2})), tmp_path / "old.vtkhdf")
+    there = (tmp_path / "old.vtkhdf").read_bytes()
+    monkeypatch.setattr(calibration, "ROUNDS", 1)
+    monkeypatch.setattr(calibration, "FIRST", 1e4)
+    for name in ("old", "new"):
+        with pytest.raises(UsageError, match="is reached"):
+            ps.run(
+                ps.from_table(scenario(x, {"method": "tree", "accuracy": 1e-6})),
+                tmp_path / f"{name}.vtkhdf",
+                overwrite=True,
+            )
+    assert (tmp_path / "old.vtkhdf").read_bytes() == there
+    assert not (tmp_path / "new.vtkhdf").exists()
 
 
 def test_the_inverse_root_is_as_exact_as_it_says() -> None:
