@@ -36,6 +36,7 @@ def test_a_piston_gives_its_speed(e: float, dt: float) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.06, 0.1])
+@pytest.mark.optimised
 def test_balls_bounce_off_what_swings_from_any_height(radius: float) -> None:
     # Elastic, relative to a surface at 0.2 sin 5t: v' = 2 u − v. Where a gap at one place was rounded otherwise than at the
     # next, a ball in four had touched and not touched, and lay down.
