@@ -59,6 +59,7 @@ def plan(
             missing = (
                 "not looked for, as kernels would be compiled for it: psim stability does, and so does a run"
             )
+            doubts = _seen_at_once(scenario)
     grid = scenario.grid
     told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)]
     return {
@@ -85,6 +86,16 @@ def plan(
         "advice": told,
         "advice_places": places(told, scenario),
     }
+
+
+def _seen_at_once(scenario: Scenario) -> tuple[str, ...]:
+    """What to doubt of the places of particles alone."""
+    if scenario.simulation.box is None:
+        return ()
+    from particlesim.engine.world import World
+    from particlesim.runs.validity import outside_of_box
+
+    return tuple(outside_of_box(World(scenario)))
 
 
 def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[str, ...]]:

@@ -44,8 +44,8 @@ Coordinates = Literal["jacobi", "democratic_heliocentric"]
 class WisdomHolman(Options):
     """WHFast: planets follow Kepler's orbits about a heavy body, and are kicked by what else acts on them.
 
-    For Solar Systems over very long times, without close encounters of the planets. Steps may be a twentieth of the shortest
-    period.
+    For Solar Systems over very long times, without close encounters of the planets. Steps may be a sixteenth of
+    the time in which the fastest planet would go round at its pericentre: 3.5 days for Mercury.
     """
 
     method: Literal["whfast"]

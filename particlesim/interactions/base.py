@@ -91,7 +91,7 @@ class PairInteraction(Model):
             raise invalid(
                 f"{self.type} cannot be summed with a tree: {why}",
                 at=("method",),
-                allowed='"auto", "direct", "neighbours"',
+                allowed=self._pair_by_pair(),
             )
         return self
 
@@ -101,7 +101,7 @@ class PairInteraction(Model):
             raise invalid(
                 f"{self.type} cannot be summed with a mesh: {why}",
                 at=("method",),
-                allowed='"auto", "direct", "neighbours"',
+                allowed=self._pair_by_pair(),
             )
         return self
 
@@ -114,6 +114,13 @@ class PairInteraction(Model):
                 allowed="cutoff = 2.5 (m), say",
             )
         return self
+
+    def _pair_by_pair(self) -> str:
+        """The methods that look at one pair after the other."""
+        ends = self.reach() is not None or self.touching()
+        return (
+            '"auto", "direct", "neighbours"' if ends else '"auto", "direct"; with a cutoff also "neighbours"'
+        )
 
     @property
     def label(self) -> str:

@@ -94,7 +94,7 @@ def doubtful(world: World) -> tuple[str, ...]:
 def misplaced(world: World) -> tuple[str, ...]:
     """A sentence for every group and collider with particles that are inside of it at the start, and for every group with
     particles that are outside of a periodic box."""
-    found = _outside(world)
+    found = outside_of_box(world)
     for island, structure in zip(world.islands, world.graph.islands, strict=True):
         if intrusions := island.intrusions():
             found.append(_intruding(world, intrusions))
@@ -130,7 +130,7 @@ def _called(world: World, collider: Collider) -> str:
     return f"{collider.kind} {collider.name or '.'.join(map(str, where))}"
 
 
-def _outside(world: World) -> list[str]:
+def outside_of_box(world: World) -> list[str]:
     """Which groups have particles outside of the periodic box."""
     box = world.scenario.simulation.box
     if box is None:

@@ -93,6 +93,18 @@ def test_a_check_of_many_that_interact_needs_kernels_that_are_kept(tmp_path: Pat
     assert "not looked for" in told
 
 
+def test_a_check_tells_what_is_outside_of_the_box_in_any_case(tmp_path: Path) -> None:
+    places = [[float(k), 0.5, 0.5] for k in range(400)]
+    scene = FREE.replace("[[0, 0, 0]] }", f"{places} }}\nmass = 1e-9").split("[[forces]]")[0]
+    scene = scene.replace("dt = 0.01", "dt = 0.01\nbox = { size = [300.5, 1, 1] }")
+    (tmp_path / "scene.toml").write_text(scene + '[[interactions]]\ntype = "gravity"\n')
+    code = "import sys; sys.argv = ['psim', 'check', 'scene.toml']; sys.stderr = sys.stdout\n"
+    code += "try:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
+    told = run(code, tmp_path)
+    assert "not looked for" in told
+    assert "99 of 400 particles of 'particles' start outside of the periodic box" in told
+
+
 def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:
     (tmp_path / "free.toml").write_text(FREE)
     code = """

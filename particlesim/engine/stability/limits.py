@@ -86,7 +86,7 @@ class IslandStability:
         sure = " that is sure" if self.how.startswith("bounds") else ""
         return (
             f"dt = {dt:.6g} s is beyond the largest stable step{sure} of {self.method.name} for {name}, {self.step:.3g} s"
-            f"{self._strictest()}: {remedy(self.step, limited=self.rods or self.pairs)}"
+            f"{self._strictest()}: {remedy(self.step, limited=self.rods or self.pairs or self.how == ORBITS)}"
         )
 
     def _strictest(self) -> str:
@@ -161,7 +161,8 @@ def suspects(world: World) -> Stability:
 def remedy(step: float, *, limited: bool) -> str:
     """What to try when steps are longer than the largest stable one [s].
 
-    `limited`: with rods, which methods without a limit cannot hold, or interactions that those leave explicit.
+    `limited`: with rods, which methods without a limit cannot hold, interactions that those leave explicit, or orbits, which
+    those damp.
     """
     text = f"try simulation.dt = {rounded(MARGIN * step):g}"
     names = () if limited else unlimited()

@@ -185,8 +185,8 @@ def runs(c: Any) -> bool:
 @outlined
 def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
     """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
-    along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape with dents,
-    whose rounded edges no plane follows, it lies on nothing, and hops."""
+    along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape
+    with dents, whose rounded edges no plane follows, it lies on nothing, and hops."""
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
