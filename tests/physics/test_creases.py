@@ -255,3 +255,33 @@ def test_what_rests_in_a_corner_wakes_when_forces_change(shape: str, friction: f
     assert (ended[0].position[:, 1] > -0.95).all()
     assert ended[0].position.tobytes() == ended[1].position.tobytes()
     assert ended[0].velocity.tobytes() == ended[1].velocity.tobytes()
+
+
+def glass(inner: str) -> dict[str, Any]:
+    """A glass with a flat bottom, of radius 0.5."""
+    room = {"type": "cylinder", "start": [0, 0, 0], "end": [0, 2, 0], "radius": 0.5}
+    if inner == "container":
+        return {**room, "inside": True}
+    whole = {"type": "cylinder", "start": [0, -0.2, 0], "end": [0, 1, 0], "radius": 0.7}
+    return {"type": "difference", "of": [whole, room]}
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize("inner", ["container", "difference"])
+def test_what_circles_in_a_glass_follows_its_rim(inner: str, friction: float, tmp_path: Path) -> None:
+    # The floor presses with g, the wall with v²/ρ: v' = −μ (g + v²/ρ), of which
+    # v = √(g ρ) tan(atan(v₀/√(g ρ)) − μ √(g/ρ) t). The normal of a step is that at its end: first order in dt.
+    reach, t = 0.5 - RADIUS, 0.5
+    ended = thrown(
+        tmp_path, glass(inner), [(reach, RADIUS, 0)], [(0, 0, 1)], t, restitution=0.0, friction=friction
+    )
+    scale = math.sqrt(G * reach)
+    speed = scale * math.tan(math.atan(1 / scale) - friction * math.sqrt(G / reach) * t) if friction else 1.0
+    x, v = ended.final.position[0], ended.final.velocity[0]
+    assert np.linalg.norm(v) == pytest.approx(speed, abs=1e-12 if friction == 0 else 2e-4)
+    assert np.hypot(x[0], x[2]) == pytest.approx(reach, abs=1e-12)
+    assert x[1] == pytest.approx(RADIUS, abs=1e-12)
+    assert v[1] == 0
+    if friction == 0:
+        assert math.atan2(x[2], x[0]) == pytest.approx(t / reach, rel=1e-4)
+    assert np.diff(ended.energy).max() < 1e-12

@@ -28,6 +28,9 @@ SAME = 2.0**-20
 """How far apart normals of one face may be."""
 SOON = 2.0**-16
 """The part of a step after which hops that have died out may come to a part of a shape that counts as touched."""
+MOST_BENDS, STRAIGHT = 8, 1 - 2.0**-10
+"""Looks for the place in a curved crease at which a glide ends; the least product of normals of one part at both ends of a
+step."""
 MOST_PARTS = 6
 """Looks for a further part that presses; in a corner there are three."""
 
@@ -54,11 +57,7 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     found = (q.x, q.y, q.z)
     lifts = tuple(x + f * u + g * v for x, u, v in zip(found, n, m, strict=True))
     inverse = one / np.sqrt(spread)
-    way = (
-        inverse * (n[1] * m[2] - n[2] * m[1]),
-        inverse * (n[2] * m[0] - n[0] * m[2]),
-        inverse * (n[0] * m[1] - n[1] * m[0]),
-    )
+    way = tuple(inverse * axis for axis in _across(n, m))
     static, kinetic = zero, zero
     for each, push in ((c.response, j), (d.response, k)):
         if each.friction is not None:
@@ -186,8 +185,21 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             g, n = gap_and_normal(c, near)
             if (not rests) | (g >= -slack):
                 break
+            if both and max(dot(n, up), dot(n, second)) > STRAIGHT:
+                break  # one of the two, which is curved
             other = _facet(c, p, near, g, n)
             start = gap(other, p)
+            if (start > lift) & (not both):
+                # Perhaps it touches this part where it is, as a wall that curves towards it.
+                close = at_place(
+                    q,
+                    tuple(x - look * axis for x, axis in zip((p.x, p.y, p.z), n, strict=True)),
+                    (q.vx, q.vy, q.vz),
+                )
+                k, u = gap_and_normal(c, close)
+                touches = gap(_facet(c, p, close, k, u), p)
+                if (dot(u, n) > STRAIGHT) & (touches <= lift):
+                    other, n, start, g = _facet(c, p, close, k, u), u, touches, k
             # What has hopped from one to the other, ever sooner, is at both of them.
             approach = -h * dot(n, (p.vx, p.vy, p.vz))
             if start > max(lift, type_of(h, SOON) * approach if sure else lift):
@@ -196,9 +208,6 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 free = min(free, _part_until(p, r, n, start - half * lift, h))
             else:
                 rests = _dies_out(other, n, p, q, h, slack, sure & (not both))
-                if both and max(dot(n, up), dot(n, second)) > one - type_of(h, SAME):
-                    # the same part, which turns away under the way: it ends there
-                    return False, q, one, True
                 if both:
                     # a corner: three parts press
                     return rests, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), one, False
@@ -210,6 +219,8 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                     r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
                 free, seen = one, one
         turn = min(turn, free)
+        if rests and both and turn >= 1:
+            r, up, second = _around_bend(c, r, up, second, slack)
         if rests:
             between = tuple(a + b for a, b in zip(up, second, strict=True))
             up = between if both else up
@@ -222,6 +233,41 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             leaves = both & (free > 0) & (turn >= 1) & (g > lift)
             rests = ((free > 0) & (turn < 1)) | whole if both | sure else whole
     return rests, r, turn, leaves
+
+
+def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
+    """The end of a glide along the crease between two parts with normals n and m, put back into the crease where one of them
+    is curved, as the wall of a glass; its velocity turns with the crease. Also the normals there."""
+    one = type_of(slack, 1)
+    for _ in range(MOST_BENDS):
+        g, u = gap_and_normal(c, r)
+        first = dot(u, n) > dot(u, m)
+        if (g >= -slack) | (max(dot(u, n), dot(u, m)) < STRAIGHT):
+            break
+        along = _across(n, m)
+        n, m = (
+            tuple(b if first else a for a, b in zip(n, u, strict=True)),
+            tuple(a if first else b for a, b in zip(m, u, strict=True)),
+        )
+        # the shift that closes this gap and leaves the other closed, in the plane of both normals
+        lean = dot(n, m)
+        k = -g / (one - lean * lean)
+        i, j = (k if first else -lean * k), (-lean * k if first else k)
+        place = tuple(x + i * a + j * b for x, a, b in zip((r.x, r.y, r.z), n, m, strict=True))
+        # along the crease as it is here, as fast as before, but for the friction of what has turned it
+        way, v = _across(n, m), (r.vx, r.vy, r.vz)
+        size = np.sqrt(dot(v, v))
+        if c.response.friction is not None:
+            size = max(size + c.response.friction.kinetic * min(dot(v, u), g - g), g - g)
+        size = size / np.sqrt(dot(way, way))
+        speed = size if dot(v, along) > 0 else -size
+        r = at_place(r, place, tuple(speed * axis for axis in way))
+    return r, n, m
+
+
+def _across(n: Any, m: Any) -> Any:
+    """n × m."""
+    return (n[1] * m[2] - n[2] * m[1], n[2] * m[0] - n[0] * m[2], n[0] * m[1] - n[1] * m[0])
 
 
 def no_faster(p: Any, q: Any, r: Any, h: Any, tolerance: Any) -> Any:
