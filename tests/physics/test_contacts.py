@@ -490,6 +490,44 @@ def test_overlaps_of_all_sizes_are_those_of_all_pairs(
     assert found == pytest.approx(known)
 
 
+def overlapping_start(radii: Any, room: float, seed: int = 3) -> tuple[Any, Any]:
+    """What grains at random in a cube are put apart by, and how each went, in free space."""
+    places = np.random.default_rng(seed).uniform(0, room, (len(radii), 3))
+    start = heap("hertz")
+    start.pop("planes")
+    start["simulation"]["precision"] = "double"
+    group = {**points(*map(tuple, places.tolist())), "name": "grains", "density": 1000, "radius": radii}
+    start["particles"], start["interactions"][0]["overlap"] = [group], "relax"
+    world = World(ps.from_table(start))
+    (found,), (state,) = world.separations, world.states
+    return found, state.position - places
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 100.0])
+def test_grains_put_apart_keep_their_centre_of_mass(ratio: float) -> None:
+    """Σ m Δx = 0 to the rounding of sums, whatever the sizes, and no overlap is left: what makes a pair go less holds for
+    both of it."""
+    n = 1500
+    radii = (
+        0.004 * np.exp(np.random.default_rng(2).uniform(0, math.log(ratio), n))
+        if ratio > 1
+        else np.full(n, 0.004)
+    )
+    mass = 1000 * 4 / 3 * math.pi * radii**3
+    found, way = overlapping_start(radii.tolist(), float(4 / 3 * math.pi * (radii**3).sum() / 0.3) ** (1 / 3))
+    assert found.number > 200
+    assert not found.cramped
+    moved = mass[:, None] * way
+    assert np.abs(moved.sum(axis=0)).max() < 1e-13 * np.abs(moved).sum()
+
+
+def test_a_pair_of_grains_is_put_apart_in_inverse_proportion_to_the_masses() -> None:
+    """m₁ Δx₁ = −m₂ Δx₂ to rounding, where the second is a thousand times as heavy."""
+    found, way = overlapping_start([0.01, 0.1], 0.06)
+    assert found.number == 1
+    assert way[0] == pytest.approx(-1000 * way[1], rel=1e-11)
+
+
 def test_grains_of_sizes_that_differ_are_put_apart_without_looking_for_pairs_again_and_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
