@@ -119,6 +119,10 @@ def _lines(text: str) -> list[str]:
     return re.findall(r"[^\r\n]*(?:\r\n|\r|\n|$)", text)
 
 
+_Chain = list[tuple[type[ast.operator], ast.expr]]
+"""Terms of a sum or factors of a product, each with the operator before it; that of the first means nothing."""
+
+
 class _Builder:
     """Turns Python's tree into records, and refuses whatever is not on the list."""
 
@@ -134,7 +138,7 @@ class _Builder:
     def build(self, node: ast.expr) -> Node:
         """The record of a node."""
         if self.depth > MAX_DEPTH:
-            hint = "group a long sum or product with parentheses, (a + b) + (c + d), or write several fields: they add up"
+            hint = "write some of it apart: several fields add up"
             raise self._error(node, f"more than {MAX_DEPTH} operations inside each other", hint)
         self.depth += 1
         record = self._record(node)
@@ -191,7 +195,26 @@ class _Builder:
                 "write a**b for a power" if isinstance(node.op, ast.BitXor) else "+ - * / and ** are allowed"
             )
             raise self._error(node, "unknown operator", hint)
+        chain = _chain(node)  # the bits of a short one are those of reading from left to right
+        if len(chain) > 2 and self.depth - 1 + _height(node) > MAX_DEPTH:
+            return self._halved(chain, node)
         return self._folded(_BINARY[type(node.op)](self.build(node.left), self.build(node.right)), node)
+
+    def _halved(self, chain: _Chain, node: ast.BinOp) -> Node:
+        """A long sum or product, cut in halves again and again: from left to right, all others are around its first term."""
+        half = len(chain) // 2
+        operator, right = chain[half][0], chain[half:]
+        if operator is ast.Sub:  # a + b - c + d = (a + b) - (c - d)
+            right = [(ast.Add if before is ast.Sub else ast.Sub, term) for before, term in right]
+        return self._folded(_BINARY[operator](self._half(chain[:half], node), self._half(right, node)), node)
+
+    def _half(self, chain: _Chain, node: ast.BinOp) -> Node:
+        if len(chain) == 1:
+            return self.build(chain[0][1])
+        self.depth += 1
+        record = self._halved(chain, node)
+        self.depth -= 1
+        return record
 
     def _power(self, node: ast.BinOp) -> Node:
         base, exponent = self.build(node.left), self.build(node.right)
@@ -259,6 +282,28 @@ class _Builder:
                 node, "this is not a finite number", "the constants in it give infinity, or nothing real"
             )
         return Constant(number)
+
+
+def _chain(node: ast.BinOp) -> _Chain:
+    """The terms of a sum, or the factors of a product."""
+    same = next((kinds for kinds in ((ast.Add, ast.Sub), (ast.Mult,)) if isinstance(node.op, kinds)), ())
+    found: _Chain = []
+    here: ast.expr = node
+    while isinstance(here, ast.BinOp) and isinstance(here.op, same):
+        found.append((type(here.op), here.right))
+        here = here.left
+    return [(type(node.op), here), *reversed(found)]
+
+
+def _height(node: ast.expr) -> int:
+    """How many operations are inside each other, at most."""
+    highest, left = 0, [(node, 0)]
+    while left:
+        here, height = left.pop()
+        highest = max(highest, height)
+        inside = height + (not isinstance(here, ast.Compare))
+        left += [(part, inside) for part in ast.iter_child_nodes(here) if isinstance(part, ast.expr)]
+    return highest
 
 
 def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> str:

@@ -272,7 +272,7 @@ def test_other_letters_are_refused_even_for_constants() -> None:
         "-" * (MAX_LENGTH - 1) + "x",
         "+" * (MAX_LENGTH - 1) + "x",
         "sin(" * 300 + "x" + ")" * 300,
-        "+".join(["x"] * 1000),
+        "x-(" * 400 + "x" + ")" * 400,
         "**".join(["x"] * 600),
         "**".join(["9"] * 600),
         "x if x < 1 else " * 120 + "x",
@@ -289,6 +289,36 @@ def test_depth_is_bounded_and_the_bound_is_usable() -> None:
     parse("sin(" * MAX_DEPTH + "x" + ")" * MAX_DEPTH, {})
     error = failure("sin(" * (MAX_DEPTH + 1) + "x" + ")" * (MAX_DEPTH + 1))
     assert error.offset == 4 * (MAX_DEPTH + 1)
+
+
+@pytest.mark.parametrize("signs", ["+", "-", "+-", "-++"])
+def test_a_long_sum_or_product_is_no_deep_one(signs: str) -> None:
+    """Twenty terms with operations inside them, and as many as there is room for, against sums from left to right; rounding
+    is in the last bits of the largest. Inside of a function, each is one level deeper."""
+
+    def term(k: int) -> str:
+        return f"abs(x - {k}*{k})"
+
+    for many in (17, 20, 100):
+        text = term(0) + "".join(signs[k % len(signs)] + term(k) for k in range(1, many))
+        known = abs(P.x) + sum(
+            (1 if signs[k % len(signs)] == "+" else -1) * abs(P.x - k * k) for k in range(1, many)
+        )
+        assert at(text) == pytest.approx(known, rel=1e-13, abs=1e-9)
+        assert at(f"cos(sin({text}))") == pytest.approx(math.cos(math.sin(known)), abs=1e-8)
+    assert at("+".join(["x"] * 1000)) == pytest.approx(1000 * P.x, rel=1e-12)
+    product = "*".join(f"(x + {k})" for k in range(40))
+    assert at(product) == pytest.approx(math.prod(P.x + k for k in range(40)), rel=1e-13)
+    failure("sin(" * (MAX_DEPTH - 3) + "+".join(["x"] * 20) + ")" * (MAX_DEPTH - 3))
+
+
+def test_sums_that_are_not_deep_keep_their_bits() -> None:
+    """(a + b) + c and a + (b + c) round differently: only what would be too deep is cut in halves."""
+    text = "+".join(["x"] + ["1e-17"] * MAX_DEPTH)
+    node = parse(text, {})
+    for _ in range(MAX_DEPTH):
+        node = node[0]
+    assert node == parse("x", {})
 
 
 def test_suggestions() -> None:
