@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
@@ -15,10 +15,12 @@ from pydantic import Field, model_validator
 
 from particlesim.bonds import BondSet, HingeSet, MeshSprings, RodSet
 from particlesim.bonds.hinge import hinge_record
+from particlesim.errors import UsageError
 from particlesim.flows import AnyFlow
 from particlesim.groups.selection import Selection, selected
 from particlesim.integrators import AnyIntegrator
 from particlesim.layouts import AnyLayout
+from particlesim.layouts.base import Layout, LayoutError
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.base import Model, Name
@@ -111,7 +113,7 @@ class Group(Model):
                     at=("density",),
                     also=[(("mass",), "mass"), (("radius",), "radius")],
                 )
-            if self.mass is None and self.radius is None:
+            if self.mass is None and self.radius is None and not self.has_file():
                 raise invalid("a density needs a mass or a radius to act on", at=("density",))
             if self.radius is not None and not smallest(self.radius) > 0:
                 raise invalid(
@@ -187,7 +189,11 @@ class Group(Model):
 
     def may_have(self, attribute: str) -> bool:
         """Whether its particles have an attribute, or a file may give it to them."""
-        return self.has(attribute)
+        return self.has(attribute) or self.has_file()
+
+    def has_file(self) -> bool:
+        """Whether a file says more about its particles than the scenario."""
+        return False
 
 
 def least(value: float | tuple[float, ...] | Distribution | None) -> float | None:
@@ -322,8 +328,46 @@ class Particles(Group):
     def has(self, attribute: str) -> bool:
         return super().has(attribute) or attribute in self.layout.attributes()
 
-    def may_have(self, attribute: str) -> bool:
-        return self.has(attribute) or self.layout.type == "file"
+    def has_file(self) -> bool:
+        return self.layout.type == "file"
+
+    def check_sizes(self, layout: Layout) -> None:
+        """Raises LayoutError where the open layout leaves a density nothing to act on, or no third to follow."""
+        if self.density is None or not self.has_file():
+            return
+        own = {name for name in ("mass", "radius") if getattr(self, name) is not None}
+        read = layout.attributes() & {"mass", "radius"}
+        if not own | read:
+            raise LayoutError(
+                "the group has a density, and its file neither masses nor radii for it to act on",
+                "add a column radius or mass to the file, or a radius or mass to the group",
+            )
+        if len(read) == 1 and own - read:
+            (here,), (there,) = own - read, read
+            raise LayoutError(
+                f"the group has a {here} and a density, and its file a column {there}: the third follows from two",
+                f"leave out {here} or density",
+            )
+
+    def sized(self, read: Mapping[str, Any]) -> dict[str, Any]:
+        """Attributes of particles that a file gives, and what follows from them by the density.
+
+        Raises UsageError where a radius gives no mass.
+        """
+        known = dict(read)
+        if self.density is None or ("mass" in read) == ("radius" in read):
+            return known
+        volume = 4 / 3 * math.pi
+        if "radius" in read:
+            if not (read["radius"] > 0).all():
+                raise UsageError(
+                    f"a particle of {self.name!r} has no radius, of which its density could make a mass",
+                    "give it a radius in the file, or leave out density and give the file a column mass",
+                )
+            known["mass"] = volume * self.density * read["radius"] ** 3
+        else:
+            known["radius"] = (read["mass"] / (volume * self.density)) ** (1 / 3)
+        return known
 
     def sample(self, name: str, streams: Streams, first: int, count: int) -> Any:
         value = super().sample(name, streams, first, count)

@@ -82,6 +82,7 @@ class Scenario(Tables):
         """
         try:
             layout = group.layout.open(self._folder)
+            group.check_sizes(layout)
             if isinstance(layout, SurfaceFile) and self._needs_sides(group):
                 require_manifold(layout.triangles(), group.name)
             return layout

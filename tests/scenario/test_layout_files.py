@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import particlesim as ps
+from particlesim.engine.world import World
 from particlesim.layouts.file import File
 from particlesim.preflight.resources import needs
 
@@ -221,3 +222,41 @@ def test_a_good_file_is_read(tmp_path: Path) -> None:
     placed = layout.place(None, 0, 2)  # type: ignore[arg-type]  # no random numbers here
     assert placed.position.tolist() == [[1, 5], [2, 6], [3, 7]]
     assert placed.attributes["mass"].tolist() == [4, 8]
+
+
+def sized(tmp_path: Path, text: str, *more: str) -> ps.Scenario:
+    (tmp_path / "data.csv").write_text(text)
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO.replace("NAME", "data.csv") + "\n".join(more) + "\n")
+    return ps.load(path)
+
+
+def test_a_density_acts_on_the_sizes_of_a_file(tmp_path: Path) -> None:
+    """m = 4/3 π ρ r³ of each, whichever of the two the file gives; sizes of the file go before those of the group, and what
+    it gives both of is as it says."""
+    radii = np.array([0.1, 0.2])
+    masses = 4 / 3 * np.pi * 1000 * radii**3
+    for column, values in (("radius", radii), ("mass", masses)):
+        text = f"x,y,z,{column}\n" + "".join(
+            f"{k},0,0,{value!r}\n" for k, value in enumerate(values.tolist())
+        )
+        for more in ([], [f"{column} = 3.0"]):
+            (state,) = World(sized(tmp_path, text, "density = 1000", *more)).states
+            assert state.radius[:2] == pytest.approx(radii, rel=1e-6)
+            assert state.mass[:2] == pytest.approx(masses, rel=1e-6)
+    (state,) = World(sized(tmp_path, "x,y,z,mass,radius\n0,0,0,5,0.5\n", "density = 1000")).states
+    assert (state.mass[0], state.radius[0]) == (5, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "wrong"),
+    [
+        ("x,y,z\n0,0,0\n", [], "its file neither masses nor radii"),
+        ("x,y,z,radius\n0,0,0,1\n", ["mass = 1"], "the third follows from two"),
+        ("x,y,z,mass\n0,0,0,1\n", ["radius = 1"], "the third follows from two"),
+        ("x,y,z,radius\n0,0,0,0\n", [], "has no radius"),
+    ],
+)
+def test_a_density_and_a_file_that_do_not_fit(tmp_path: Path, text: str, more: list[str], wrong: str) -> None:
+    with pytest.raises(ps.UsageError, match=wrong):
+        World(sized(tmp_path, text, "density = 1000", *more))

@@ -63,7 +63,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         number = min(CHUNK, count - first)
         part = slice(first, first + number)
         placed = layout.place(streams, first, number)
-        given = {**group.attributes(streams, first, number), **placed.attributes}
+        read = group.sized(placed.attributes) if isinstance(group, Particles) else placed.attributes
+        given = {**group.attributes(streams, first, number), **read}
         try:
             with np.errstate(over="raise"):
                 state.x[:, part] = placed.position
