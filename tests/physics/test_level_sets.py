@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,73 @@ def test_the_nearest_of_the_faces_of_a_formula_counts() -> None:
     nearest = (above / np.linalg.norm(faces, axis=1)).min(axis=1)
     assert free.sum() > 500
     np.testing.assert_allclose(gaps(formula, x[free]), nearest[free], atol=16 * EPS)
+
+
+def of_a_cut_plane(normal: NDArray[Any], places: NDArray[Any], half: NDArray[Any]) -> NDArray[Any]:
+    """How far places are from the part of the plane normal·x = 0.1 in a box about the origin, of half edges `half`."""
+    best = np.full(len(places), np.inf)
+    planes = [np.eye(3)[k] * side for k in range(3) for side in (-1, 1)]
+    for number in range(3):
+        for sides in itertools.combinations(planes, number):
+            rows = np.array([normal, *sides])
+            if np.linalg.matrix_rank(rows) <= number:
+                continue
+            levels = np.array([0.1, *(np.abs(side) @ half for side in sides)])
+            foot = places + (levels - places @ rows.T) @ np.linalg.pinv(rows).T
+            far = np.where(
+                (np.abs(foot) <= half + 1e-12).all(axis=1), np.linalg.norm(foot - places, axis=1), np.inf
+            )
+            best = np.minimum(best, far)
+    return best
+
+
+@pytest.mark.parametrize("normal", [(0.3, 1, 0), (0.8, 1, 0.5), (-1, 0.2, 2)])
+def test_a_face_ends_at_the_sides_of_the_box(normal: tuple[float, float, float]) -> None:
+    # A kink that does nothing. The nearest place of what the box leaves of the plane is on its face, on an edge where it
+    # meets a side, or in a corner where it meets two.
+    size = np.array([2.6, 1.4, 2.6])
+    a, b, c = normal
+    plane = f"{a}*x + {b}*y + {c}*z - 0.1"
+    formula = FormulaCollider(distance=f"{plane} + 0*abs(x - 1)", size=tuple(size))
+    smooth = FormulaCollider(distance=plane, size=tuple(size))
+    x = np.random.default_rng(1).uniform(-0.7, 0.7, (4000, 3)) * size
+    inner = np.clip(x, -size / 2, size / 2)
+    above = inner @ normal - 0.1
+    near = (above > 0) & (above / np.linalg.norm(normal) < 0.3)
+    x, inner, above = x[near], inner[near], above[near]
+    found, cut = gaps(formula, x), of_a_cut_plane(np.array(normal), inner, size / 2)
+    whole = above / np.linalg.norm(normal)
+    np.testing.assert_allclose(found, np.hypot(np.linalg.norm(x - inner, axis=1), cut), atol=32 * EPS)
+    assert (cut > whole + 1e-6).sum() > 30
+    same = cut < whole + 1e-14
+    np.testing.assert_allclose(found[same], gaps(smooth, x)[same], atol=8 * EPS)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 1.0])
+@pytest.mark.parametrize("text", ["y - 0.3*abs(x)", "y + 0.3*x + 0*abs(x - 1)", "max(y + 0.3*x, y - 0.5)"])
+def test_what_rolls_off_the_end_of_a_formula_gains_nothing(text: str, restitution: float) -> None:
+    # Where its centre is above the face still, and the foot beyond the side of the box, balls were lifted by r/4.
+    rise = 0.3 + 0.05 * np.sqrt(1.09) + 1e-6
+    ended = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": 0.3, "dt": 2e-3, "integrator": "velocity_verlet"},
+                "output": {"every": 1, "precision": "double"},
+                "particles": [points((-1, rise, 0), velocity=[[-3.0, 0.9, 0.2]], radius=0.05, mass=1.0)],
+                "forces": [{"type": "gravity", "acceleration": [0, -10, 0]}],
+                "colliders": [
+                    {
+                        "type": "formula",
+                        "distance": text,
+                        "size": [2.6, 1.4, 2.6],
+                        "restitution": restitution,
+                    }
+                ],
+            }
+        )
+    )
+    assert ended.final.position[0, 0] < -1.4
+    assert np.diff(ended.energy).max() < 1e-12 * ended.energy[0]
 
 
 def test_distances_between_the_samples_are_of_fourth_order() -> None:
