@@ -12,6 +12,7 @@ from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
 from particlesim.colliders.level_set import BAND, CreasedRecord, FormulaRecord, LevelRecord
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
+from particlesim.colliders.steps import jump
 from particlesim.colliders.surface_net import surface_net
 from particlesim.colliders.triangulation import Triangles
 from particlesim.expressions.arrays import value_at
@@ -47,7 +48,7 @@ class Formula(Solid):
     type: Literal["formula"] = "formula"
     distance: Annotated[str, StringConstraints(max_length=2000)]
     """The signed distance from the surface in metres, negative inside, as an expression of x, y and z [m] in the frame of
-    the box, and of the constants. Any function with this sign will do."""
+    the box, and of the constants. Any function will do that has this sign and is 0 on the surface."""
     constants: dict[Name, Number] = Field(default_factory=dict)
     """Numbers by name, for use in the expression."""
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)
@@ -97,9 +98,22 @@ class Formula(Solid):
                 also=[(("size",), "the box")],
                 hint='this is a collider of type "box"',
             )
+        self._require_no_jump(values)
         self._steep = STEEPER * _steepest(values, self._axes())
         self._require_slope()
         return self
+
+    def _require_no_jump(self, values: Floats) -> None:
+        """Refuse a formula that changes its sign without being 0: there is no surface, and balls would be put on it."""
+        found = jump(self.node(), self._axes(), values)
+        if found is not None:
+            x, y, z = np.round(found.place, 4) + 0.0
+            raise invalid(
+                "it jumps from {:.4g} to {:.4g}".format(*found.values)
+                + f" at ({x:g}, {y:g}, {z:g}), so that its surface is open there",
+                at=("distance",),
+                hint="join parts by min and max, which make upright walls, too: a step at x = 0 is min(y, max(y - 0.4, x))",
+            )
 
     def _require_slope(self) -> None:
         """Refuse a formula that touches zero without going through it, as a square does: it leads nowhere."""

@@ -288,6 +288,14 @@ BAD = {
     "everything": ('distance = "x - 5"', "in all of its box"),
     "no_value": ('distance = "sqrt(x) - 0.5"', "it has no value at"),
     "no_slope": ('distance = "(x**2 + y**2 + z**2 - 0.5)**7"', "no slope on its surface"),
+    "step": ('distance = "y if x < 0 else y - 0.4"', r"jumps from 0 to -0.4 at \(0, 0, 0\)"),
+    "low_step": ('distance = "y - (1e-4 if x < 0.01 else 0)"', "jumps from -0.0001 to 0"),
+    "sign": ('distance = "y - 0.2*sign(x)"', "surface is open there"),
+    "cliff": ('distance = "y - (0.3 if hypot(x, z) < 0.5 else 0)"', "jumps from"),
+    "filled": ('distance = "y if y > 0 else -1"', "jumps from"),
+    "ramp": ('distance = "y - 0.1*atan2(z, x)"', "jumps from"),
+    "pole": ('distance = "y - 0.01/(x - 0.013)"', "jumps from"),
+    "teeth": ('distance = "y - 0.1*tan(2*x)"', "jumps from"),
     "no_formula": ('distance = "x +"', "not an expression"),
     "no_size": ('distance = "x"\nsize = [0, 1, 1]', "greater than 0"),
 }
@@ -302,6 +310,28 @@ def test_bad_formulas_are_refused_where_they_are(tmp_path: Path, name: str) -> N
     with pytest.raises(ps.ScenarioError, match=words) as told:
         ps.load(file)
     assert told.value.diagnostics[0].span.line in (7, 8)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "min(y, max(y - 0.4, x))",
+        "y - (x**2 if x < 0 else -x**2)",
+        "y - 0.3*x*sign(x)",
+        "y + 0.2*sign(x) - (0.2 if x > 0 else -0.2)",
+        "y - 0.2*abs(sin(30*x))*sign(sin(30*x))",
+        "y - 0.3*(0 if x < 0 else 3*x**2 - 2*x**3 if x < 1 else 1)",
+        "y - (x if x < 0.2 else (0.2 if z < 0 else 0.2 + z*(x - 0.2)))",
+        "y*(1 if x + y + 0.3*z*z < 0.1 else 3)",  # it jumps, but not on its surface
+        "y + (0.4 if y > 0.3 else 0)",
+        "(y - 0.3*x)/(0.5 + abs(x))",
+        "y - 0.1*atan2(z + 3, x)",
+        "y - 0.1*tan(0.8*x)",
+        "y - 0.05*tanh(1000*x)",
+    ],
+)
+def test_formulas_that_come_to_zero_on_their_surface_are_taken(text: str) -> None:
+    FormulaCollider(distance=text, size=(2.6, 1.4, 2.6))
 
 
 @pytest.mark.parametrize(
