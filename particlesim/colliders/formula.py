@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from particlesim.colliders.box import Size
+from particlesim.colliders.cusps import cusp
 from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
 from particlesim.colliders.level_set import BAND, CreasedRecord, FormulaRecord, LevelRecord
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
@@ -130,6 +132,17 @@ class Formula(Solid):
                 hint="write the distance itself rather than a power of it",
             )
 
+    def endless_slope(self) -> str | None:
+        """Words on a place of the surface where the slope has no bound; None if there seems to be none."""
+        found = cusp(self.node(), self._axes(), self._values())
+        if found is None:
+            return None
+        x, y, z = np.round(found, 4) + 0.0
+        return (
+            f"its formula is infinitely steep at ({x:g}, {y:g}, {z:g}), where particles may be put beside the surface "
+            "and gain energy; a little under the root bounds its slope: sqrt(abs(x) + 1e-4)"
+        )
+
     def node(self) -> Node:
         """The expression as a tree of records."""
         return parse(self.distance, self.constants, PLACE)
@@ -210,3 +223,8 @@ class FormulaCollider(Formula, SolidCollider):
 
     def shape(self) -> Any:
         return self.level(-1.0 if self.inside else 1.0)
+
+    def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
+        yield from super().doubts(name, lightest, dt)
+        if (endless := self.endless_slope()) is not None:
+            yield f"{name}: {endless}"
