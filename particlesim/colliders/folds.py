@@ -3,7 +3,8 @@
 Each piece of φ, from kink to kink, is a smooth face, which goes on beyond the kinks where it is no part of the surface. So
 the nearest place of the surface is looked for on all faces whose kinks are near enough, and counts where φ itself is 0.
 Where a foot is beyond a kink k, so that the face has ended before it, the nearest place may be on the edge φ = 0, a_k = 0,
-and beyond another one on the corner φ = a_k = a_j = 0. Both are found as the feet are, by Newton's method.
+and beyond another one on the corner φ = a_k = a_j = 0. Both are found as the feet are, by Newton's method. The sides of the
+box, which cut the solid off, end faces as kinks do.
 
 In a crease, where two faces meet in a dent, one search would find the face whose piece decides at the place, not the nearer;
 on an edge it would go from one face to the other for ever.
@@ -21,6 +22,8 @@ from particlesim.expressions.operations import Ray, slope, value
 
 MOST_KINKS = 16
 """Kinks of an expression up to which its faces are looked at one by one."""
+SIDES = 6
+"""Sides of a box."""
 MOST_FACES = 64
 """Faces about a place that are looked at, at most."""
 MOST_TURNS = 32
@@ -85,35 +88,44 @@ def face_and_slope(f: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @outlined
-def _kink_and_slope(f: Any, k: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
-    """What changes its sign at kink k, and its gradient."""
-    a, b, c, d = 1.0, 0.0, 0.0, 0.0
-    for j, kink in enumerate(f.kinks):
+def _end_and_slope(c: Any, k: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
+    """What changes its sign at kink k, or at a side of the box after the last one, and its gradient."""
+    a, b, d, e = 1.0, 0.0, 0.0, 0.0
+    for j, kink in enumerate(c.field.kinks):
         if j == k:
-            a, b, c, d = number_and_slope(kink.argument, x, y, z, piece)
-    return a, b, c, d
+            a, b, d, e = number_and_slope(kink.argument, x, y, z, piece)
+    first = len(c.field.kinks)
+    for axis, u in enumerate((x, y, z)):
+        if k == first + 2 * axis or k == first + 2 * axis + 1:
+            a = u - (c.low[axis] if k == first + 2 * axis else c.high[axis])
+            b, d, e = float(axis == 0), float(axis == 1), float(axis == 2)
+    return a, b, d, e
 
 
 @outlined
-def _beyond(f: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
-    """The kinks beyond which a place is that should be on a piece, as bits."""
+def _beyond(c: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
+    """The kinks, and the sides of the box after them, beyond which a place is that should be on a piece, as bits."""
     bits = 0
-    for k, kink in enumerate(f.kinks):
+    for k, kink in enumerate(c.field.kinks):
         a = number(kink.argument, x, y, z, piece)
         wrong = a < 0 if ((piece >> k) & 1) > 0 else a > 0
         bits = bits | (1 << k) if wrong else bits
+    first = len(c.field.kinks)
+    for axis, u in enumerate((x, y, z)):
+        bits = bits | (1 << (first + 2 * axis)) if u < c.low[axis] else bits
+        bits = bits | (1 << (first + 2 * axis + 1)) if u > c.high[axis] else bits
     return bits
 
 
 @outlined
-def _edge(f: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
-    """The nearest place with φ = 0 on a piece and at kink k, and whether it was found."""
-    tiny = 2.0**-51 * scale
+def _edge(ends: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
+    """The nearest place with φ = 0 on a piece and at kink k, or side, and whether it was found."""
+    face, tiny = FaceRecord(ends.field.pieces, piece), 2.0**-51 * scale
     sx, sy, sz = x, y, z
     found = False
     for _ in range(MOST_TURNS):
-        v, a, b, c = face_and_slope(FaceRecord(f.pieces, piece), sx, sy, sz)
-        w, d, e, g = _kink_and_slope(f, k, sx, sy, sz, piece)
+        v, a, b, c = face_and_slope(face, sx, sy, sz)
+        w, d, e, g = _end_and_slope(ends, k, sx, sy, sz, piece)
         ox, oy, oz = x - sx, y - sy, z - sz
         v, w = v + a * ox + b * oy + c * oz, w + d * ox + e * oy + g * oz
         aa, ad, dd = a * a + b * b + c * c, a * d + b * e + c * g, d * d + e * e + g * g
@@ -134,14 +146,14 @@ def _edge(f: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> Any
 
 
 @outlined
-def _corner(f: Any, piece: Any, k: Any, j: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
-    """The place with φ = 0 on a piece and at two kinks, and whether it was found."""
-    tiny = 2.0**-51 * scale
+def _corner(ends: Any, piece: Any, k: Any, j: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
+    """The place with φ = 0 on a piece and at two kinks or sides, and whether it was found."""
+    face, tiny = FaceRecord(ends.field.pieces, piece), 2.0**-51 * scale
     found = False
     for _ in range(MOST_TURNS):
-        v, a, b, c = face_and_slope(FaceRecord(f.pieces, piece), x, y, z)
-        w, d, e, g = _kink_and_slope(f, k, x, y, z, piece)
-        u, i, m, n = _kink_and_slope(f, j, x, y, z, piece)
+        v, a, b, c = face_and_slope(face, x, y, z)
+        w, d, e, g = _end_and_slope(ends, k, x, y, z, piece)
+        u, i, m, n = _end_and_slope(ends, j, x, y, z, piece)
         # p, q and r are perpendicular to two of the three slopes each
         px, py, pz = e * n - g * m, g * i - d * n, d * m - e * i
         qx, qy, qz = m * c - n * b, n * a - i * c, i * b - m * a
@@ -199,18 +211,18 @@ def at_edges(
 ) -> Any:
     """The best foot so far, or a nearer place on edges and corners of a face that ends before the foot of a place on it; and
     whether there is any such place."""
-    f, ended = c.field, False
-    ends = _beyond(f, x - foot.d * foot.nx, y - foot.d * foot.ny, z - foot.d * foot.nz, piece)
-    for k in range(len(f.kinks)):
+    count, ended = len(c.field.kinks) + SIDES, False
+    ends = _beyond(c, x - foot.d * foot.nx, y - foot.d * foot.ny, z - foot.d * foot.nz, piece)
+    for k in range(count):
         if ((ends >> k) & 1) > 0:
-            sx, sy, sz, found = _edge(f, piece, k, x, y, z, scale)
+            sx, sy, sz, found = _edge(c, piece, k, x, y, z, scale)
             if found and on_surface(c, sx, sy, sz, scale):
                 best, ended = nearer(best, x, y, z, sx, sy, sz, outside), True
             elif found:
-                more = _beyond(f, sx, sy, sz, piece) & ~(1 << k)
-                for j in range(len(f.kinks)):
+                more = _beyond(c, sx, sy, sz, piece) & ~(1 << k)
+                for j in range(count):
                     if ((more >> j) & 1) > 0:
-                        ux, uy, uz, met = _corner(f, piece, k, j, sx, sy, sz, scale)
+                        ux, uy, uz, met = _corner(c, piece, k, j, sx, sy, sz, scale)
                         if met and on_surface(c, ux, uy, uz, scale):
                             best, ended = nearer(best, x, y, z, ux, uy, uz, outside), True
     return best, ended

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from particlesim.colliders.box import Size
+from particlesim.colliders.cusps import cusp
 from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
 from particlesim.colliders.level_set import BAND, CreasedRecord, FormulaRecord, LevelRecord
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
+from particlesim.colliders.steps import jump
 from particlesim.colliders.surface_net import surface_net
 from particlesim.colliders.triangulation import Triangles
 from particlesim.expressions.arrays import value_at
@@ -47,7 +50,7 @@ class Formula(Solid):
     type: Literal["formula"] = "formula"
     distance: Annotated[str, StringConstraints(max_length=2000)]
     """The signed distance from the surface in metres, negative inside, as an expression of x, y and z [m] in the frame of
-    the box, and of the constants. Any function with this sign will do."""
+    the box, and of the constants. Any function will do that has this sign and is 0 on the surface."""
     constants: dict[Name, Number] = Field(default_factory=dict)
     """Numbers by name, for use in the expression."""
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)
@@ -97,9 +100,22 @@ class Formula(Solid):
                 also=[(("size",), "the box")],
                 hint='this is a collider of type "box"',
             )
+        self._require_no_jump(values)
         self._steep = STEEPER * _steepest(values, self._axes())
         self._require_slope()
         return self
+
+    def _require_no_jump(self, values: Floats) -> None:
+        """Refuse a formula that changes its sign without being 0: there is no surface, and balls would be put on it."""
+        found = jump(self.node(), self._axes(), values)
+        if found is not None:
+            x, y, z = np.round(found.place, 4) + 0.0
+            raise invalid(
+                "it jumps from {:.4g} to {:.4g}".format(*found.values)
+                + f" at ({x:g}, {y:g}, {z:g}), so that its surface is open there",
+                at=("distance",),
+                hint="join parts by min and max, which make upright walls, too: a step at x = 0 is min(y, max(y - 0.4, x))",
+            )
 
     def _require_slope(self) -> None:
         """Refuse a formula that touches zero without going through it, as a square does: it leads nowhere."""
@@ -115,6 +131,17 @@ class Formula(Solid):
                 at=("distance",),
                 hint="write the distance itself rather than a power of it",
             )
+
+    def endless_slope(self) -> str | None:
+        """Words on a place of the surface where the slope has no bound; None if there seems to be none."""
+        found = cusp(self.node(), self._axes(), self._values())
+        if found is None:
+            return None
+        x, y, z = np.round(found, 4) + 0.0
+        return (
+            f"its formula is infinitely steep at ({x:g}, {y:g}, {z:g}), where particles may be put beside the surface "
+            "and gain energy; a little under the root bounds its slope: sqrt(abs(x) + 1e-4)"
+        )
 
     def node(self) -> Node:
         """The expression as a tree of records."""
@@ -196,3 +223,8 @@ class FormulaCollider(Formula, SolidCollider):
 
     def shape(self) -> Any:
         return self.level(-1.0 if self.inside else 1.0)
+
+    def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
+        yield from super().doubts(name, lightest, dt)
+        if (endless := self.endless_slope()) is not None:
+            yield f"{name}: {endless}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,73 @@ def test_the_nearest_of_the_faces_of_a_formula_counts() -> None:
     np.testing.assert_allclose(gaps(formula, x[free]), nearest[free], atol=16 * EPS)
 
 
+def of_a_cut_plane(normal: NDArray[Any], places: NDArray[Any], half: NDArray[Any]) -> NDArray[Any]:
+    """How far places are from the part of the plane normal·x = 0.1 in a box about the origin, of half edges `half`."""
+    best = np.full(len(places), np.inf)
+    planes = [np.eye(3)[k] * side for k in range(3) for side in (-1, 1)]
+    for number in range(3):
+        for sides in itertools.combinations(planes, number):
+            rows = np.array([normal, *sides])
+            if np.linalg.matrix_rank(rows) <= number:
+                continue
+            levels = np.array([0.1, *(np.abs(side) @ half for side in sides)])
+            foot = places + (levels - places @ rows.T) @ np.linalg.pinv(rows).T
+            far = np.where(
+                (np.abs(foot) <= half + 1e-12).all(axis=1), np.linalg.norm(foot - places, axis=1), np.inf
+            )
+            best = np.minimum(best, far)
+    return best
+
+
+@pytest.mark.parametrize("normal", [(0.3, 1, 0), (0.8, 1, 0.5), (-1, 0.2, 2)])
+def test_a_face_ends_at_the_sides_of_the_box(normal: tuple[float, float, float]) -> None:
+    # A kink that does nothing. The nearest place of what the box leaves of the plane is on its face, on an edge where it
+    # meets a side, or in a corner where it meets two.
+    size = np.array([2.6, 1.4, 2.6])
+    a, b, c = normal
+    plane = f"{a}*x + {b}*y + {c}*z - 0.1"
+    formula = FormulaCollider(distance=f"{plane} + 0*abs(x - 1)", size=tuple(size))
+    smooth = FormulaCollider(distance=plane, size=tuple(size))
+    x = np.random.default_rng(1).uniform(-0.7, 0.7, (4000, 3)) * size
+    inner = np.clip(x, -size / 2, size / 2)
+    above = inner @ normal - 0.1
+    near = (above > 0) & (above / np.linalg.norm(normal) < 0.3)
+    x, inner, above = x[near], inner[near], above[near]
+    found, cut = gaps(formula, x), of_a_cut_plane(np.array(normal), inner, size / 2)
+    whole = above / np.linalg.norm(normal)
+    np.testing.assert_allclose(found, np.hypot(np.linalg.norm(x - inner, axis=1), cut), atol=32 * EPS)
+    assert (cut > whole + 1e-6).sum() > 30
+    same = cut < whole + 1e-14
+    np.testing.assert_allclose(found[same], gaps(smooth, x)[same], atol=8 * EPS)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 1.0])
+@pytest.mark.parametrize("text", ["y - 0.3*abs(x)", "y + 0.3*x + 0*abs(x - 1)", "max(y + 0.3*x, y - 0.5)"])
+def test_what_rolls_off_the_end_of_a_formula_gains_nothing(text: str, restitution: float) -> None:
+    # Where its centre is above the face still, and the foot beyond the side of the box, balls were lifted by r/4.
+    rise = 0.3 + 0.05 * np.sqrt(1.09) + 1e-6
+    ended = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": 0.3, "dt": 2e-3, "integrator": "velocity_verlet"},
+                "output": {"every": 1, "precision": "double"},
+                "particles": [points((-1, rise, 0), velocity=[[-3.0, 0.9, 0.2]], radius=0.05, mass=1.0)],
+                "forces": [{"type": "gravity", "acceleration": [0, -10, 0]}],
+                "colliders": [
+                    {
+                        "type": "formula",
+                        "distance": text,
+                        "size": [2.6, 1.4, 2.6],
+                        "restitution": restitution,
+                    }
+                ],
+            }
+        )
+    )
+    assert ended.final.position[0, 0] < -1.4
+    assert np.diff(ended.energy).max() < 1e-12 * ended.energy[0]
+
+
 def test_distances_between_the_samples_are_of_fourth_order() -> None:
     # cubic splines; ends without curvature do not matter this far from them
     errors = [np.abs(gaps(grid_of(h), on_a_ball(1.1)) - 0.1).max() for h in (0.25, 0.125, 0.0625)]
@@ -220,6 +288,14 @@ BAD = {
     "everything": ('distance = "x - 5"', "in all of its box"),
     "no_value": ('distance = "sqrt(x) - 0.5"', "it has no value at"),
     "no_slope": ('distance = "(x**2 + y**2 + z**2 - 0.5)**7"', "no slope on its surface"),
+    "step": ('distance = "y if x < 0 else y - 0.4"', r"jumps from 0 to -0.4 at \(0, 0, 0\)"),
+    "low_step": ('distance = "y - (1e-4 if x < 0.01 else 0)"', "jumps from -0.0001 to 0"),
+    "sign": ('distance = "y - 0.2*sign(x)"', "surface is open there"),
+    "cliff": ('distance = "y - (0.3 if hypot(x, z) < 0.5 else 0)"', "jumps from"),
+    "filled": ('distance = "y if y > 0 else -1"', "jumps from"),
+    "ramp": ('distance = "y - 0.1*atan2(z, x)"', "jumps from"),
+    "pole": ('distance = "y - 0.01/(x - 0.013)"', "jumps from"),
+    "teeth": ('distance = "y - 0.1*tan(2*x)"', "jumps from"),
     "no_formula": ('distance = "x +"', "not an expression"),
     "no_size": ('distance = "x"\nsize = [0, 1, 1]', "greater than 0"),
 }
@@ -234,6 +310,28 @@ def test_bad_formulas_are_refused_where_they_are(tmp_path: Path, name: str) -> N
     with pytest.raises(ps.ScenarioError, match=words) as told:
         ps.load(file)
     assert told.value.diagnostics[0].span.line in (7, 8)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "min(y, max(y - 0.4, x))",
+        "y - (x**2 if x < 0 else -x**2)",
+        "y - 0.3*x*sign(x)",
+        "y + 0.2*sign(x) - (0.2 if x > 0 else -0.2)",
+        "y - 0.2*abs(sin(30*x))*sign(sin(30*x))",
+        "y - 0.3*(0 if x < 0 else 3*x**2 - 2*x**3 if x < 1 else 1)",
+        "y - (x if x < 0.2 else (0.2 if z < 0 else 0.2 + z*(x - 0.2)))",
+        "y*(1 if x + y + 0.3*z*z < 0.1 else 3)",  # it jumps, but not on its surface
+        "y + (0.4 if y > 0.3 else 0)",
+        "(y - 0.3*x)/(0.5 + abs(x))",
+        "y - 0.1*atan2(z + 3, x)",
+        "y - 0.1*tan(0.8*x)",
+        "y - 0.05*tanh(1000*x)",
+    ],
+)
+def test_formulas_that_come_to_zero_on_their_surface_are_taken(text: str) -> None:
+    FormulaCollider(distance=text, size=(2.6, 1.4, 2.6))
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,32 @@ def test_what_takes_nothing_off_is_told() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("y - 0.3*sqrt(abs(x))", "0, 0, 0"),
+        ("y - 0.3*sqrt(abs(x - 0.0123))", "0.0123, 0, 0"),
+        ("y - 0.3*abs(x)**0.8", "0, 0, 0"),
+        ("y - sqrt(max(0.25 - x**2 - z**2, 0))", ""),
+        ("y - 0.3*sqrt(abs(x) + 1e-4)", None),
+        ("y - sqrt(max(x, 0)*0.2 + 1e-4)", None),
+        ("y - 0.3*abs(x)**1.5", None),
+        ("y - 0.05*tanh(1000*x) + 0*sqrt(z*z)", None),
+        ("sqrt(x**2 + y**2 + z**2) - 0.5", None),
+        ("y - 0.5 + sqrt(x**2 + z**2)", None),
+    ],
+)
+def test_formulas_that_are_infinitely_steep_are_told(text: str, place: str | None) -> None:
+    ground = {"type": "formula", "name": "ground", "distance": text, "size": [2.6, 1.4, 2.6]}
+    told = [
+        each
+        for each in advice(ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN)))
+        if "infinitely steep" in each
+    ]
+    assert len(told) == (0 if place is None else 1)
+    assert place is None or f"formula ground: its formula is infinitely steep at ({place}" in told[0]
+
+
 def test_walls_that_overlap_are_refused() -> None:
     low, high = {"point": [0, 1, 0]}, {"normal": [0, -2, 0], "point": [0, 0.5, 0]}
     with pytest.raises(ps.ScenarioError, match=r"overlap by 0\.5 m"):
