@@ -274,7 +274,7 @@ def expressions_table() -> str:
         "constants": "`pi`, `e`, and those of `constants`",
         "operators": "`+` `-` `*` `/` `**`, parentheses, `a if b < c else d` with `<`, `<=`, `>` or `>=`",
         "functions": ", ".join(functions),
-        "limits": f"{MAX_LENGTH} characters, {MAX_DEPTH} operations inside each other; a sum or a product of many terms is no deep one",
+        "limits": f"{MAX_LENGTH} characters, {MAX_DEPTH} operations inside each other; a long sum or product is not deep",
     }
     return "\n".join(f"| {part} | {allowed} |" for part, allowed in rows.items())
 
