@@ -348,10 +348,19 @@ def test_what_a_mesh_cannot_sum_is_refused(interaction: dict[str, Any], box: Any
 
 
 def test_an_accuracy_out_of_reach_says_what_can_be_had() -> None:
-    scenario = told(uniform(200, np.random.default_rng(0)), {"accuracy": 1e-8})
+    scenario = told(uniform(200, np.random.default_rng(0)), {"accuracy": 1e-7})
     scenario["simulation"]["precision"] = "single"
     with pytest.raises(PsimError, match="is reached"):
         begun(scenario)
+
+
+@pytest.mark.parametrize("method", ["mesh", "auto"])
+def test_an_accuracy_below_rounding_is_refused(method: str) -> None:
+    scenario = told(uniform(20, np.random.default_rng(0)), {"accuracy": 2e-8, "method": method})
+    ps.from_table(scenario)
+    scenario["simulation"]["precision"] = "single"
+    with pytest.raises(PsimError, match=r"accuracy: forces in single precision .*1e-07 or more"):
+        ps.from_table(scenario)
 
 
 def test_an_accuracy_is_given_up_only_after_a_much_finer_cut() -> None:

@@ -219,6 +219,7 @@ CHECKS = (
     bodies.held,
     needs,
     interactions.felt,
+    interactions.exact_enough,
     interactions.turned,
     interactions.against_walls,
     interactions.put_apart,

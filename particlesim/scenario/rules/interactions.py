@@ -65,6 +65,23 @@ def felt(scenario: Tables) -> Iterator[Invalid]:
                     )
 
 
+SINGLE = 1e-7
+"""The least error of forces in single precision, twice the rounding of a number."""
+
+
+def exact_enough(scenario: Tables) -> Iterator[Invalid]:
+    """An accuracy is one that numbers of the run can have."""
+    for k, each in enumerate(scenario.interactions):
+        accuracy = getattr(each, "accuracy", None)
+        if scenario.simulation.precision == "single" and accuracy is not None and accuracy < SINGLE:
+            yield Invalid(
+                f"forces in single precision are rounded to some 6e-08 of their size, which is more than {accuracy:g}",
+                ("interactions", k, "accuracy"),
+                ((("simulation", "precision"), "single here"),),
+                allowed=f'{SINGLE:g} or more, or precision = "double"',
+            )
+
+
 def turned(scenario: Tables) -> Iterator[Invalid]:
     """Only what rubs turns."""
     for k, group in enumerate(scenario.particles):
