@@ -89,13 +89,18 @@ def plan(
 
 
 def _seen_at_once(scenario: Scenario) -> tuple[str, ...]:
-    """What to doubt of the places of particles alone."""
+    """What to doubt of the places of particles alone, where no kernel is needed to place them."""
     if scenario.simulation.box is None:
         return ()
+    from particlesim.compiler import NotKept, much, uncompiled
     from particlesim.engine.world import World
     from particlesim.runs.validity import outside_of_box
 
-    return tuple(outside_of_box(World(scenario)))
+    with uncompiled(), much(True):
+        try:
+            return tuple(outside_of_box(World(scenario)))
+        except NotKept:
+            return ()
 
 
 def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[str, ...]]:

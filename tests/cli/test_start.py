@@ -105,6 +105,20 @@ def test_a_check_tells_what_is_outside_of_the_box_in_any_case(tmp_path: Path) ->
     assert "99 of 400 particles of 'particles' start outside of the periodic box" in told
 
 
+def test_a_check_of_starts_that_overlap_in_a_box_compiles_nothing(tmp_path: Path) -> None:
+    places = [[k / 400, 0.5, 0.5] for k in range(400)]
+    scene = FREE.replace("[[0, 0, 0]] }", f"{places} }}\nmass = 1\nradius = 0.01").split("[[forces]]")[0]
+    scene = scene.replace("dt = 0.01", "dt = 0.01\nbox = { size = [1, 1, 1] }")
+    law = '[[interactions]]\ntype = "contact"\nmodel = "linear"\nstiffness = 10\n'
+    (tmp_path / "scene.toml").write_text(scene + law)
+    code = "import sys; sys.argv = ['psim', 'check', 'scene.toml']\n"
+    code += "try:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
+    code += "print('walker:', 'particlesim.compiler.walker' in sys.modules)"
+    told = run(code, tmp_path)
+    assert "walker: False" in told
+    assert "not looked for" in told
+
+
 def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:
     (tmp_path / "free.toml").write_text(FREE)
     code = """

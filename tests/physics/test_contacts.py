@@ -19,6 +19,7 @@ from particlesim.engine.world import World
 from particlesim.laws.contact import touch
 from particlesim.laws.pair import Pair
 from particlesim.process.preparing import told_of_preparing
+from particlesim.runs.validity import outside_of_box
 from particlesim.scenario.box import PeriodicBox
 
 R, M = 0.05, 0.1
@@ -526,6 +527,21 @@ def test_a_pair_of_grains_is_put_apart_in_inverse_proportion_to_the_masses() -> 
     found, way = overlapping_start([0.01, 0.1], 0.06)
     assert found.number == 1
     assert way[0] == pytest.approx(-1000 * way[1], rel=1e-11)
+
+
+def test_grains_put_apart_stay_in_the_box_in_which_they_were_placed() -> None:
+    """Through a side of a periodic box they come back on the other, so that nobody is told to start outside."""
+    x = np.random.default_rng(5).uniform(0, 1, (600, 3))
+    start = {
+        "simulation": {"duration": 1e-3, "dt": 1e-3, "box": {"size": [1, 1, 1]}},
+        "particles": [{**points(*x.tolist()), "radius": 0.05, "mass": 1.0}],
+        "interactions": [{"type": "contact", "model": "linear", "stiffness": 1e4}],
+    }
+    world = World(ps.from_table(start))
+    placed = world.states[0].position
+    assert np.abs(placed - x).max() > 0.5
+    assert ((placed >= 0) & (placed <= 1)).all()
+    assert not outside_of_box(world)
 
 
 def test_grains_of_sizes_that_differ_are_put_apart_without_looking_for_pairs_again_and_again(

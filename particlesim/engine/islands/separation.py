@@ -97,9 +97,12 @@ def _separated(
                 _put_out(structure, state, x[begin:end], r[begin:end], free[begin:end])
     left = pairs.find(x, 0.0)
     cramped = bool((left > 2 * LEFT * pairs.smaller).any())
+    way = _furthest(x, before)
+    if box is not None:  # nobody leaves the image of the box in which it was placed
+        whole = box.as_box()
+        x -= (whole.images(x) - whole.images(before)) * whole.steps
     for state, begin, end in zip(states, ends, ends[1:], strict=False):
         state.x[:, : state.count] = x[begin:end].T
-    way = _furthest(x, before)
     return Separation(each.name, number, first, way, float(left.max(initial=0.0)), cramped)
 
 

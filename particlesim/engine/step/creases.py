@@ -132,6 +132,43 @@ def _facet(c: Any, p: Any, place: Any, g: Any, n: Any) -> Any:
     return ColliderRecord(PlaneRecord(n[0], n[1], n[2], offset), c.response)
 
 
+def _beside(p: Any, q: Any, n: Any, way: Any) -> Any:
+    """The particle q where p is, moved by a way along n."""
+    place = tuple(x + way * axis for x, axis in zip((p.x, p.y, p.z), n, strict=True))
+    return at_place(q, place, (q.vx, q.vy, q.vz))
+
+
+def _pressed(c: Any, p: Any, q: Any, h: Any, slack: Any, most: Any, sure: Any) -> Any:
+    """The part of a shape that a particle at p presses on the way to q, by looks up to `most` into it; its normal; how far
+    it was looked into; and whether there is such a part, and forces, not hops, press."""
+    one, half = type_of(h, 1), type_of(h, 0.5)
+    zero, look, rests = one - one, type_of(h, LOOK) * slack, False
+    way = (q.x - p.x, q.y - p.y, q.z - p.z)
+    far = np.sqrt(dot(way, way))
+    up = (zero, zero, zero)
+    first = _facet(c, p, p, one, up)
+    while (not rests) & (look < type_of(h, FURTHER) * most):
+        near = _along(p, q, way, min(look, most) / far)
+        g, up = gap_and_normal(c, near)
+        first = _facet(c, p, near, g, up)
+        rests = (gap(first, q) < -slack) & (gap(first, p) <= type_of(h, LIFT) * slack)
+        look = look * type_of(h, FURTHER)
+    if rests:
+        rests = _dies_out(first, up, p, q, h, slack, sure)
+    if rests:
+        # So close, the edge between two triangles of one face was nearest, perhaps, and its normal is rounded more.
+        ahead = (p.vx, p.vy, p.vz)
+        speed = np.sqrt(dot(ahead, ahead))
+        drift = min(most, half * h * speed) / speed if speed > 0 else zero
+        moved = tuple(drift * v - look * u for v, u in zip(ahead, up, strict=True))
+        near = _beside(p, q, moved, one)
+        g, n = gap_and_normal(c, near)
+        # A point sees it from so near that no look is better.
+        if (p.r > look) & (dot(n, up) > one - type_of(h, SAME)):
+            first, up = _facet(c, p, near, g, n), n
+    return first, up, look, rests
+
+
 @outlined
 def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest in a crease or a corner of one shape with dents, or on one side of it; its end;
@@ -150,31 +187,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         far = np.sqrt(dot(way, way))
         # none looks through this part of the shape
         deepest = half * half * type_of(h, thinnest(c.shape))
-        most, look = min(deepest, far), type_of(h, LOOK) * slack
-        up = second = (zero, zero, zero)
-        first = _facet(c, p, p, one, up)
-        while (not rests) & (look < type_of(h, FURTHER) * most):
-            near = _along(p, q, way, min(look, most) / far)
-            g, up = gap_and_normal(c, near)
-            first = _facet(c, p, near, g, up)
-            rests = (gap(first, q) < -slack) & (gap(first, p) <= lift)
-            look = look * type_of(h, FURTHER)
+        first, up, look, rests = _pressed(c, p, q, h, slack, min(deepest, far), sure)
+        second = (zero, zero, zero)
         if rests:
-            rests = _dies_out(first, up, p, q, h, slack, sure)
-        if rests:
-            # So close, the edge between two triangles of one face was nearest, perhaps, and its normal is rounded more.
-            ahead = (p.vx, p.vy, p.vz)
-            speed = np.sqrt(dot(ahead, ahead))
-            drift = min(most, half * h * speed) / speed if speed > 0 else zero
-            near = at_place(
-                q,
-                tuple(x + drift * v - look * u for x, v, u in zip((p.x, p.y, p.z), ahead, up, strict=True)),
-                (q.vx, q.vy, q.vz),
-            )
-            g, n = gap_and_normal(c, near)
-            # A point sees it from so near that no look is better.
-            if (p.r > look) & (dot(n, up) > one - type_of(h, SAME)):
-                first, up = _facet(c, p, near, g, n), n
             r, turn = held(first, p, q, touched(first, p, q), h, tolerance)
         free, seen = one, one
         for _ in range(MOST_PARTS):
@@ -191,11 +206,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             start = gap(other, p)
             if (start > lift) & (not both):
                 # Perhaps it touches this part where it is, as a wall that curves towards it.
-                close = at_place(
-                    q,
-                    tuple(x - look * axis for x, axis in zip((p.x, p.y, p.z), n, strict=True)),
-                    (q.vx, q.vy, q.vz),
-                )
+                close = _beside(p, q, n, -look)
                 k, u = gap_and_normal(c, close)
                 touches = gap(_facet(c, p, close, k, u), p)
                 if (dot(u, n) > STRAIGHT) & (touches <= lift):

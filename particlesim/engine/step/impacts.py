@@ -207,12 +207,14 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
-        if any(dented(c.shape) for c in contacts.continuous) and sunk(contacts.continuous, on, p, r, slack):
-            r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
-        elif sunk(contacts.continuous, on, p, r, slack):
-            zero = h - h
-            r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
-        elif any(dented(c.shape) for c in contacts.continuous) and not any(map(runs, contacts.continuous)):
+        dents = any(dented(c.shape) for c in contacts.continuous)
+        if sunk(contacts.continuous, on, p, r, slack):
+            if dents:
+                r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
+            else:
+                zero = h - h
+                r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
+        elif dents and not any(map(runs, contacts.continuous)):
             r = no_faster(p, q, r, h, contacts.tolerance)
     return r, on, turn
 
