@@ -13,6 +13,7 @@ from particlesim.compiler.intrinsics import (
     outlined,
     prefetch,
     shared,
+    transpose,
 )
 from particlesim.compiler.kernel import (
     Kernel,
@@ -42,5 +43,6 @@ __all__ = [
     "quickly",
     "shared",
     "told_of_compiling",
+    "transpose",
     "uncompiled",
 ]

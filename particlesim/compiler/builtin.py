@@ -248,6 +248,38 @@ def _on_stack(frame: Frame, rows: Any, columns: Any, dtype: Any) -> Array:
     return Array(Number(place, "ptr"), element, (rows, columns), (columns, 1))
 
 
+_EXCHANGES = ((0, 8, 2, 10, 4, 12, 6, 14), (0, 1, 8, 9, 4, 5, 12, 13), (0, 1, 2, 3, 8, 9, 10, 11))
+"""Which numbers of two vectors make a new one: pairs of neighbours, then of twos, then of fours."""
+
+
+@rule(intrinsics.transpose)
+def _transpose(frame: Frame, source: Array, rows: Any, column: Any, into: Array, at: Any) -> None:
+    w, size = frame.w, intrinsics.BLOCK
+    for array in (source, into):
+        if array.element != "float64" or array.ndim != 2 or array.strides[1] != 1:
+            raise Unsupported("transpose takes arrays [rows, columns] of float64, rows contiguous")
+    if not isinstance(rows, tuple) or len(rows) != size:
+        raise Unsupported(f"transpose takes {size} rows")
+
+    def place(array: Array, row: Any, first: Any) -> str:
+        if frame.unit.checked:
+            frame.view(array, (row, w.binary("Add", first, size - 1)))
+        return w.offset(array, frame.view(array, (row, first))).ref
+
+    vectors = [w.emit(f"load <8 x double>, ptr {place(source, row, column)}, align 8") for row in rows]
+    for step, low in zip((1, 2, 4), _EXCHANGES, strict=True):
+        high = tuple(k + step for k in low)
+        for j in (j for j in range(size) if not j & step):
+            pair = f"<8 x double> {vectors[j]}, <8 x double> {vectors[j + step]}"
+            masks = ("<" + ", ".join(f"i32 {k}" for k in each) + ">" for each in (low, high))
+            vectors[j], vectors[j + step] = [
+                w.emit(f"shufflevector {pair}, <8 x i32> {mask}") for mask in masks
+            ]
+    for k, vector in enumerate(vectors):
+        row = w.binary("Add", at, k)
+        w.do(f"store <8 x double> {vector}, ptr {place(into, row, 0)}, align 8")
+
+
 @rule(intrinsics.atomic_add)
 def _atomic_add(frame: Frame, array: Array, index: Any, value: Any) -> Number:
     w = frame.w

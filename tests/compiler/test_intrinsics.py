@@ -6,8 +6,14 @@ import math
 import random
 import struct
 from fractions import Fraction
+from typing import Any
 
+import numpy as np
+import pytest
+
+from particlesim.compiler import kernel, transpose
 from particlesim.compiler.intrinsics import bits_of, copysign, exact, floor, fma, nearest, number_of, sqrt
+from particlesim.compiler.unit import CompileError
 
 
 def number(rng: random.Random) -> float:
@@ -48,3 +54,23 @@ def test_exact_marks_a_function_and_leaves_it_as_it_is() -> None:
 
     assert exact(double) is double
     assert double.exact  # type: ignore[attr-defined]
+
+
+def test_transpose_turns_rows_from_anywhere_into_columns() -> None:
+    @kernel
+    def turned(source: Any, which: Any, into: Any) -> None:
+        rows = tuple(which[k] for k in range(8))
+        transpose(source, rows, 3, into, 1)
+        transpose(into, (1, 2, 3, 4, 5, 6, 7, 8), 0, into, 9)
+
+    rng = np.random.default_rng(1)
+    source, which = rng.random((20, 12)), np.array([7, 0, 19, 3, 3, 11, 2, 5])
+    expected = source[which, 3:11].T
+    for work in (turned, turned.python):
+        into = np.zeros((18, 8))
+        work(source, which, into)
+        assert (into[1:9] == expected).all()
+        assert (into[9:17] == expected.T).all()
+        assert not into[[0, 17]].any()
+    with pytest.raises(CompileError, match="rows contiguous"):
+        turned(source.T, which, np.zeros((18, 8)))

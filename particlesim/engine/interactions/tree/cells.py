@@ -21,7 +21,7 @@ from particlesim.engine.interactions.tree.expansions import (
     scaled,
     taken,
 )
-from particlesim.engine.interactions.tree.form import moment_columns, order_of
+from particlesim.engine.interactions.tree.form import in_blocks, moment_columns, order_of
 from particlesim.engine.interactions.tree.indices import weights
 from particlesim.engine.interactions.tree.morton import LEVELS
 
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
     place: NDArray[np.float64]
     """[cells, 8]: centre, radius about it, reach and strength (`walk`), mean need of its particles."""
     moments: NDArray[np.float64]
-    """[cells, numbers]"""
+    """[cells, numbers], filled up to whole vectors."""
     begins: NDArray[np.int64]
     """Where each generation begins; the number of generations and of cells are the last two."""
 
@@ -61,7 +61,7 @@ def new_cells(count: int, numbers: int) -> Cells:
     return Cells(
         np.zeros((count, 4), np.int32),
         np.zeros((count, 8)),
-        np.zeros((count, numbers)),
+        np.zeros((count, in_blocks(numbers))),
         np.zeros(GENERATIONS + 4, np.int64),
     )
 

@@ -31,7 +31,7 @@ from particlesim.engine.interactions.tree.form import (
 )
 from particlesim.engine.interactions.tree.morton import key
 from particlesim.engine.interactions.tree.sorting import Keys, new_keys, sort
-from particlesim.engine.interactions.tree.walk import Given, Limits, Room, new_room, walk
+from particlesim.engine.interactions.tree.walk import Given, Limits, Room, forget_walk, new_room, walk
 
 LEAF = 56
 """Most particles of a leaf, but for those that all have one key."""
@@ -42,8 +42,10 @@ PARTICLES_PER_CELL = 8
 slower, and as exact."""
 _TASKS = 128
 """Parts that the walk is cut into, for threads to take in turn."""
-_TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 1024, 12
+_TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 512, 24
 """Fewest particles of a part; and of one of a few parts, for threads to share few particles evenly."""
+_APART = 8
+"""Numbers of a line of memory: threads that write side by side would wait for each other."""
 FIRST_OPENING = 0.5
 """Widest opening while the size of the field is not known yet."""
 RIM = 24.0
@@ -68,7 +70,7 @@ class Tree(NamedTuple):
     chunks: NDArray[np.float64]
     """[3, chunks]: sums of |field| over chunks of particles, of how many feel it, and of |w|."""
     next: NDArray[np.int64]
-    """The next part of the walk."""
+    """[threads · _APART]: how many of its parts of the walk are taken, in a line of memory of its own for each thread."""
     report: NDArray[np.int64]
     field: NDArray[np.float64]
     """[3, n]: ∇ Σ w f at every particle, of all others."""
@@ -87,7 +89,7 @@ def new_tree(form: Form, count: int, threads: int) -> Tree:
         new_room(threads, room, field_columns(form)[-1]),
         np.zeros((threads, 8)),
         np.zeros((3, -(-count // _CHUNK))),
-        np.zeros(8, np.int64),
+        np.zeros(_APART * threads, np.int64),
         np.zeros(8, np.int64),
         np.zeros((3, count)),
         np.zeros(count) if isinstance(form.wanted, Height) else None,
@@ -108,6 +110,7 @@ def for_threads(tree: Tree, threads: int) -> Tree:
         keys=tree.keys._replace(counts=new_keys(0, threads).counts),
         room=new_room(threads, cells, tree.room.fields.shape[2]),
         borders=np.zeros((threads, 8)),
+        next=np.zeros(_APART * threads, np.int64),
     )
 
 
@@ -284,22 +287,25 @@ def _walk_all(
     room = Room(*(each[share.number] for each in tree.room))
     count = size.size
     parts = min(_TASKS, max(count // _TASK, min(count // _TASK_OF_FEW, _FEW_TASKS)) + 1)
-    part = atomic_add(tree.next, 0, 1)
-    while part < parts:
-        walk(
-            form,
-            tree.cells,
-            tree.sorted,
-            limits,
-            room,
-            count * part // parts,
-            count * (part + 1) // parts,
-            given,
-        )
-        part = atomic_add(tree.next, 0, 1)
+    forget_walk(room)
+    for turn in range(share.threads):  # its own parts, side by side, then what others have left
+        owner = (share.number + turn) % share.threads
+        begin, end = parts * owner // share.threads, parts * (owner + 1) // share.threads
+        part = begin + atomic_add(tree.next, _APART * owner, 1)
+        while part < end:
+            walk(
+                form,
+                tree.cells,
+                tree.sorted,
+                limits,
+                room,
+                count * part // parts,
+                count * (part + 1) // parts,
+                given,
+            )
+            part = begin + atomic_add(tree.next, _APART * owner, 1)
     meet(share.gate, share.threads)
-    if share.number == 0:
-        tree.next[0] = 0
+    tree.next[_APART * share.number] = 0
     meet(share.gate, share.threads)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from particlesim.compiler.intrinsics import BLOCK
 from particlesim.engine.interactions.tree.indices import columns
 
 
@@ -73,6 +74,11 @@ def moment_columns(form: Any) -> Any:
 def field_columns(form: Any) -> Any:
     """Where the degrees of polynomials begin in a row."""
     return columns(first_degree(form), order_of(form))
+
+
+def in_blocks(numbers: int) -> int:
+    """The length of a row of so many numbers that ends with a whole vector."""
+    return -(-numbers // BLOCK) * BLOCK
 
 
 def softening_square(form: Any) -> float:

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import on_stack, outlined
+from particlesim.compiler import lanes, on_stack, outlined, transpose
+from particlesim.compiler.intrinsics import BLOCK
 from particlesim.engine.interactions.tree.cells import (
     CHILD,
     CHILDREN,
@@ -62,13 +63,13 @@ from particlesim.engine.interactions.tree.form import (
     field_columns,
     first_degree,
     moment_columns,
+    in_blocks,
     order_of,
     softening_reach,
     softening_square,
 )
 from particlesim.engine.interactions.tree.indices import columns, pieces
 
-_LANES = 8
 PAIRS_FOR_MOMENTS = 0.4
 """How many vectors of pairs cost as much as one cell that acts by its moments, over the square of the order."""
 
@@ -80,12 +81,13 @@ class Room(NamedTuple):
     """
 
     lists: NDArray[np.int32]
-    """[threads, generations + 5, cells + LANES]: by generation the sources that its cell hands down; then far, near, not
+    """[threads, generations + 5, cells + 2 BLOCK]: by generation the sources that its cell hands down; then far, near, not
     far, to be tested, and whether each is far."""
     fields: NDArray[np.float64]
     """[threads, generations, numbers]: the polynomials of the cells that the walk is in."""
     stack: NDArray[np.int64]
-    """[threads, 3, 8 generations]: cells to come and their generations; the cells that the walk is in."""
+    """[threads, 4, 8 generations]: cells to come and their generations; by generation the cell that the walk is in, and how
+    many sources its parent has handed down."""
     done: NDArray[np.int64]
     """[threads, 8]: far pairs of cells, pairs of particles, tests."""
 
@@ -120,46 +122,55 @@ class Given(NamedTuple):
 def new_room(threads: int, cells: int, numbers: int) -> Room:
     """Room for the walks of threads through so many cells."""
     return Room(
-        np.zeros((threads, GENERATIONS + 5, cells + 2 * _LANES), np.int32),
-        np.zeros((threads, GENERATIONS + 1, numbers)),
-        np.zeros((threads, 3, 8 * GENERATIONS + 8), np.int64),
+        np.zeros((threads, GENERATIONS + 5, cells + 2 * BLOCK), np.int32),
+        np.zeros((threads, GENERATIONS + 1, in_blocks(numbers))),
+        np.zeros((threads, 4, 8 * GENERATIONS + 8), np.int64),
         np.zeros((threads, 8), np.int64),
     )
 
 
 FAR, NEAR, REST, WORK = GENERATIONS + 1, GENERATIONS + 2, GENERATIONS + 3, GENERATIONS + 4
+TO_COME, DEPTHS, WITHIN, HANDED = 0, 1, 2, 3
 
 
 @outlined
 def walk(form: Any, cells: Any, s: Any, limits: Any, room: Any, first: Any, last: Any, given: Any) -> None:
     """All sums for the leaves that begin among the sorted particles [first, last).
 
-    `limits`: tolerance and widest opening; `given`: where the sums go.
+    `limits`: tolerance and widest opening; `given`: where the sums go. What the room holds of cells that the walk before was
+    in, too, is taken from there (`forget_walk`).
     """
     span, stack = cells.span, room.stack
-    stack[0, 0] = 0
-    stack[1, 0] = 0
+    stack[TO_COME, 0] = 0
+    stack[DEPTHS, 0] = 0
     room.lists[0, 0] = 0
     waiting = 1
-    handed = on_stack(1, GENERATIONS + 1, np.int64)
-    handed[0, 0] = 1
+    stack[HANDED, 0] = 1
     while waiting > 0:
         waiting -= 1
-        b, depth = stack[0, waiting], stack[1, waiting]
-        stack[2, depth] = b
-        _inherit(form, cells, room, b, depth)
-        near, kept = _settle(form, cells, limits, room, b, depth, handed[0, depth])
-        if span[b, CHILDREN] > 0:
-            handed[0, depth + 1] = kept
+        b, depth = stack[TO_COME, waiting], stack[DEPTHS, waiting]
+        leaf = span[b, CHILDREN] == 0
+        if stack[WITHIN, depth] != b and (not leaf or first <= span[b, FIRST]):
+            stack[WITHIN, depth] = b
+            _inherit(form, cells, room, b, depth)
+            near, kept = _settle(form, cells, limits, room, b, depth, stack[HANDED, depth])
+            if leaf:
+                _finish(form, cells, s, room, b, depth, near, given)
+            else:
+                stack[HANDED, depth + 1] = kept
+        if not leaf:
             child = span[b, CHILD] + span[b, CHILDREN]
             while child > span[b, CHILD]:
                 child -= 1
                 if span[child, FIRST] < last and span[child, LAST] > first:
-                    stack[0, waiting] = child
-                    stack[1, waiting] = depth + 1
+                    stack[TO_COME, waiting] = child
+                    stack[DEPTHS, waiting] = depth + 1
                     waiting += 1
-        elif first <= span[b, FIRST] < last:
-            _finish(form, cells, s, room, b, depth, near, given)
+
+
+def forget_walk(room: Any) -> None:
+    """Before the first walk of a thread through new cells: it is in none."""
+    room.stack[WITHIN] = -1
 
 
 @outlined
@@ -169,7 +180,7 @@ def _inherit(form: Any, cells: Any, room: Any, b: Any, depth: Any) -> None:
     if depth == 0:
         row[:] = 0.0
     else:
-        begins, place, parent = field_columns(form), cells.place, room.stack[2, depth - 1]
+        begins, place, parent = field_columns(form), cells.place, room.stack[WITHIN, depth - 1]
         v = (place[b, X] - place[parent, X], place[b, Y] - place[parent, Y], place[b, Z] - place[parent, Z])
         field = taken(room.fields[depth - 1], begins)
         put(row, begins, field_shifted(field, v, first_degree(form), order_of(form)))
@@ -208,7 +219,7 @@ def _settle(form: Any, cells: Any, limits: Any, room: Any, b: Any, depth: Any, c
     if fars > 0:
         room.done[0] += fars
         empty = count_cells(cells)
-        for i in range(fars, fars + _LANES):
+        for i in range(fars, fars + BLOCK):
             far[i] = empty
         _act(form, cells, far, fars, b, room.fields[depth])
     return nears, kept
@@ -263,38 +274,39 @@ def _test(
 
 @outlined
 def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
-    """Add what far cells do to the polynomial of cell b, as many at a time as there are lanes; the list ends in as many
-    empty ones."""
+    """Add what far cells do to the polynomial of cell b, as many at a time as fit into a vector; the list ends in as
+    many empty ones."""
     order, into, begins = order_of(form), field_columns(form), moment_columns(form)
     place, moments = cells.place, cells.moments
-    source, sums = on_stack(3 + begins[-1], _LANES, np.float64), on_stack(into[-1], _LANES, np.float64)
+    width, height = in_blocks(begins[-1]), in_blocks(into[-1])
+    places, source = on_stack(BLOCK, BLOCK, np.float64), on_stack(width, BLOCK, np.float64)
+    sums, turned = on_stack(height, BLOCK, np.float64), on_stack(BLOCK, BLOCK, np.float64)
     lines = columns(0, order)
-    slopes = on_stack(lines[-1], _LANES, np.float64)
-    for k in range(into[-1]):
-        for lane in range(_LANES):
+    slopes = on_stack(lines[-1], BLOCK, np.float64)
+    for k in range(height):
+        for lane in range(BLOCK):
             sums[k, lane] = 0.0
     x, y, z = place[b, X], place[b, Y], place[b, Z]
     soft = softening_square(form)
-    for at in range(0, count, _LANES):
-        for lane in range(_LANES):
-            a = far[at + lane]
-            source[0, lane] = x - place[a, X]
-            source[1, lane] = y - place[a, Y]
-            source[2, lane] = z - place[a, Z]
-            for k in range(begins[-1]):
-                source[3 + k, lane] = moments[a, k]
-        for lane in range(_LANES):
-            v = (source[0, lane], source[1, lane], source[2, lane])
+    for at in range(0, count, BLOCK):
+        some = tuple(far[at + lane] for lane in range(BLOCK))
+        transpose(place, some, 0, places, 0)
+        for k in range(0, width, BLOCK):
+            transpose(moments, some, k, source, k)
+        for lane in range(BLOCK):
+            v = (x - places[X, lane], y - places[Y, lane], z - places[Z, lane])
             d = derivatives(v, chain(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] + soft, order))
             put(slopes[:, lane], lines, d)
         for n, chosen in pieces(first_degree(form), order):
-            for lane in range(_LANES):
-                d, m = taken(slopes[:, lane], lines), taken(source[3:, lane], begins)
+            for lane in range(BLOCK):
+                d, m = taken(slopes[:, lane], lines), taken(source[:, lane], begins)
                 for k, number in zip(chosen, field_numbers(m, d, n, chosen, order), strict=True):
                     sums[into[n] + k, lane] += number
-    for k in range(into[-1]):
-        for lane in range(_LANES):
-            row[k] += sums[k, lane]
+    for first in range(0, height, BLOCK):
+        transpose(sums, tuple(first + k for k in range(BLOCK)), 0, turned, 0)
+        for lane in range(BLOCK):
+            for k in lanes(BLOCK):
+                row[first + k] += turned[lane, k]
 
 
 def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: Any, given: Any) -> None:
