@@ -30,6 +30,7 @@ from particlesim.preflight.pair_memory import held
 from particlesim.process.threads import Team
 from particlesim.sampling.random_streams import Streams
 
+COUNTS = (1_000, 2_000, 4_000, 10_000, 100_000, 1_000_000)
 HERE = Path(__file__).resolve().parent
 
 
@@ -91,19 +92,25 @@ def against(peer: str, number: float, options: argparse.Namespace, softening: fl
 
 
 def growth(options: argparse.Namespace) -> None:
-    """Time of a body as their number grows."""
+    """Time of a body as their number grows: all numbers in turn, round by round, since machines change their speed."""
     with Team(options.threads) as team:
         for accuracy in (1e-3, 5e-5):
-            for count in (1_000, 2_000, 4_000, 10_000, 100_000, 1_000_000):
-                if count <= options.bodies:
-                    bodies = Bodies(count, 0.01, accuracy, team)
-                    wall, cpu = bodies.time(options.rounds)
-                    print(
-                        f"{count:9,} bodies, rms {bodies.error:.1e}, order {len(bodies.tree.form.order)}: "
-                        f"{cpu / count * 1e6:5.2f} us of processors a body, {wall / count * 1e6:5.2f} us wall, "
-                        f"{bodies.bytes_each():.0f} bytes",
-                        flush=True,
-                    )
+            counts = [count for count in COUNTS if count <= options.bodies]
+            sets = [Bodies(count, 0.01, accuracy, team) for count in counts]
+            best = [(np.inf, np.inf)] * len(counts)
+            for _ in range(options.rounds):
+                for k, bodies in enumerate(sets):
+                    wall, cpu = bodies.time(max(1, 500_000 // counts[k]))
+                    best[k] = (min(best[k][0], wall / counts[k]), min(best[k][1], cpu / counts[k]))
+            for count, bodies, (wall, cpu) in zip(counts, sets, best, strict=True):
+                print(
+                    f"{count:9,} bodies, rms {bodies.error:.1e}, order {len(bodies.tree.form.order)}: "
+                    f"{cpu * 1e6:5.2f} us of processors a body, {wall * 1e6:5.2f} us wall, "
+                    f"{bodies.bytes_each():.0f} bytes"
+                )
+            many = [times for count, times in zip(counts, best, strict=True) if count >= 10_000]
+            wall, cpu = (max(each) / min(each) for each in zip(*many, strict=True))
+            print(f"most over least from 10,000 on: {cpu:.2f} of processors, {wall:.2f} wall", flush=True)
 
 
 def main() -> None:

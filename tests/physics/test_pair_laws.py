@@ -17,6 +17,9 @@ from particlesim.laws.pair import Pair, central
 from particlesim.laws.scatter import kick
 
 
+POINT = {"type": "point", "position": [0, 0, 0]}
+
+
 def simulation_of(steps: int, dt: float, threads: int = 1, **parts: Any) -> Simulation:
     return Simulation(ps.from_table(table(steps * dt, dt, **parts)), threads=threads)
 
@@ -196,6 +199,25 @@ def test_groups_mix_by_lorentz_and_berthelot() -> None:
     assert simulation.ledger()["potential.lennard_jones"] == pytest.approx(-1.3, rel=1e-14)
     assert np.abs(simulation.islands[0].forces(0.0)).max() < 1e-13 * 24 * 1.3
     simulation.close()
+
+
+@pytest.mark.parametrize("method", ["direct", "tree"])
+def test_births_in_one_place_are_told(method: str) -> None:
+    """The force between them is taken as 0 there, and a tree's energy was -1e27 J."""
+    emitter = {"name": "source", "burst": {"count": 2, "at": 0.5}, "speed": 0.0, "lifetime": 5, "mass": 1.0}
+    law = {"type": "gravity", "constant": 1e-3, "method": method}
+    apart = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0}
+    for shape, softening in ((apart, 0.0), (POINT, 0.1), (POINT, 0.0)):
+        simulation = simulation_of(
+            100, 0.01, emitters=[{**emitter, "shape": shape}], interactions=[{**law, "softening": softening}]
+        )
+        simulation.advance_to(50)
+        if shape is POINT and softening == 0:
+            with pytest.raises(ps.DivergenceError, match="particles 0 and 1 of 'source' are at the same"):
+                simulation.advance_to(60)
+        else:
+            simulation.advance_to(60)
+        simulation.close()
 
 
 @pytest.mark.parametrize(

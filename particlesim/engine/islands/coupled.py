@@ -19,6 +19,7 @@ from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
 from particlesim.engine.interactions.beginnings import refuse_wild
 from particlesim.engine.interactions.interaction import Site
+from particlesim.engine.interactions.pairs import refuse_coincident_births
 from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
@@ -32,6 +33,7 @@ from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
 from particlesim.integrators import WisdomHolmanMethod
+from particlesim.interactions import PairSet
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
@@ -152,7 +154,15 @@ class CoupledIsland(BaseIsland):
         fault = self._move(first, last, team) if self.layout.count else None
         self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
+        if born is not None and born.ids.size and fault is None:
+            self._refuse_coincident(born.ids)
         return born, deaths, fault
+
+    def _refuse_coincident(self, born: Ints) -> None:
+        """Raise DivergenceError for births at the place of another particle, where the force between them has no value."""
+        for each in self._sets:
+            if isinstance(each, PairSet) and each.law.singular():
+                refuse_coincident_births(self._site, each, born)
 
     def _births(self, first: int, last: int) -> Births | None:
         """Births in steps first … last − 1."""

@@ -40,7 +40,7 @@ TARGET, TOLERANCE, ERROR = 3, 0, 4
 
 def order_for(accuracy: float) -> int:
     """The order with which an accuracy costs least."""
-    orders = ((3, 3e-2), (4, 6e-3), (5, 7e-4), (6, 4e-5), (7, 2e-6))
+    orders = ((3, 1e-2), (4, 3e-3), (5, 4e-4), (6, 4e-5), (7, 2e-6))
     return next((order for order, least in orders if accuracy >= least), 8)
 
 
