@@ -82,9 +82,10 @@ BLOCK = 8
 """Rows and columns of what `transpose` turns over: numbers of the widest vectors."""
 
 
-def transpose(source: NDArray[np.float64], rows: tuple[int, ...], column: int, into: NDArray[np.float64], at: int) -> None:
-    """into[at + k, j] = source[rows[j], column + k] for j, k < BLOCK: numbers that stand in rows, side by side for loops over
-    lanes.
+def transpose(
+    source: NDArray[np.float64], rows: tuple[int, ...], column: int, into: NDArray[np.float64], at: int
+) -> None:
+    """into[at + k, j] = source[rows[j], column + k] for j, k < BLOCK: rows become columns, as loops over lanes take them.
 
     Whole vectors are loaded, and their numbers exchanged in registers; one by one, gathered, they take three times as long.
     The rows of both arrays are contiguous float64.

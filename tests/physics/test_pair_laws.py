@@ -16,7 +16,6 @@ from particlesim.interactions.gravity import MutualGravity
 from particlesim.laws.pair import Pair, central
 from particlesim.laws.scatter import kick
 
-
 POINT = {"type": "point", "position": [0, 0, 0]}
 
 

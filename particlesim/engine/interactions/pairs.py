@@ -433,8 +433,10 @@ def refuse_coincident(site: Site, pairs: PairSet) -> None:
 
 
 def refuse_coincident_births(site: Site, pairs: PairSet, born: Ints) -> None:
-    """Raise DivergenceError for a particle that was born, by its id, and has stayed at the place of another on which it acts:
-    the force between them is taken as 0 there, and their energy is that of rounding."""
+    """Raise DivergenceError for a particle that was born, by its id, and stayed at the place of another on which it acts.
+
+    The force between them is taken as 0 there, and a tree's energy would be that of a distance of rounding.
+    """
     ids = np.concatenate([site.state[name].id for name in pairs.groups])
     if (told := _coincident(site, pairs, ids, np.isin(ids, born))) is not None:
         raise DivergenceError(*told)

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import on_stack, outlined
-from particlesim.compiler.intrinsics import bits_of, number_of
+from particlesim.compiler.intrinsics import BLOCK, bits_of, number_of
 from particlesim.engine.interactions.tree.expansions import (
     add,
+    add_lanes,
     moments_shifted,
     powers,
     scaled,
@@ -28,11 +29,10 @@ from particlesim.engine.interactions.tree.morton import LEVELS
 GENERATIONS = LEVELS + 1
 FIRST, LAST, CHILD, CHILDREN = 0, 1, 2, 3
 X, Y, Z, RADIUS, REACH, STRENGTH, NEED = 0, 1, 2, 3, 4, 5, 6
-_LANES = 8
 
 
 class Sorted(NamedTuple):
-    """Particles along the curve, in units of the box; some more at the end are zero. Shape [n + LANES] each."""
+    """Particles along the curve, in units of the box; some more at the end are zero. Shape [n + TARGETS] each."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -231,21 +231,20 @@ SIZE = 7
 def _add_particles(form: Any, row: Any, place: Any, s: Any, c: Any, first: Any, last: Any) -> None:
     """Add the moments of particles, as many at a time as there are lanes, then the lanes one after the other."""
     begins = moment_columns(form)
-    sums = on_stack(begins[-1], _LANES, np.float64)
-    for k in range(begins[-1]):
-        for lane in range(_LANES):
+    numbers = in_blocks(begins[-1])
+    sums = on_stack(numbers, BLOCK, np.float64)
+    for k in range(numbers):
+        for lane in range(BLOCK):
             sums[k, lane] = 0.0
     cx, cy, cz = place[c, X], place[c, Y], place[c, Z]
-    for at in range(first, last, _LANES):
+    for at in range(first, last, BLOCK):
         left = last - at
-        for lane in range(_LANES):
+        for lane in range(BLOCK):
             i = at + lane
             w = s.w[i] if lane < left else 0.0
             t = powers((cx - s.x[i], cy - s.y[i], cz - s.z[i]), order_of(form) - 1)
             add(sums[:, lane], begins, scaled(t, w))
-    for k in range(begins[-1]):
-        for lane in range(_LANES):
-            row[k] += sums[k, lane]
+    add_lanes(row, sums)
 
 
 @outlined

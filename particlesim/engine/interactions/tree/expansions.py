@@ -16,6 +16,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from particlesim.compiler import lanes, on_stack, transpose
+from particlesim.compiler.intrinsics import BLOCK
 from particlesim.engine.interactions.tree.indices import parts, raised, size, steps
 from particlesim.engine.interactions.tree.inverse_root import inverse_root
 
@@ -86,6 +90,16 @@ def add(row: Any, begins: Any, expansion: Any) -> None:
         if begin >= 0:
             for i, number in enumerate(expansion[n]):
                 row[begin + i] += number
+
+
+def add_lanes(row: Any, sums: Any) -> None:
+    """Add the lanes of sums [numbers, BLOCK] to the numbers of a row, lane after lane; both end with whole vectors."""
+    turned = on_stack(BLOCK, BLOCK, np.float64)
+    for first in range(0, sums.shape[0], BLOCK):
+        transpose(sums, tuple(first + k for k in range(BLOCK)), 0, turned, 0)
+        for lane in range(BLOCK):
+            for k in lanes(BLOCK):
+                row[first + k] += turned[lane, k]
 
 
 def scaled(expansion: Any, factor: Any) -> Any:

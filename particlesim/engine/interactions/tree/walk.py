@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler import lanes, on_stack, outlined, transpose
+from particlesim.compiler import on_stack, outlined, transpose
 from particlesim.compiler.intrinsics import BLOCK
 from particlesim.engine.interactions.tree.cells import (
     CHILD,
@@ -52,6 +52,7 @@ from particlesim.engine.interactions.tree.direct import (
     vectors_for,
 )
 from particlesim.engine.interactions.tree.expansions import (
+    add_lanes,
     chain,
     derivatives,
     field_numbers,
@@ -62,8 +63,8 @@ from particlesim.engine.interactions.tree.expansions import (
 from particlesim.engine.interactions.tree.form import (
     field_columns,
     first_degree,
-    moment_columns,
     in_blocks,
+    moment_columns,
     order_of,
     softening_reach,
     softening_square,
@@ -280,9 +281,8 @@ def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
     place, moments = cells.place, cells.moments
     width, height = in_blocks(begins[-1]), in_blocks(into[-1])
     places, source = on_stack(BLOCK, BLOCK, np.float64), on_stack(width, BLOCK, np.float64)
-    sums, turned = on_stack(height, BLOCK, np.float64), on_stack(BLOCK, BLOCK, np.float64)
     lines = columns(0, order)
-    slopes = on_stack(lines[-1], BLOCK, np.float64)
+    sums, slopes = on_stack(height, BLOCK, np.float64), on_stack(lines[-1], BLOCK, np.float64)
     for k in range(height):
         for lane in range(BLOCK):
             sums[k, lane] = 0.0
@@ -302,11 +302,7 @@ def _act(form: Any, cells: Any, far: Any, count: Any, b: Any, row: Any) -> None:
                 d, m = taken(slopes[:, lane], lines), taken(source[:, lane], begins)
                 for k, number in zip(chosen, field_numbers(m, d, n, chosen, order), strict=True):
                     sums[into[n] + k, lane] += number
-    for first in range(0, height, BLOCK):
-        transpose(sums, tuple(first + k for k in range(BLOCK)), 0, turned, 0)
-        for lane in range(BLOCK):
-            for k in lanes(BLOCK):
-                row[first + k] += turned[lane, k]
+    add_lanes(row, sums)
 
 
 def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: Any, given: Any) -> None:
