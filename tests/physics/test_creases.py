@@ -91,6 +91,28 @@ def test_what_lies_in_a_groove_slides_along_it(
     assert np.abs(ended.position[:, :2] - [0, RATIO * RADIUS]).max() < 1e-12
 
 
+@pytest.mark.parametrize("angle", [20, 30, 60])
+def test_what_meets_the_end_of_a_groove_bounces_off_it(angle: float, tmp_path: Path) -> None:
+    """Its glide ended a rounding too deep in what closes the groove, and the impact had no restitution."""
+    z, x = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41), indexing="ij")
+    np.save(tmp_path / "groove.npy", np.maximum(np.abs(x), z * math.tan(math.radians(angle))))
+    for restitution, least, most in ((1.0, 1 - 1e-9, 1 + 1e-9), (0.5, 0.2, 0.95)):
+        start, speed = [0, RATIO * RADIUS, -0.3], 2.0
+        result = thrown(
+            tmp_path,
+            GROOVES["height_field"],
+            [start],
+            [(0, 0, speed)],
+            0.2,
+            every=10,
+            restitution=restitution,
+        )
+        end = result.final
+        energy = 0.5 * (end.velocity[0] ** 2).sum() + G * (end.position[0, 1] - start[1])
+        assert end.velocity[0, 1] > 0 or end.position[0, 1] > 1.2 * start[1]
+        assert least <= energy / (0.5 * speed**2) <= most
+
+
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "velocity_verlet"])
 @pytest.mark.parametrize("groove", GROOVES)
 def test_points_without_a_size_are_as_fast_along_a_groove_as_free(

@@ -24,6 +24,8 @@ LIFT = 8
 """How far above a surface the way along it is looked at, in units of rounding errors."""
 LOOK, FURTHER = 64, 32
 """How far into a shape its parts are looked for at first, in units of rounding errors, and by how much further each time."""
+GRAZES = 2.0**-6
+"""The least sine of the angle at which what is in the way is taken to be met."""
 SAME = 2.0**-20
 """How far apart normals of one face may be."""
 SOON = 2.0**-16
@@ -119,8 +121,11 @@ def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: 
             if part >= 1:
                 s = first_contact(c, at_place(p, start, v), at_place(p, end, v), h, slack)
                 if s < 1:
-                    # up to a place before it from which a free step meets it
-                    s = s - 2 * lift / (h * np.sqrt(dot(v, v)))
+                    # up to a place before it from which a free step meets it: without the lift that is earlier
+                    met = tuple(x + s * h * w for x, w in zip(start, v, strict=True))
+                    _, wall = gap_and_normal(c, at_place(p, met, v))
+                    closing = max(-dot(wall, v), type_of(h, GRAZES) * np.sqrt(dot(v, v)))
+                    s = s - 2 * lift / (h * closing)
                     part = begin + half * max(s, one - one)
             begin = half
     return part
