@@ -221,9 +221,13 @@ def unlifted(
         return v
     zero = h - h
     change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
-    work = dot(change, tuple(b - a for a, b in zip(found, ends, strict=True)))
+    lift = tuple(b - a for a, b in zip(found, ends, strict=True))
+    free = (q.x - p.x, q.y - p.y, q.z - p.z)
+    work = dot(change, tuple(a + b for a, b in zip(lift, free, strict=True)))
     had = square(v)
-    left = had + min(lost + work / (type_of(h, 0.5) * h), zero)
+    # A method of first order falls further in a step than its speed tells, and is lifted by as much more.
+    gained = dot((q.vx, q.vy, q.vz), (q.vx, q.vy, q.vz)) - dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz))
+    left = had + min(lost - gained + work / (type_of(h, 0.5) * h), zero)
     kept = np.sqrt(left / had) if left > 0 else zero
     bent = dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
     # In a crease a point may see one side at first and both later: across its way, that bends nothing.
