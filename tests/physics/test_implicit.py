@@ -155,6 +155,26 @@ def test_momentum_is_kept_whatever_the_tolerance_of_the_solution() -> None:
     assert abs(ledger["momentum.x"][-1] - ledger["momentum.x"][0]) < 1e4 * EPS
 
 
+@pytest.mark.parametrize("method", IMPLICIT)
+@pytest.mark.parametrize("layout", ["points", "rope"])
+@pytest.mark.parametrize(("precision", "height", "dt"), [("single", 100.0, 1e-3), ("double", 6.371e6, 1e-5)])
+def test_what_moves_less_in_a_step_than_places_are_rounded_is_accelerated(
+    method: str, layout: str, precision: str, height: float, dt: float
+) -> None:
+    # a h² is a hundredth of what places are rounded to: it had stood still, with no energy lost
+    at = [0.0, height, 0.0]
+    placed: dict[str, Any] = points(at, mass=1.0)
+    if layout == "rope":
+        rope = {"type": "rope", "start": at, "end": [1.0, height, 0.0], "count": 4}
+        placed = {"mass": 1.0, "layout": rope, "springs": {"structural": 1.0}}
+    scenario = table(100 * dt, dt, method, particles=[placed], forces=[{"type": "gravity"}])
+    scenario["simulation"]["precision"] = precision
+    simulation = Simulation(ps.from_table(scenario))
+    simulation.advance_to(100)
+    assert simulation.states[0].velocity[:, 1] == pytest.approx(-9.80665 * 100 * dt, rel=1e-4)
+    simulation.close()
+
+
 def test_stiff_springs_do_not_limit_the_step() -> None:
     # 2·10⁷ N/m between 10 g: ω = √(24 k/m) is 2·10⁵/s at most, and ωh = 4000. Motion gains what the fall gives, ½ M (g t)².
     for method in ("backward_euler", {"method": "backward_euler", "converged": True}):

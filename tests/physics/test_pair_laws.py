@@ -201,6 +201,27 @@ def test_groups_mix_by_lorentz_and_berthelot() -> None:
 
 
 @pytest.mark.parametrize("method", ["direct", "tree"])
+def test_a_softening_whose_powers_no_number_holds_softens_nothing(method: str) -> None:
+    """A particle met itself in the sum: 0 times 1/ε³, which is infinite."""
+    pull = {"type": "gravity", "constant": 1.0, "method": method}
+    speeds = []
+    for precision, softening in (("double", 0.0), ("double", 1e-150), ("single", 1e-13)):
+        parts = table(
+            0.01,
+            1e-3,
+            particles=[points((0, 0, 0), (1, 0, 0), mass=1.0)],
+            interactions=[{**pull, "softening": softening}],
+        )
+        parts["simulation"]["precision"] = precision
+        simulation = Simulation(ps.from_table(parts))
+        simulation.advance_to(10)
+        speeds.append(float(simulation.states[0].velocity[0, 0]))
+        simulation.close()
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-7)  # a tree's pairs are as exact as that
+    assert speeds[2] == pytest.approx(speeds[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["direct", "tree"])
 def test_births_in_one_place_are_told(method: str) -> None:
     """The force between them is taken as 0 there, and a tree's energy was -1e27 J."""
     emitter = {"name": "source", "burst": {"count": 2, "at": 0.5}, "speed": 0.0, "lifetime": 5, "mass": 1.0}

@@ -43,6 +43,9 @@ GOING = -1
 """A solution is still looked for."""
 FORCING = 1e-2
 """How far the linear solve of a Newton iteration reduces the residual."""
+LEAST = 1e-4
+"""How far the first linear solve of a step reduces the residual at least, also where that is less than rounding of places:
+what moves less in a step than that is still accelerated."""
 
 
 class StagedImplicit(NamedTuple):
@@ -90,19 +93,18 @@ def evolve_implicit(
     begin(method, parts, bonds, c, work, share, t, end, h)
     turn_ahead(c, share, type_of(h, method.node) * h)
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
-    first, last, goal, size = 0.0, np.inf, 0.0, 0.0
+    first, last, goal, enough, size = 0.0, np.inf, 0.0, 0.0, 0.0
     while ended == GOING:
         evaluate(parts, bonds, c, work, share, now, None)
         plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
         size = size2(s, share)
         if iterations == 0:
             first = size
-            goal = max(
-                method.tolerance * method.tolerance * size, method.rounding * method.rounding * rounding
-            )
+            exact, rounded = method.tolerance * method.tolerance * size, method.rounding**2 * rounding
+            goal, enough = max(exact, rounded), max(exact, min(rounded, LEAST * LEAST * size))
         if not size < np.inf:
             ended = WILD
-        elif size <= goal:
+        elif size <= goal and (iterations > 0 or size == 0):
             ended = SOLVED
         elif size > GROWTH * GROWTH * last and halved < HALVINGS:
             halved, taken = halved + 1, 0.5 * taken
@@ -111,7 +113,9 @@ def evolve_implicit(
         elif iterations == method.limit:
             ended = UNSOLVED
         else:
-            wanted = goal if method.linear else max(FORCING * FORCING * size, 0.25 * goal)
+            wanted = max(FORCING * FORCING * size, 0.25 * goal)
+            if method.linear or (iterations == 0 and wanted > FORCING * FORCING * size):
+                wanted = enough
             last, halved, taken, iterations = size, 0, 1.0, iterations + 1
             status, left, turns = solve(
                 method.solver, bonds, s, share, plain, symmetric, size, wanted, method.linear_limit

@@ -373,7 +373,7 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     law, dtype, grid = pairs.law, site.dtype, site.scenario.grid
     record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
     reach = law.reach()
-    least = None if law.everywhere() else dtype.type(0)
+    least = None if law.everywhere() and _finite_at_once(law, dtype) else dtype.type(0)
     most = None if reach is None else dtype.type(square(reach))
     own = np.zeros((2, site.whole.count), dtype)
     for name in pairs.groups:
@@ -383,6 +383,14 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     # those of laws that are new at every sum, too: the sums of these are never kept
     ids = site.whole.id[: site.whole.count] if law.random() or law.changes() else None
     return record, spans, least, most, a, b, ids
+
+
+def _finite_at_once(law: PairInteraction, dtype: np.dtype[Any]) -> bool:
+    """Whether a law's softening keeps its force and the derivatives of it within the numbers of a precision at one place, as
+    where a sum meets the particle itself: ε⁻⁵, or ε⁻ⁿ⁻³ of a power law."""
+    softening = dtype.type(getattr(law, "softening", 1.0))
+    with np.errstate(all="ignore"):
+        return bool(np.isfinite(dtype.type(1) / softening ** (getattr(law, "exponent", 2.0) + 3)))
 
 
 def periods_of(site: Site, pairs: PairSet) -> tuple[float | None, ...] | None:

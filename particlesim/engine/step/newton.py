@@ -214,7 +214,9 @@ def solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
         size = float(length(rx, ry, rz))
         first = size if iterations == 0 else first
         scale = length(q.x, q.y, q.z) + s.reach * (length(q.vx, q.vy, q.vz) + length(*s.v))
-        if size <= method.newton.tolerance * first or s.reach * size <= small * scale:
+        # What moves less in a step than places are rounded is still accelerated.
+        rounded = (iterations > 0) & (s.reach * size <= small * scale)
+        if size <= method.newton.tolerance * first or rounded:
             return Solution(q, True, size / first if first > 0 else 0.0, iterations)
         if size > GROWTH * last and halved < HALVINGS:
             halved, taken = halved + 1, 0.5 * taken
