@@ -134,6 +134,18 @@ def test_errors_hold_for_any_softening(softening: float) -> None:
     tree.close()
 
 
+@pytest.mark.parametrize("accuracy", [1e-1, 1e-2, 1e-4, 1e-5])
+def test_charges_in_the_order_of_a_crystal_are_summed_as_exactly_as_asked(accuracy: float) -> None:
+    """Low moments of its cells vanish, and tell nothing of higher ones; and forces are a thousandth of those of pairs."""
+    index = np.stack(np.unravel_index(np.arange(15**3), (15, 15, 15)), axis=1)
+    q = 1.0 - 2.0 * (index.sum(axis=1) % 2)
+    error, tree = compare(
+        index.astype(float), {"accuracy": accuracy, "type": "coulomb"}, charge=q.tolist(), mass=1.0
+    )
+    assert error < 1.3 * accuracy
+    tree.close()
+
+
 @pytest.mark.parametrize("charge", ["random", "alternating", "one_sign"])
 def test_errors_of_charges_are_as_asked_for(charge: str) -> None:
     rng = np.random.default_rng(3)

@@ -16,6 +16,7 @@ from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.compiler.barrier import new_gate
 from particlesim.engine.interactions.tree.direct import TARGETS, pair
 from particlesim.engine.interactions.tree.field import LEAST_NEED, Hand, Tree, field_of_all, for_threads
+from particlesim.engine.interactions.tree.form import EXACTEST
 from particlesim.errors import UsageError
 from particlesim.process.threads import Team
 
@@ -32,15 +33,13 @@ AIM, LEAST, MOST = 0.75, 0.5, 0.95
 SLOPE = 0.7
 """About how errors grow with the tolerance: as this power of it."""
 ROUNDS = 8
-EXACTEST = 8
-"""The order whose roots errors are measured with."""
 WORTH_THREADS = 5_000
 TARGET, TOLERANCE, ERROR = 3, 0, 4
 
 
 def order_for(accuracy: float) -> int:
     """The order with which an accuracy costs least."""
-    orders = ((3, 1e-2), (4, 3e-3), (5, 4e-4), (6, 4e-5), (7, 2e-6))
+    orders = ((3, 2e-2), (4, 3e-3), (5, 4e-4), (6, 4e-5), (7, 2e-6))
     return next((order for order, least in orders if accuracy >= least), 8)
 
 

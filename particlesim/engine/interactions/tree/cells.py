@@ -22,7 +22,7 @@ from particlesim.engine.interactions.tree.expansions import (
     scaled,
     taken,
 )
-from particlesim.engine.interactions.tree.form import in_blocks, moment_columns, order_of
+from particlesim.engine.interactions.tree.form import BothSigns, in_blocks, moment_columns, order_of
 from particlesim.engine.interactions.tree.indices import weights
 from particlesim.engine.interactions.tree.morton import LEVELS
 
@@ -181,7 +181,8 @@ def _sum_cell(form: Any, cells: Any, s: Any, c: Any) -> None:
             _add_child(form, cells, row, c, child)
     radius = _radius(s, span[c, FIRST], span[c, LAST], place[c, X], place[c, Y], place[c, Z])
     place[c, RADIUS] = radius
-    strength, reach = _estimate(form, row, radius)
+    number = float(span[c, LAST] - span[c, FIRST])
+    strength, reach = _estimate(form, row, radius, place[c, SIZE] / np.sqrt(number))
     place[c, STRENGTH] = strength
     place[c, REACH] = reach
 
@@ -224,6 +225,8 @@ def _centre_of_children(place: Any, span: Any, c: Any, begin: Any, end: Any) -> 
     place[c, SIZE] = total
 
 
+IN_ORDER = 0.1
+"""The part of moments of random signs below which those of a source vanish by the order of its particles."""
 SIZE = 7
 """Column of `place`: Σ |w|."""
 
@@ -269,19 +272,28 @@ def _radius(s: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> Any:
     return np.sqrt(number_of(most))
 
 
-def _estimate(form: Any, row: Any, radius: Any) -> Any:
-    """Strength S and reach ρ of a source such that the norms of its moments are at most about S ρⁿ: `walk` says what for."""
+def _estimate(form: Any, row: Any, radius: Any, random: Any) -> Any:
+    """Strength S and reach ρ of a source such that the norms of its moments are at most about S ρⁿ: `walk` says what for.
+
+    `random`: Σ |w|/√n, about what signs at random leave of a sum over n particles. Where signs are in order, as in a
+    crystal, low moments may vanish, and tell nothing of those that are cut off.
+    """
     begins = moment_columns(form)
     last = order_of(form) - 1
-    strength = abs(row[0])
+    both = isinstance(form.signs, BothSigns)
+    strength = max(abs(row[0]), random) if both else abs(row[0])
     norms = tuple(
         None if begin < 0 or n == 0 else _norm(row, begin, n) for n, begin in enumerate(begins[:-1])
     )
+    told = 0.0
     for n, norm in enumerate(norms):
         if norm is not None:
             scale = radius**n
-            strength = max(strength, norm / (scale if scale > 0 else 1.0))
-    reach = radius if last < 2 else 0.0
+            scaled_norm = norm / (scale if scale > 0 else 1.0)
+            strength = max(strength, scaled_norm)
+            if n >= last - 1:
+                told = max(told, scaled_norm)
+    reach = radius if last < 2 or (both and told < IN_ORDER * random) else 0.0
     for n, norm in enumerate(norms):
         if norm is not None and n >= 2 and n >= last - 1:
             reach = max(reach, _root(norm / (strength if strength > 0 else 1.0), n))

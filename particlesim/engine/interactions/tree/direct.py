@@ -17,6 +17,7 @@ from particlesim.engine.interactions.tree.form import (
     Plummer,
     field_columns,
     order_of,
+    root_order,
 )
 from particlesim.engine.interactions.tree.inverse_root import inverse_root
 
@@ -75,7 +76,7 @@ def add_near(
             x, y, z, w = s.x[j], s.y[j], s.z[j], s.w[j]
             for lane in lanes(width):
                 dx, dy, dz = x - t[0, lane], y - t[1, lane], z - t[2, lane]
-                f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, order_of(form))
+                f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, root_order(form))
                 g = w * slope
                 t[3, lane] += g * dx
                 t[4, lane] += g * dy
@@ -121,7 +122,7 @@ def add_near_to_few(
                     i = j + lane
                     w = s.w[i] if i < end else 0.0
                     dx, dy, dz = s.x[i] - x, s.y[i] - y, s.z[i] - z
-                    f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, order_of(form))
+                    f, slope = pair(form.softening, dx * dx + dy * dy + dz * dz, root_order(form))
                     g = w * slope
                     sums[0, lane] += g * dx
                     sums[1, lane] += g * dy

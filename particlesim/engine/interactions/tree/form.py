@@ -10,6 +10,11 @@ from typing import Any, NamedTuple
 from particlesim.compiler.intrinsics import BLOCK
 from particlesim.engine.interactions.tree.indices import columns
 
+EXACTEST = 8
+"""The least order with the roots of most digits."""
+CANCELS = 6
+"""The order from which errors are asked for that are near those of the other roots, where charges cancel."""
+
 
 class OneSign(NamedTuple):
     """All sources have the same sign: about their centre of mass they have no dipole."""
@@ -59,6 +64,13 @@ def in_box(form: Any, scale: Any) -> Any:
 def order_of(form: Any) -> int:
     """p."""
     return len(form.order)
+
+
+def root_order(form: Any) -> int:
+    """The order with which 1/r of near pairs is as exact as is needed: charges of both signs cancel, as in a crystal, and
+    leave forces that are a part in thousands of those of pairs."""
+    order = order_of(form)
+    return EXACTEST if isinstance(form.signs, BothSigns) and order >= CANCELS else order
 
 
 def first_degree(form: Any) -> int:

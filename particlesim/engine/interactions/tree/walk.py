@@ -66,6 +66,7 @@ from particlesim.engine.interactions.tree.form import (
     in_blocks,
     moment_columns,
     order_of,
+    root_order,
     softening_reach,
     softening_square,
 )
@@ -312,7 +313,7 @@ def _finish(form: Any, cells: Any, s: Any, room: Any, b: Any, depth: Any, near: 
     out = on_stack(4, TARGETS, np.float64)
     row, runs, ends = room.fields[depth], room.lists[NEAR], room.lists[REST]
     place = cells.place[b]
-    alone, _ = pair(form.softening, 0.0, order_of(form))
+    alone, _ = pair(form.softening, 0.0, root_order(form))
     # Softened, a cell may be far from itself or from one around it: then particles are in their own potential.
     own = 0.0 if _holds(span, runs, near, first) else alone
     room.done[1] += (last - first) * _particles(span, runs, near)
