@@ -221,6 +221,28 @@ def test_a_softening_whose_powers_no_number_holds_softens_nothing(method: str) -
     assert speeds[2] == pytest.approx(speeds[0], rel=1e-5)
 
 
+def test_masses_whose_products_single_precision_does_not_hold_are_refused() -> None:
+    """Two grains of dust had stood still."""
+    dust = [points((0, 0, 0), (1e-5, 0, 0), mass=1e-18)]
+    for precision, method, goes in (
+        ("single", "direct", False),
+        ("double", "direct", True),
+        ("single", "tree", True),
+    ):
+        told = table(10.0, 1.0, particles=dust, interactions=[{"type": "gravity", "method": method}])
+        told["simulation"]["precision"] = precision
+        if goes:
+            simulation = Simulation(ps.from_table(told))
+            simulation.advance_to(10)
+            assert simulation.states[0].velocity[0, 0] == pytest.approx(
+                6.674e-11 * 1e-18 / 1e-10 * 10, rel=1e-3
+            )
+            simulation.close()
+        else:
+            with pytest.raises(ps.UsageError, match="less than single precision holds"):
+                Simulation(ps.from_table(told))
+
+
 @pytest.mark.parametrize("method", ["direct", "tree"])
 def test_births_in_one_place_are_told(method: str) -> None:
     """The force between them is taken as 0 there, and a tree's energy was -1e27 J."""

@@ -42,6 +42,7 @@ from particlesim.errors import DivergenceError, UsageError
 from particlesim.graph.graph import method_of
 from particlesim.integrators import Method
 from particlesim.interactions import PairInteraction, PairSet
+from particlesim.interactions.far import FarInteraction
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
 from particlesim.model.vectors import square
@@ -340,13 +341,16 @@ def virial_of_pairs(each: Any, c: Any, t: Any, out: Any) -> None:
 def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     """An interaction among the particles of an island; `again` if the last sum of forces is worth to be kept.
 
-    Raises UsageError for two at one place, if they have no force there.
+    Raises UsageError for two at one place, if they have no force there, and for masses whose products no number holds.
     """
     law = pairs.law
     spans = spans_of(site, pairs)
     if law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
+    if again and site.began and site.dtype == np.float32 and isinstance(law, FarInteraction):
+        with site.scenario.at_interaction(pairs.name):
+            _refuse_vanishing(site, pairs, law)
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
@@ -354,6 +358,17 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     again = again and method_among(site, pairs).revisits
     kept = None if not again else new_last(law, site.whole.count, site.dtype)
     return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
+
+
+def _refuse_vanishing(site: Site, pairs: PairSet, law: FarInteraction) -> None:
+    """Raise UsageError for masses so small that single precision holds no product of two of them: nothing would move."""
+    heaviest = max((float(site.state[name].mass.max(initial=0.0)) for name in pairs.groups), default=0.0)
+    product = law.coupling() * heaviest**2
+    if law.by == "mass" and heaviest > 0 and 0 < abs(product) < np.finfo(np.float32).tiny:
+        raise UsageError(
+            f"{pairs.name}: G m² = {product:.1e} N m² of the heaviest particles is less than single precision holds",
+            'precision = "double" in [simulation], or method = "tree"',
+        )
 
 
 def method_among(site: Site, pairs: PairSet) -> Method:

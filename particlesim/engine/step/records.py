@@ -30,7 +30,8 @@ def as_precision(record: Any, dtype: np.dtype[Any]) -> Any:
         parts = [as_precision(part, dtype) for part in record]
         return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
     if isinstance(record, float):
-        return dtype.type(record)
+        with np.errstate(over="ignore"):  # what is infinite is told where it acts
+            return dtype.type(record)
     return record
 
 
