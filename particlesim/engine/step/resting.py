@@ -39,8 +39,9 @@ LEVEL = 2.0**-10
 """How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
 take a search are not exact."""
 
-ACROSS = 2.0**-8
-"""The square of the cosine between a way and how a normal turns on it, below which a surface does not bend along the way."""
+ACROSS = 2.0**-40
+"""The square of the cosine between a way and how a normal turns on it, below which a surface does not bend along the way, to
+rounding."""
 
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
