@@ -39,10 +39,6 @@ LEVEL = 2.0**-10
 """How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
 take a search are not exact."""
 
-ACROSS = 2.0**-40
-"""The square of the cosine between a way and how a normal turns on it, below which a surface does not bend along the way, to
-rounding."""
-
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
@@ -231,11 +227,6 @@ def unlifted(
     left = had + min(lost - gained + work / (type_of(h, 0.5) * h), zero)
     kept = np.sqrt(left / had) if left > 0 else zero
     bent = dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
-    # In a crease a point may see one side at first and both later: across its way, that bends nothing.
-    way = tuple(b - a for a, b in zip((p.x, p.y, p.z), ends, strict=True))
-    turned = tuple(b - a for a, b in zip(touch.up, touch.normal, strict=True))
-    ahead = dot(turned, way)
-    bent &= ahead * ahead > type_of(h, ACROSS) * dot(turned, turned) * dot(way, way)
     return tuple(kept * each if bent & (left < had) else each for each in v)
 
 
