@@ -87,7 +87,7 @@ def transpose(
 ) -> None:
     """into[at + k, j] = source[rows[j], column + k] for j, k < BLOCK: rows become columns, as loops over lanes take them.
 
-    Whole vectors are loaded, and their numbers exchanged in registers; one by one, gathered, they take three times as long.
+    Whole vectors are loaded, and their numbers exchanged in registers, which is faster than gathering them one by one.
     The rows of both arrays are contiguous float64.
     """
     into[at : at + BLOCK, :BLOCK] = source[list(rows), column : column + BLOCK].T
