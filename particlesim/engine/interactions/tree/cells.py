@@ -27,6 +27,7 @@ from particlesim.engine.interactions.tree.indices import weights
 from particlesim.engine.interactions.tree.morton import LEVELS
 
 GENERATIONS = LEVELS + 1
+MOST_WIDE = 8192
 FIRST, LAST, CHILD, CHILDREN = 0, 1, 2, 3
 X, Y, Z, RADIUS, REACH, STRENGTH, NEED = 0, 1, 2, 3, 4, 5, 6
 
@@ -141,8 +142,12 @@ def build(key: Any, need: Any, count: Any, most: Any, wide: Any, cells: Any) -> 
 
 
 def room_for_wide(count: Any) -> Any:
-    """How many cells are made at most because cells are wide."""
-    return min(count // 11, 1024)
+    """How many cells are made at most because cells are wide.
+
+    Particles around a set lie in about as many wide cells however many there are: a few thousand at 1e-5. Where only some of
+    them are cut, the others have most of the error of all.
+    """
+    return min(count // 11, MOST_WIDE)
 
 
 def _is_wide(need: Any, shift: Any, wide: Any) -> Any:
