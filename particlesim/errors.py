@@ -98,8 +98,8 @@ class PostMortem:
     `particle` is an id; `time` [s], `position` [m] and `velocity` [m/s] are those of the first sign; `force` is the label of
     the force that was strongest on it, and `newtons` its size; `stable_dt` is the largest stable step there [s], infinite
     without a limit, None where it is not known. `cause` is "not finite", "not solved", "not held" (rods), "path" (a motion
-    without a value), "energy" or "speed", and `noticed` the time at which that was seen [s]. `frame` and `frame_time` [s]
-    are the last good frame, None before there is one.
+    without a value), "birth" (at the place of another), "energy" or "speed", and `noticed` the time at which that was seen
+    [s]. `frame` and `frame_time` [s] are the last good frame, None before there is one.
     """
 
     cause: str

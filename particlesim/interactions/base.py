@@ -82,7 +82,7 @@ class PairInteraction(Model):
     @model_validator(mode="after")
     def _shifts(self) -> PairInteraction:
         if self.shift != "none" and self.cutoff is None:
-            raise invalid("a shift needs a cutoff", at=("shift",), allowed="cutoff = 2.5 (m), say")
+            raise invalid("a shift needs a cutoff", at=("shift",), allowed=self._some_cutoff())
         return self
 
     @model_validator(mode="after")
@@ -111,9 +111,18 @@ class PairInteraction(Model):
             raise invalid(
                 'method = "neighbours" needs a distance beyond which there is no interaction',
                 at=("method",),
-                allowed="cutoff = 2.5 (m), say",
+                allowed=self._some_cutoff(),
             )
         return self
+
+    def length(self) -> float | None:
+        """The length of the law [m], in which distances are counted; None if it has none."""
+        return None
+
+    def _some_cutoff(self) -> str:
+        """An example of a cutoff of the size of what interacts."""
+        length = self.length()
+        return f"cutoff = {2.5 * (length or 1):.3g} (m), say"
 
     def _pair_by_pair(self) -> str:
         """The methods that look at one pair after the other."""

@@ -53,6 +53,9 @@ class LennardJones(PairInteraction):
         """Whether groups are of different kinds."""
         return isinstance(self.epsilon, dict) or isinstance(self.sigma, dict)
 
+    def length(self) -> float | None:
+        return max(self.sigma.values(), default=None) if isinstance(self.sigma, dict) else self.sigma
+
     def record(self) -> LennardJonesRecord | MixedRecord:
         if isinstance(self.epsilon, dict) or isinstance(self.sigma, dict):
             return MixedRecord()

@@ -30,6 +30,9 @@ class Morse(PairInteraction):
     formula: ClassVar[str] = "f = −2 D a (e − e²) l/r with e = e^(−a (r − r₀)), l = x₁ − x₂, r = |l|"
     energy: ClassVar[str] = "U = D ((1 − e)² − 1)"
 
+    def length(self) -> float | None:
+        return self.distance
+
     def record(self) -> MorseRecord:
         return MorseRecord(self.depth, self.width, self.distance)
 

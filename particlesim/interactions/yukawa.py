@@ -27,6 +27,9 @@ class Yukawa(PairInteraction):
     formula: ClassVar[str] = "f = A e^(−r/λ) (1/r + 1/λ) l/r², l = x₁ − x₂, r = |l|"
     energy: ClassVar[str] = "U = A e^(−r/λ)/r"
 
+    def length(self) -> float | None:
+        return self.screening_length
+
     def record(self) -> YukawaRecord:
         return YukawaRecord(self.strength, 1 / self.screening_length)
 

@@ -255,8 +255,14 @@ def test_births_in_one_place_are_told(method: str) -> None:
         )
         simulation.advance_to(50)
         if shape is POINT and softening == 0:
-            with pytest.raises(ps.DivergenceError, match="particles 0 and 1 of 'source' are at the same"):
+            with pytest.raises(
+                ps.DivergenceError, match="particles 0 and 1 of 'source' are at the same"
+            ) as caught:
                 simulation.advance_to(60)
+            found = caught.value.post_mortem
+            assert found is not None
+            assert (found.cause, found.particle, found.group) == ("birth", 1, "source")
+            assert found.position == (0, 0, 0)
         else:
             simulation.advance_to(60)
         simulation.close()
@@ -271,6 +277,7 @@ def test_births_in_one_place_are_told(method: str) -> None:
         ({"type": "gravity", "on": ["a"], "between": ["a", "b"]}, "contradict each other"),
         ({"type": "gravity"}, "particle 1 of 'a' and particle 0 of 'b' are at the same place"),
         ({"type": "gravity", "shift": "force"}, "a shift needs a cutoff"),
+        ({"type": "lennard_jones", "epsilon": 1, "sigma": 3e-10, "shift": "force"}, "cutoff = 7.5e-10 (m)"),
         ({"type": "lennard_jones", "epsilon": {"a": 1}, "sigma": 1}, "epsilon of 'b' is missing"),
         ({"type": "lennard_jones", "epsilon": {"a": 1, "b": 1, "c": 2}, "sigma": 1}, "'c' is not a group"),
         ({"type": "formula", "potential": "m1/r"}, "which of the two is the first"),

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, lanes, on_stack
 from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
 from particlesim.engine.interactions.near_sums import (
     energy_terms,
@@ -43,7 +44,7 @@ from particlesim.engine.interactions.neighbours.search import BATCH, search, sie
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block
 from particlesim.engine.interactions.pair_matrix import Push, add_terms, block_terms, product_terms
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
-from particlesim.engine.interactions.pairs import periods_of, refuse_coincident, spans_of, what_acts
+from particlesim.engine.interactions.pairs import periods_of, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
 from particlesim.laws.pair import pair_potential

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, lanes, much, on_stack, outlined
 from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (
     BY_DIVIDER,
@@ -38,7 +39,7 @@ from particlesim.engine.interactions.pair_matrix import (
 from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
-from particlesim.errors import DivergenceError, UsageError
+from particlesim.errors import UsageError
 from particlesim.graph.graph import method_of
 from particlesim.integrators import Method
 from particlesim.interactions import PairInteraction, PairSet
@@ -446,53 +447,3 @@ def spans_of(site: Site, pairs: PairSet) -> Any:
         else:
             joined.append((first, last))
     return np.array([(*targets, *sources) for targets in joined for sources in joined], np.int64)
-
-
-def refuse_coincident(site: Site, pairs: PairSet) -> None:
-    """Raise UsageError for two particles at the same place that act on each other."""
-    index = np.concatenate([np.arange(site.state[name].count) for name in pairs.groups])
-    if (told := _coincident(site, pairs, index)) is not None:
-        raise UsageError(*told)
-
-
-def refuse_coincident_births(site: Site, pairs: PairSet, born: Ints) -> None:
-    """Raise DivergenceError for a particle that was born, by its id, and stayed at the place of another on which it acts.
-
-    The force between them is taken as 0 there, and a tree's energy would be that of a distance of rounding.
-    """
-    ids = np.concatenate([site.state[name].id for name in pairs.groups])
-    if (told := _coincident(site, pairs, ids, np.isin(ids, born))) is not None:
-        raise DivergenceError(*told)
-
-
-def _coincident(
-    site: Site, pairs: PairSet, numbers: Ints, new: NDArray[np.bool_] | None = None
-) -> tuple[str, str] | None:
-    """What to say of two particles at the same place, one of them new, that act on each other, and what to do."""
-    x = np.concatenate([site.state[name].position.astype(float) for name in pairs.groups])
-    group = np.repeat(np.arange(len(pairs.groups)), [site.state[name].count for name in pairs.groups])
-    box = site.scenario.simulation.box
-    if box is not None:
-        x = box.as_box().wrapped(x)
-    if new is not None:
-        near = np.isin(x[:, 0], x[new, 0])
-        x, group, numbers = x[near], group[near], numbers[near]
-    order = np.lexsort(x.T)
-    same = (x[order][1:] == x[order][:-1]).all(axis=1)
-    if pairs.law.between is not None:
-        same &= group[order][1:] != group[order][:-1]
-    if not same.any():
-        return None
-    k = int(same.argmax())
-    (a, first), (b, second) = sorted((int(group[row]), int(numbers[row])) for row in order[k : k + 2])
-    names = [pairs.groups[g] for g in (a, b)]
-    who = f"particles {first} and {second} of {names[0]!r}"
-    if a != b:
-        who = f"particle {first} of {names[0]!r} and particle {second} of {names[1]!r}"
-    place = ", ".join(f"{value:g}" for value in x[order[k]])
-    where = "at the same place" if box is None else "at the same place of the periodic box"
-    softer = ", or give the interaction a softening" if hasattr(pairs.law, "softening") else ""
-    return (
-        f"{pairs.name}: {who} are {where} ({place}), where the force between them has no value",
-        ("move one of them" if new is None else "let them be born apart") + softer,
-    )

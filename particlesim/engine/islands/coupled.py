@@ -18,8 +18,8 @@ from particlesim.engine.coupled.wisdom_holman import gravity_among, longest_step
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
 from particlesim.engine.interactions.beginnings import refuse_wild
+from particlesim.engine.interactions.coincident import refuse_coincident_births
 from particlesim.engine.interactions.interaction import Site
-from particlesim.engine.interactions.pairs import refuse_coincident_births
 from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
@@ -155,14 +155,14 @@ class CoupledIsland(BaseIsland):
         self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         if born is not None and born.ids.size and fault is None:
-            self._refuse_coincident(born.ids)
+            self._refuse_coincident(born.ids, last * self.dt)
         return born, deaths, fault
 
-    def _refuse_coincident(self, born: Ints) -> None:
+    def _refuse_coincident(self, born: Ints, time: float) -> None:
         """Raise DivergenceError for births at the place of another particle, where the force between them has no value."""
         for each in self._sets:
             if isinstance(each, PairSet) and each.law.singular():
-                refuse_coincident_births(self._site, each, born)
+                refuse_coincident_births(self._site, each, born, time)
 
     def _births(self, first: int, last: int) -> Births | None:
         """Births in steps first … last − 1."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, shared
 from particlesim.compiler.barrier import meet, new_gate
+from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Lone, Site, lone
 from particlesim.engine.interactions.mesh import calibration
 from particlesim.engine.interactions.mesh.bricks import (
@@ -69,7 +70,7 @@ from particlesim.engine.interactions.neighbours.record import (
 )
 from particlesim.engine.interactions.neighbours.refresh import Crew
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block
-from particlesim.engine.interactions.pairs import refuse_coincident, what_acts
+from particlesim.engine.interactions.pairs import what_acts
 from particlesim.engine.step.records import as_precision
 from particlesim.interactions import PairSet
 from particlesim.interactions.far import FarInteraction
