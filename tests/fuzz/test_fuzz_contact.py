@@ -40,6 +40,10 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
         pytest.param(3012, 4096, "sheets", [1202], id="turns and crosses"),
         # slides from one face of a thin sheet to another
         pytest.param(3010, 4096, "sheets", [76, 113, 141, 674], id="faces of sheets"),
+        # slides at 51 km/s along a crease, which ends within its first step, whatever part of it is taken
+        pytest.param(26000009, 4096, None, [2170], id="end of a crease"),
+        # comes to rest in a corner, and what would lie for a shorter time flies away
+        pytest.param(26000008, 65536, None, [969, 2788], id="corner of a hollow box"),
     ],
 )
 def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:

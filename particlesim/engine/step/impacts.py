@@ -316,7 +316,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     """
     if isinstance(contacts, Simple):
         return p, memory, PASS, None
-    left = h
+    left, half = h, type_of(h, 0.5)
     end = p.t + h
     hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
@@ -336,8 +336,9 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 length = turn * left
                 q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                 shorter = 0
-                while turn < SAME and shorter < MAX_SWEEPS:
-                    length = turn * length
+                while turn < SAME and shorter < MAX_HALVINGS:
+                    # Near the end already, or, as it bends more than was seen, far from it.
+                    length = turn * length if shorter < MAX_SWEEPS else half * turn * length
                     q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                     shorter += 1
             late, place = crossing(contacts, on, p, q, length)
@@ -350,9 +351,10 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 left = left - length
                 impacts += 1
                 continue
-            exact = True
+            # What flies to the end has flown all the way, though it might lie for a shorter time.
+            how, exact = calm if any(on) else LIVELY, True
             if late < length:
-                q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, calm)
+                q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, how)
             if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
@@ -371,15 +373,14 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 continue
             tau = late
             if exact:
-                tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, calm)
+                tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
             # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
-            half = type_of(h, 0.5)
-            top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, calm)
+            top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
             low = ahead(contacts.continuous, on, top) <= rounding(contacts, p)
             stalls = stalls + 1 if low or tau < h / 1048576 else 0
             impacts += 1
             if exact:
-                q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+                q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, how)
             hit = hear(contacts.continuous, q, hit)
             p, outcome = _separate(contacts.continuous, q, p, contacts)
             memory = restart(memory)
