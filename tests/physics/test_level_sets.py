@@ -194,6 +194,30 @@ def test_what_rolls_off_the_end_of_a_formula_gains_nothing(text: str, restitutio
     assert np.diff(ended.energy).max() < 1e-12 * ended.energy[0]
 
 
+def test_what_slides_over_the_side_of_a_smooth_formula_gains_nothing() -> None:
+    # Between its face and the side of its box a ball is put back more than once, each time by a look at the whole step.
+    place, velocity = (-2.99981717, 0.05760417, 1.54645243), [[-1.54333122, -0.60839797, 2.06010928]]
+    ended = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": 0.02, "dt": 2e-3, "integrator": "symplectic_euler"},
+                "output": {"every": 1, "precision": "double"},
+                "particles": [points(place, velocity=velocity, radius=0.05, mass=1.0)],
+                "forces": [{"type": "gravity"}],
+                "colliders": [
+                    {
+                        "type": "formula",
+                        "distance": "(y - 0.2*sin(3*x)*cos(3*z))/1.3",
+                        "size": [6, 3, 6],
+                        "restitution": 0.3,
+                    }
+                ],
+            }
+        )
+    )
+    assert np.diff(ended.energy).max() < 1e-12 * ended.energy[0]
+
+
 def test_distances_between_the_samples_are_of_fourth_order() -> None:
     # cubic splines; ends without curvature do not matter this far from them
     errors = [np.abs(gaps(grid_of(h), on_a_ball(1.1)) - 0.1).max() for h in (0.25, 0.125, 0.0625)]

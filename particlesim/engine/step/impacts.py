@@ -214,7 +214,7 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             else:
                 zero = h - h
                 r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
-        elif dents and not any(map(runs, contacts.continuous)):
+        elif not any(map(runs, contacts.continuous)) and (dents or sweeps > 0):
             r = no_faster(p, q, r, h, contacts.tolerance)
     return r, on, turn
 
