@@ -82,8 +82,8 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         if acts_on(force, group) and force.needs_velocity()
     ]
     depends += [each.name for each in ties(scenario) if group.name in each.groups and each.needs_velocity()]
-    if not depends:
-        return ()
+    if not depends or any(each.law.random() for each in pair_sets(scenario) if group.name in each.groups):
+        return ()  # random kicks are taken by these methods alone
     rods = any(group.name in each.groups for each in scenario.rod_sets)
     better = "take a smaller dt, as no other method holds rods" if rods else METHODS_THAT_KEEP
     return (

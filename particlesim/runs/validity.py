@@ -19,7 +19,7 @@ from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
 from particlesim.layouts.mesh import STRUCTURAL
-from particlesim.scenario.reach import acts_on, collider_tables, has_extent, meetings_of
+from particlesim.scenario.reach import acts_on, collider_tables, has_extent, interacting, meetings_of
 from particlesim.scenario.scenario import Scenario
 
 ROUND = ("sphere", "capsule", "cylinder")
@@ -83,6 +83,7 @@ def doubtful(world: World) -> tuple[str, ...]:
         *misplaced(world),
         *embedded(world),
         *squeezed(world),
+        *(_coarse_told(label, *each, "at the start") for label, each in coarse(world).items()),
         *stiff(world),
         *knotted(world),
         *chords(world),
@@ -210,6 +211,38 @@ def squeezed(world: World) -> tuple[str, ...]:
     return (*apart, *found)
 
 
+COARSE = 1e-3
+"""The step between two numbers at a place, over the length of an interaction, from which its forces are wrong visibly."""
+
+
+def coarse(world: World) -> dict[str, tuple[float, float, str]]:
+    """Interactions of particles so far from the origin that places are rounded to a part of what the law is about: by label
+    the step between two numbers there [m], the length of the law [m], and the precision."""
+    found: dict[str, tuple[float, float, str]] = {}
+    for each in world.scenario.interactions:
+        names = {group.name for group in interacting(each, world.scenario.groups)}
+        states = [state for state in world.states if state.name in names and state.count]
+        if not states:
+            continue
+        length = each.length() or getattr(each, "softening", 0.0) or each.reach()
+        if each.touching():
+            radii = [state.radius[: state.count] for state in states if state.radius is not None]
+            length = min((float(r[r > 0].min(initial=np.inf)) for r in radii), default=np.inf)
+        far = max(float(np.abs(state.x[:, : state.count]).max()) for state in states)
+        step = float(np.finfo(states[0].dtype).eps) * far
+        if length and step > COARSE * length:
+            found[each.label] = step, length, world.scenario.simulation.precision
+    return found
+
+
+def _coarse_told(label: str, step: float, length: float, precision: str, when: str) -> str:
+    better = ', or precision = "double"' if precision == "single" else ""
+    return (
+        f"{label}: {when} particles are so far from the origin that places are rounded by {step:.2g} m, and the interaction "
+        f"is about lengths of {length:.3g} m: put them nearer to the origin{better}"
+    )
+
+
 def _pairs(number: int) -> str:
     return f"{number:,} pair{'s' if number > 1 else ''} of particles"
 
@@ -308,11 +341,14 @@ class Watch:
     def __init__(self, scenario: Scenario) -> None:
         self._largest: dict[str, tuple[float, float]] = {}
         self._overflowed: dict[str, float] = {}
+        self._coarse: dict[str, tuple[float, float, str, float]] = {}
         laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
         self._laws = [(label, force) for label, force in laws if force.limited()]
 
     def look(self, world: World) -> None:
-        """Look at the fastest particles of the present state."""
+        """Look at the fastest particles of the present state, and at the farthest."""
+        for label, each in coarse(world).items():
+            self._coarse.setdefault(label, (*each, world.time))
         for label, force in self._laws:
             for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
@@ -329,12 +365,16 @@ class Watch:
 
     def state(self) -> dict[str, dict[str, Any]]:
         """What it has seen so far, as plain data."""
-        return {"reynolds": self._largest, "overflowed": self._overflowed}
+        return {"reynolds": self._largest, "overflowed": self._overflowed, "coarse": self._coarse}
 
     def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
         """Go on from a `state`."""
         self._largest = {label: (excess, time) for label, (excess, time) in state["reynolds"].items()}
         self._overflowed = dict(state["overflowed"])
+        self._coarse = {
+            label: (step, length, precision, time)
+            for label, (step, length, precision, time) in state.get("coarse", {}).items()
+        }
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -344,6 +384,16 @@ class Watch:
             for field, time in self._overflowed.items()
         )
         laws = dict(self._laws)
-        return stored + tuple(
-            f"{label}: {laws[label].beyond(excess, time)}" for label, (excess, time) in self._largest.items()
+        rounded = tuple(
+            _coarse_told(label, step, length, precision, f"from t = {time:.6g} s on")
+            for label, (step, length, precision, time) in self._coarse.items()
+            if time > 0
+        )
+        return (
+            stored
+            + rounded
+            + tuple(
+                f"{label}: {laws[label].beyond(excess, time)}"
+                for label, (excess, time) in self._largest.items()
+            )
         )

@@ -217,3 +217,35 @@ def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str) -> None:
         ps.DivergenceError, match=f"lift gives the collider 'ball' is not finite at t = {when} s"
     ):
         ps.run(ps.from_table(scenario))
+
+
+def test_what_diverges_between_deaths_has_a_post_mortem() -> None:
+    """After a death in the middle of an interval there was no beginning to go back to."""
+    scenario = table(
+        2.0,
+        0.0005,
+        "velocity_verlet",
+        output={"every": 200, "ledger": True, "work": True},
+        particles=[
+            points(
+                (1, 0, 0), (1.3, 0.2, 0), (0, 2, 0.3), velocity=[[0, 6, 0], [0, 6, 0], [-4, 0, 0]], name="b"
+            )
+        ],
+        interactions=[
+            {"type": "lennard_jones", "epsilon": 1.0, "sigma": 0.4, "cutoff": 1.2, "shift": "force"}
+        ],
+        emitters=[
+            {
+                "name": "e",
+                "mass": 0.7,
+                "rate": 7.3,
+                "shape": {"type": "ball", "center": [0, 0, 3], "radius": 0.5},
+                "speed": 1.0,
+                "spread": 180,
+                "lifetime": {"type": "uniform", "low": 0.3, "high": 0.9},
+            }
+        ],
+    )
+    error, found = post_mortem(scenario)
+    assert "gained" in str(error)
+    assert found.group == "e"

@@ -243,6 +243,55 @@ def test_masses_whose_products_single_precision_does_not_hold_are_refused() -> N
                 Simulation(ps.from_table(told))
 
 
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("method", ["direct", "neighbours"])
+@pytest.mark.parametrize("law", ["gravity", "coulomb", "power_law"])
+def test_a_shift_of_the_force_has_no_direction_at_one_place(law: str, method: str, precision: str) -> None:
+    """A softened law has a value there, and sums meet the particle itself; what the shift takes off has none."""
+    given = {"type": law, "cutoff": 2.0, "softening": 0.1, "shift": "force", "method": method}
+    given |= {"strength": 1.0, "exponent": 2.0} if law == "power_law" else {"constant": 1.0}
+    groups = [points((0, 0, 0), (0.5, 0, 0), name="a", mass=1.0, charge=1.0)]
+    told = table(0.01, 0.001, particles=groups, interactions=[given])
+    told["simulation"]["precision"] = precision
+    told["output"] = {"every": 1, "ledger": True}
+    ended = ps.run(ps.from_table(told))
+    assert np.isfinite(ended.final.position).all()
+    assert np.isfinite(ended.energy).all()
+
+
+@pytest.mark.parametrize(
+    ("law", "energy"),
+    [
+        ({"type": "soft_sphere", "epsilon": 100.0, "sigma": 1.0}, 50.0),
+        ({"type": "morse", "depth": 1.0, "width": 1.0, "distance": 1.0}, (1 - math.e) ** 2 - 1),
+        ({"type": "formula", "potential": "exp(-r**2)", "cutoff": 3.0}, 1.0),
+        ({"type": "gravity", "constant": 1.0, "softening": 0.5}, -2.0),
+    ],
+)
+def test_the_energy_at_one_place_is_that_very_near(law: dict[str, Any], energy: float) -> None:
+    """There is no force there, as it has no direction; energies that began at 0 were told to come from nothing."""
+    groups = [points((0, 0, 0), (0, 0, 0), velocity=[[1, 0, 0], [-1, 0, 0]], name="a", mass=1.0)]
+    output = {"every": 1, "ledger": True, "precision": "double"}
+    ended = ps.run(ps.from_table(table(0.01, 0.001, particles=groups, interactions=[law], output=output)))
+    assert ended.ledger[f"potential.{law['type']}"][0] == pytest.approx(energy, rel=1e-9)
+    assert np.ptp(ended.energy) < 1e-2 * abs(energy)  # the first step has half of its force
+
+
+def test_places_that_numbers_round_to_parts_of_a_law_are_told() -> None:
+    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0, "cutoff": 3.0}
+
+    def told(x: float, speed: float, precision: str) -> tuple[str, ...]:
+        groups = [points((x, 0, 0), (x + 1.25, 0, 0), velocity=[[0, speed, 0]] * 2, name="a", mass=1.0)]
+        made = table(0.02, 0.01, particles=groups, interactions=[law])
+        made["simulation"]["precision"] = precision
+        return tuple(each for each in ps.run(ps.from_table(made)).warnings if "rounded by" in each)
+
+    assert told(1e3, 0.0, "single") == ()
+    assert told(1e5, 0.0, "double") == ()
+    assert "at the start" in told(1e5, 0.0, "single")[0]
+    assert "from t = 0.02 s on" in told(0.0, 1e6, "single")[0]
+
+
 @pytest.mark.parametrize("method", ["direct", "tree"])
 def test_births_in_one_place_are_told(method: str) -> None:
     """The force between them is taken as 0 there, and a tree's energy was -1e27 J."""
@@ -293,6 +342,11 @@ def test_what_cannot_be_is_told_before_the_run(law: dict[str, Any], said: str) -
     with pytest.raises(ps.UsageError) as caught:
         simulation_of(1, 0.01, particles=groups, interactions=[law])
     assert said in str(caught.value)
+
+
+def test_random_kicks_are_not_told_to_take_another_method() -> None:
+    assert "first order" not in doubts(0.1, 0.01, **fluid(temperature=1.0))
+    assert "first order" in doubts(0.1, 0.01, **fluid())
 
 
 def test_random_kicks_need_a_method_that_takes_one_a_step() -> None:

@@ -147,8 +147,16 @@ def force_in(each: Any, p: Any) -> Any:
 
 
 def energy_in(each: Any, p: Any, counts: Any) -> Any:
-    """Potential energy of a pair; 0 if they do not act on each other, or the pair does not count."""
-    near = reaches(each, square(p)) & counts
+    """Potential energy of a pair; 0 if they do not act on each other, or the pair does not count.
+
+    At one place, where a law that stays finite has no direction, it is the energy very near to each other.
+    """
+    s = square(p)
+    near = reaches(each, s) & counts
+    if each.least is not None:
+        together = (s <= each.least) & (each.least > 0) & counts
+        p = Pair(np.sqrt(each.least) if together else p.x, *p[1:])
+        near = near | together
     return chosen(near, pair_potential(each.law, apart(near, p)))
 
 

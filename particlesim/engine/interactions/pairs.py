@@ -70,7 +70,8 @@ class Last(NamedTuple):
 
 class PairColumns(NamedTuple):
     """An interaction of pairs: the record of its law; `spans` [k, 4], first and last row of targets and of their sources;
-    squares of the distances above which and below which it acts [m²], None where there is no such limit; what it keeps of
+    squares of the distances above which and below which it acts [m²], None where there is no such limit, the first 0 of a
+    law without a value at one place, and the least number of one that has no direction there; what it keeps of
     every particle, [n], and ids, None where the law does not read them; how many pairs there are;
     periods of the box [m], None along axes that have none, None without a box; the `Last` sum, None where none is kept."""
 
@@ -351,7 +352,7 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
             refuse_coincident(site, pairs)
     if again and site.began and site.dtype == np.float32 and isinstance(law, FarInteraction):
         with site.scenario.at_interaction(pairs.name):
-            _refuse_vanishing(site, pairs, law)
+            _refuse_products(site, pairs, law)
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
@@ -361,14 +362,23 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
 
 
-def _refuse_vanishing(site: Site, pairs: PairSet, law: FarInteraction) -> None:
-    """Raise UsageError for masses so small that single precision holds no product of two of them: nothing would move."""
-    heaviest = max((float(site.state[name].mass.max(initial=0.0)) for name in pairs.groups), default=0.0)
-    product = law.coupling() * heaviest**2
-    if law.by == "mass" and heaviest > 0 and 0 < abs(product) < np.finfo(np.float32).tiny:
+def _refuse_products(site: Site, pairs: PairSet, law: FarInteraction) -> None:
+    """Raise UsageError for masses of which single precision holds no product: nothing would move, or everything at once."""
+    if law.by != "mass":
+        return
+    masses = np.sort(np.concatenate([site.state[name].mass.astype(float) for name in pairs.groups]))[-2:]
+    if masses.size < 2 or masses[0] == 0:
+        return
+    pull = abs(law.coupling()) * float(masses[1]) ** 2
+    if 0 < pull < float(np.finfo(np.float32).tiny):
         raise UsageError(
-            f"{pairs.name}: G m² = {product:.1e} N m² of the heaviest particles is less than single precision holds",
+            f"{pairs.name}: G m² = {pull:.1e} N m² of the heaviest particles is less than single precision holds",
             'precision = "double" in [simulation], or method = "tree"',
+        )
+    if (product := float(masses.prod())) > float(np.finfo(np.float32).max):
+        raise UsageError(
+            f"{pairs.name}: m₁ m₂ = {product:.1e} kg² of the heaviest particles is more than single precision holds",
+            'precision = "double" in [simulation], or other units of mass',
         )
 
 
@@ -389,7 +399,7 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     law, dtype, grid = pairs.law, site.dtype, site.scenario.grid
     record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
     reach = law.reach()
-    least = None if law.everywhere() and _finite_at_once(law, dtype) else dtype.type(0)
+    least = None if _acts_at_once(law, dtype) else dtype.type(0 if law.singular() else np.finfo(dtype).tiny)
     most = None if reach is None else dtype.type(square(reach))
     own = np.zeros((2, site.whole.count), dtype)
     for name in pairs.groups:
@@ -401,12 +411,16 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     return record, spans, least, most, a, b, ids
 
 
-def _finite_at_once(law: PairInteraction, dtype: np.dtype[Any]) -> bool:
-    """Whether a law's softening keeps its force and the derivatives of it within the numbers of a precision at one place, as
-    where a sum meets the particle itself: ε⁻⁵, or ε⁻ⁿ⁻³ of a power law."""
+def _acts_at_once(law: PairInteraction, dtype: np.dtype[Any]) -> bool:
+    """Whether a law and its derivatives have values at one place, as where a sum meets the particle itself.
+
+    A softening must keep them within the numbers of a precision: ε⁻⁵, or ε⁻ⁿ⁻³ of a power law. What is taken off for a
+    force of 0 at the cutoff has no direction there.
+    """
     softening = dtype.type(getattr(law, "softening", 1.0))
     with np.errstate(all="ignore"):
-        return bool(np.isfinite(dtype.type(1) / softening ** (getattr(law, "exponent", 2.0) + 3)))
+        finite = bool(np.isfinite(dtype.type(1) / softening ** (getattr(law, "exponent", 2.0) + 3)))
+    return law.everywhere() and finite and law.shift != "force"
 
 
 def periods_of(site: Site, pairs: PairSet) -> tuple[float | None, ...] | None:

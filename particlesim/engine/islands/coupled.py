@@ -194,7 +194,7 @@ class CoupledIsland(BaseIsland):
         found = [state.bury(end) for state in self.states]
         self._joined.close_ranks()
         self._lay_again(np.where(dead, -1, np.cumsum(~dead) - 1))
-        self.kept_from = last
+        self.keep(last, fresh=False)
         if self._books is not None:
             self._books.book_deaths(before, dead, self._now(), end)
         return Deaths(
@@ -279,7 +279,7 @@ class CoupledIsland(BaseIsland):
             np.copyto(mine, column)
 
     def go_back(self) -> None:
-        """Return to the beginning of the last interval; not if there have been births or deaths since."""
+        """Return to the beginning of the last interval, or to the last births or deaths in it."""
         if self._kept:
             self._now().take(self._kept)
 

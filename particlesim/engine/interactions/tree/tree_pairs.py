@@ -3,7 +3,8 @@
 What a thread adds are the forces on its own particles, which all threads have found together. Every particle's sum is its
 own, so the third law holds to the accuracy asked for and no further: momentum drifts by as much.
 
-The accuracy is that of the root of the mean square of |δF|/|F| over particles, |F| not below a thousandth of its mean.
+The accuracy is that of the root of the mean square of |δg|/|g| over particles, with g the force on a unit of mass or charge,
+not below a thousandth of its mean.
 Before the first step it is measured on some particles against direct sums, and the tolerance of the walk set until it is
 met; from then on the estimate of errors keeps it as particles move.
 """
