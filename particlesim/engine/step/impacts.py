@@ -327,6 +327,8 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
         early = False
         calm = CALM
         p, outcome = _separate(contacts.continuous, p, p, contacts)
+        if nearest(contacts.continuous, p) < -rounding(contacts, p):
+            impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
         legal = p
         while outcome == PASS:
             q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)

@@ -159,9 +159,13 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     # part `f` of the step until then, at a speed that falls evenly.
     f = zero if calm else length2 / (length2 - dot(after, base) + drag * size)
     half = type_of(h, 0.5) * h
-    belt = belt_along(response, n)
+    belt, taken = belt_along(response, n), half * drag
+    if response.belt is None:
+        # A method that moves from rest a step later is not held back before.
+        moved = dot(way, (q.x - p.x, q.y - p.y, q.z - p.z))
+        taken = min(taken, max(moved, zero)) if calm else taken
     ends = tuple(
-        _along_way(place, old, u, w, slides, half * drag, h, half * f * size)
+        _along_way(place, old, u, w, slides, taken, h, half * f * size)
         for place, old, u, w in zip((q.x, q.y, q.z), (p.x, p.y, p.z), belt, way, strict=True)
     )
     there = at_place(q, ends, (q.vx, q.vy, q.vz))
@@ -188,9 +192,15 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     r = at_place(q, ends, with_slide(response, n, approach + push, response.keep, slid))
     if crossable(c) and response.belt is None:
         # A curved surface may put back what creeps higher than where it came from: what it has not got, it does not gain.
-        force = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
-        rise = -dot(force, (r.x - p.x, r.y - p.y, r.z - p.z))
-        stuck = rise + rise > h * dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz))
+        # What it lay deeper than the surface, by rounding, it is given back.
+        force, deep = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz), min(touch.start, zero)
+        climbed = tuple(
+            b - a + deep * u for a, b, u in zip((p.x, p.y, p.z), (r.x, r.y, r.z), touch.up, strict=True)
+        )
+        rise = -dot(force, climbed)
+        rounded = tolerance * (abs(r.x) + abs(r.y) + abs(r.z) + p.r)
+        rounded *= abs(force[0]) + abs(force[1]) + abs(force[2])
+        stuck = rise + rise > h * dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz)) + rounded
         r = chosen(stuck, at_place(q, (p.x, p.y, p.z), (zero, zero, zero)), r)
         turns = turns & (not stuck)
     return r, f if turns else one
