@@ -15,6 +15,7 @@ from particlesim.engine.interactions.mesh.split import ByCharge
 from particlesim.errors import UsageError
 from particlesim.interactions.coulomb import CoulombRecord
 from particlesim.process.threads import Team
+from particlesim.trajectory.box import in_period
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def ewald_sum(
         raise UsageError(f"an error of {error:g} is not possible", f"{LEAST_ERROR:g} to {MOST_ERROR:g}")
     if softening < 0 or not (np.isfinite(x).all() and np.isfinite(w).all() and math.isfinite(softening)):
         raise UsageError("positions, weights and a softening are finite, and the last is not negative")
-    if softening == 0 and len(np.unique(x - size * np.floor(x / size), axis=0)) < len(x):
+    if softening == 0 and len(np.unique(in_period(x, size), axis=0)) < len(x):
         raise UsageError("two particles are at the same place, where the force between them has no value")
     law = CoulombRecord(1.0, softening * softening)
     given = prepared(law, ByCharge(), -1.0, size.tolist(), softening, error, everywhere=softening > 0)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from particlesim.errors import UsageError
+from particlesim.trajectory.box import in_period
 
 Floats = npt.NDArray[np.float64]
 Box = Sequence[float] | None
@@ -57,9 +58,8 @@ def radial_distribution(
             f"nearest images reach to half of the box, {furthest:g} m",
         )
     edges = np.linspace(0, reach, bins + 1)
-    wrapped = np.where(periodic, np.mod(x, np.where(periodic, sizes, 1.0)), x)
     # SciPy takes a size of 0 for an axis that is not periodic.
-    tree = cKDTree(wrapped, boxsize=np.where(periodic, sizes, 0.0))
+    tree = cKDTree(in_period(x, sizes), boxsize=np.where(periodic, sizes, 0.0))
     within = tree.count_neighbors(tree, edges) - len(x)  # each pair twice, without the particles themselves
     pairs = np.diff(within)
     shells = 4 / 3 * np.pi * np.diff(edges**3)
@@ -140,7 +140,7 @@ def power_spectrum(
         raise UsageError(
             "a power spectrum needs a box that is periodic along all axes", "box = three sizes in m"
         )
-    density = _cloud(np.mod(x / size, 1.0) * mesh, m, mesh)
+    density = _cloud(in_period(x / size, 1.0) * mesh, m, mesh)
     waves = fft.rfftn(density / density.mean() - 1.0, workers=-1) / mesh**3
     index = [np.fft.fftfreq(mesh, 1 / mesh), np.fft.fftfreq(mesh, 1 / mesh), np.fft.rfftfreq(mesh, 1 / mesh)]
     # The cloud of width two cells to each side multiplies each wave by sinc³ along each axis.

@@ -5,10 +5,24 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[Any]
 Vector = tuple[float, float, float]
+
+
+def in_period(x: ArrayLike, period: ArrayLike) -> NDArray[np.float64]:
+    """Coordinates x [m] in [0, period), of any shapes that broadcast; unchanged where the period is 0 or infinite.
+
+    `np.mod` alone rounds what is just below 0 up to the period itself, which is one place too many: it is 0 here.
+    What is not finite becomes NaN in a period.
+    """
+    x, length = np.asarray(x, float), np.asarray(period, float)
+    repeats = np.isfinite(length) & (length > 0)
+    divisor = np.where(repeats, length, 1.0)
+    with np.errstate(invalid="ignore"):
+        rest = np.mod(x, divisor)
+    return np.where(repeats, np.where(rest >= divisor, 0.0, rest), x)
 
 
 class Box(NamedTuple):

@@ -41,6 +41,15 @@ def test_a_lattice_has_its_shells() -> None:
     assert g.samples.sum() == len(x) * (6 + 12 + 8) / 2
 
 
+def test_places_a_rounding_outside_of_the_box_are_in_it() -> None:
+    x = np.random.default_rng(1).uniform(0, 9, (50, 3))
+    x[0, 0] = 0.0
+    inside = radial_distribution(x, box=(9, 9, np.inf), bins=10)
+    for outside in (-1e-16, -5e-324, 9.0):
+        x[0, 0] = outside
+        np.testing.assert_array_equal(radial_distribution(x, box=(9, 9, np.inf), bins=10).y, inside.y)
+
+
 def test_boxes_that_are_too_small_are_told() -> None:
     with pytest.raises(ps.UsageError, match="half of the box"):
         radial_distribution(np.random.default_rng(1).uniform(0, 1, (10, 3)), box=(1, 1, 1), reach=0.6)

@@ -16,6 +16,7 @@ from particlesim.errors import ScenarioError, UsageError
 from particlesim.interactions.lennard_jones import LennardJones
 from particlesim.laws.pair import Pair, pair_force, pair_potential
 from particlesim.runs.validity import misplaced
+from particlesim.trajectory.box import in_period
 
 EPS = 2.0**-52
 LAW: dict[str, Any] = {
@@ -200,6 +201,21 @@ def test_frames_are_wrapped_and_paths_are_not(tmp_path: Path) -> None:
             mean_square_displacement(trajectory), (speed[0] ** 2).sum() * trajectory.times**2, rtol=1e-12
         )
         np.testing.assert_array_equal(trajectory[-1].position, result.final.position)
+
+
+def test_coordinates_are_put_into_a_period_in_all_roundings() -> None:
+    for period in (1.0, 9.0, 0.3, 1e-9, 7e20):
+        rng = np.random.default_rng(3)
+        near = period * rng.integers(-3, 4, 1000) * (1 + rng.integers(-2, 3, 1000) * 2.0**-53)
+        tiny = -period * 10.0 ** rng.uniform(-300, 0, 1000)
+        x = np.concatenate([near, tiny, [0.0, -0.0, -5e-324, 5e-324, period, -period]])
+        found = in_period(x, period)
+        assert ((found >= 0) & (found < period)).all()
+        # what is taken off is a whole number of periods, to rounding
+        turns = (x - found) / period
+        assert np.abs(turns - np.rint(turns)).max() < 4 * np.finfo(float).eps
+    open_axes = in_period([[-3.0, 4.0, -0.5], [np.inf, np.nan, np.inf]], [np.inf, 0.0, 2.0])
+    np.testing.assert_array_equal(open_axes, [[-3.0, 4.0, 1.5], [np.inf, np.nan, np.nan]])
 
 
 def test_same_bytes_for_any_number_of_threads_and_after_a_resume() -> None:

@@ -117,6 +117,7 @@ def test_ewald_of_two_far_from_their_images_is_coulombs_law() -> None:
         ({"error": 1e-20}, "error"),
         ({"softening": -1.0}, "negative"),
         ({"position": [[0, 0, 0], [1, 0, 0]]}, "same place"),
+        ({"position": [[0, 0, 0], [-1e-20, 0, 0]]}, "same place"),  # but for rounding at the edge of the box
     ],
 )
 def test_ewald_refuses_what_it_cannot_sum(given: dict[str, Any], words: str) -> None:

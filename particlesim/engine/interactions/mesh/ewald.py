@@ -20,6 +20,7 @@ from particlesim.engine.interactions.mesh.influence import transform
 from particlesim.engine.interactions.mesh.split import Near, far_of
 from particlesim.laws.pair import Pair, central
 from particlesim.process.threads import Team
+from particlesim.trajectory.box import in_period
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,7 +87,7 @@ def ewald_sum(
 def ewald_field(place: Floats, weight: Floats, rows: NDArray[np.int64], given: Sum, team: Team) -> Field:
     """The field at particles `rows` of all at `place` [3, n] with some `weight` [n]."""
     volume, lengths = math.prod(given.size), np.array(given.size)[:, None]
-    x = place - lengths * np.floor(place / lengths)
+    x = in_period(place, lengths)
     mean = -near_volume(given.law, min(given.size) / 2) / given.strength
     gradient, height = _near(x, weight, rows, given, team)
     height -= mean * float(weight.sum()) / volume
