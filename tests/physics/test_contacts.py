@@ -491,6 +491,14 @@ def test_overlaps_of_all_sizes_are_those_of_all_pairs(
     assert found == pytest.approx(known)
 
 
+def test_overlaps_are_found_below_the_origin_of_a_box_along_its_open_axes() -> None:
+    box = PeriodicBox(size=(1.0, 1.0, 1.0), origin=(0, 0, 0), periodic=(True, True, False))
+    x = np.array([[0.95, 0.5, -0.4], [0.05, 0.5, -0.4]])
+    i, j, depth = overlapping(x, np.full(2, 0.1), box)
+    assert sorted((*i.tolist(), *j.tolist())) == [0, 1]
+    assert depth == pytest.approx([0.1])
+
+
 def overlapping_start(radii: Any, room: float, seed: int = 3) -> tuple[Any, Any]:
     """What grains at random in a cube are put apart by, and how each went, in free space."""
     places = np.random.default_rng(seed).uniform(0, room, (len(radii), 3))

@@ -15,6 +15,7 @@ import numpy as np
 from particlesim.compiler import kernel
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.box import PeriodicBox
+from particlesim.trajectory.box import in_period
 
 CLASSES = 2.0
 """Ratio of radii within a class of sizes."""
@@ -45,7 +46,7 @@ def overlapping(x: Floats, r: Floats, box: PeriodicBox | None = None) -> tuple[I
     """All pairs of spheres at x [n, 3] with radii r [n] that overlap, each once, and how deep [m]."""
     periods = np.zeros(3) if box is None else np.asarray(box.as_box().steps, float)
     if box is not None:
-        x = np.mod(x - box.as_box().origin, np.where(periods > 0, periods, np.inf))
+        x = in_period(x - box.as_box().origin, periods)
     there = np.flatnonzero((r > 0) & np.isfinite(r) & np.isfinite(x).all(axis=1))
     if len(there) <= FEW:
         return _among_few(x, r, there, periods)
