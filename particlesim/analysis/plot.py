@@ -123,13 +123,16 @@ def arrangement(trajectory: Trajectory, quantity: str, group: str | None) -> Arr
     x, periods = last.position[rows], (None, None, None) if box is None else box.periods
     mass = last["mass"][rows] if "mass" in last.fields else 1.0
     sizes = [np.inf if each is None else each for each in periods]
+    around = None if box is None else sizes
     if quantity == "rdf":
-        curve = radial_distribution(x, box=None if box is None else sizes)
+        curve = radial_distribution(x, box=around)
         return Arrangement(curve, "Radial distribution function", "", "distance [m]")
     if quantity == "power_spectrum":
         return Arrangement(power_spectrum(x, mass, box=sizes), "Power spectrum", "m³", "wave number [1/m]")
     what, unit = ("Density", "kg/m³") if "mass" in last.fields else ("Number density", "1/m³")
-    return Arrangement(density_profile(x, mass), what, unit, "distance from the densest place [m]")
+    return Arrangement(
+        density_profile(x, mass, box=around), what, unit, "distance from the densest place [m]"
+    )
 
 
 def _lines(axes: Axes, times: Any, curves: dict[str, Any], strong: str = "") -> None:

@@ -36,14 +36,14 @@ def radial_distribution(
     are taken. Without it the density is that of the particles' bounding box, and g falls with r, as there is nothing
     outside. reach: largest r [m], at most half of the smallest periodic size (then also the default; else a quarter of the
     smallest extent; of many particles, where there are about MANY pairs, or NEIGHBOURS of each). Raises UsageError for
-    fewer than two particles, a reach that is too long, or no volume.
+    fewer than two particles, a box that is none, a reach that is too long, or no volume.
     Source: M. P. Allen, D. J. Tildesley, Computer Simulation of Liquids, section 2.6.
     """
     from scipy.spatial import cKDTree
 
     x = _places(position, least=2)
     extent = np.ptp(x, axis=0)
-    sizes = np.full(3, np.inf) if box is None else np.asarray(box, float)
+    sizes = _sizes(box)
     periodic = np.isfinite(sizes)
     volume = float(np.prod(np.where(periodic, sizes, extent)))
     if not volume > 0:
@@ -71,6 +71,7 @@ def density_profile(
     position: npt.ArrayLike,
     mass: npt.ArrayLike | float = 1.0,
     *,
+    box: Box = None,
     center: npt.ArrayLike | None = None,
     bins: int = 60,
     inner: float | None = None,
@@ -78,41 +79,68 @@ def density_profile(
 ) -> Curve:
     """Mean density [kg/m³] in spherical shells around a centre, over the radius [m] (geometric mean of the shell).
 
-    position: [n, 3] in m; mass: [n] or one number, in kg. center: [3] in m; the densest place unless given, found by
-    spheres that shrink (Power et al., MNRAS 338, 14 (2003)). Shells are even in the logarithm of the radius, between
-    `inner` and `outer`: the 1st and the 99.5th percentile of the radii unless given.
-    Raises UsageError for fewer than two particles, or radii in the wrong order.
+    position: [n, 3] in m; mass: [n] or one number, in kg. box: sizes of a periodic box [m], an infinite one along axes that
+    are not periodic; of each particle the image that is nearest to the centre counts, up to half of the smallest size.
+    center: [3] in m; the densest place unless given, found by spheres that shrink (Power et al., MNRAS 338, 14 (2003)).
+    Shells are even in the logarithm of the radius, between `inner` and `outer` [m]: the 1st and the 99.5th percentile of the
+    radii unless given, of those up to half of the smallest size in a box.
+    Raises UsageError for fewer than two particles, a box that is none, or radii in the wrong order or beyond half of it.
     """
     x = _places(position, least=2)
     m = np.broadcast_to(np.asarray(mass, float), len(x))
-    middle = densest_place(x, m) if center is None else np.asarray(center, float)
-    r = np.linalg.norm(x - middle, axis=1)
-    low = float(np.percentile(r, 1)) if inner is None else inner
-    high = float(np.percentile(r, 99.5)) if outer is None else outer
+    sizes = _sizes(box)
+    middle = densest_place(x, m, box=box) if center is None else np.asarray(center, float)
+    r = np.linalg.norm(_nearest(x - middle, sizes), axis=1)
+    furthest = float(sizes.min()) / 2
+    if outer is not None and outer > furthest:
+        raise UsageError(
+            f"a density profile up to {outer:g} m is not possible",
+            f"nearest images reach to half of the box, {furthest:g} m",
+        )
+    # Spheres beyond half of the box would hold a part of their images only.
+    seen = r[r <= furthest] if box is not None and (r <= furthest).any() else r
+    low = float(np.percentile(seen, 1)) if inner is None else inner
+    high = min(float(np.percentile(seen, 99.5)), furthest) if outer is None else outer
     if not 0 < low < high * (1 - 1e-9):  # of two particles, both radii are one but for rounding
         raise UsageError(f"no shells between {low:g} and {high:g} m", "radii are above 0 and in order")
     edges = np.geomspace(low, high, bins + 1)
     held, _ = np.histogram(r, edges, weights=m)
     samples, _ = np.histogram(r, edges)
+    if (
+        inner is None and outer is None and not samples.any()
+    ):  # of two particles, one is nearer and one further away
+        raise UsageError(f"no shells between {low:g} and {high:g} m", "there are too few particles")
     return Curve(
         np.sqrt(edges[:-1] * edges[1:]), held / (4 / 3 * np.pi * np.diff(edges**3)), samples.astype(np.int64)
     )
 
 
-def densest_place(position: Floats, mass: Floats) -> Floats:
-    """The centre of mass within a sphere about itself that shrinks by 2.5 % until 1000 particles, or 1 %, are left [m]."""
+def densest_place(position: Floats, mass: Floats, *, box: Box = None) -> Floats:
+    """The centre of mass within a sphere about itself that shrinks by 2.5 % until 1000 particles, or 1 %, are left [m], [3].
+
+    position: [n, 3] in m; mass: [n] in kg. box: sizes of a periodic box [m], an infinite one along axes that are not
+    periodic. The sphere then holds nearest images and begins where the mean of the angles 2π x/L points to; the place is in
+    [0, L) along periodic axes. Raises UsageError for a box that is none.
+    """
+    sizes = _sizes(box)
+    periodic = np.isfinite(sizes)
     center = np.average(position, axis=0, weights=mass)
-    radius = float(np.linalg.norm(position - center, axis=1).max())
+    if periodic.any():
+        turn = 2 * np.pi * position[:, periodic] / sizes[periodic]
+        east, north = (np.average(part, axis=0, weights=mass) for part in (np.cos(turn), np.sin(turn)))
+        center[periodic] = np.arctan2(north, east) / (2 * np.pi) * sizes[periodic]
+    x, m, way = position, mass, _nearest(position - center, sizes)
+    radius = float(np.linalg.norm(way, axis=1).max())
     least = max(10, min(1000, len(position) // 100))
-    x, m = position, mass
     while radius > 0:
-        inside = np.linalg.norm(x - center, axis=1) <= radius
+        inside = np.linalg.norm(way, axis=1) <= radius
         if inside.sum() < least:
             break
         x, m = x[inside], m[inside]
-        center = np.average(x, axis=0, weights=m)
+        center = center + np.average(way[inside], axis=0, weights=m)
+        way = _nearest(x - center, sizes)
         radius *= 0.975
-    return np.asarray(center)
+    return in_period(center, sizes)
 
 
 def power_spectrum(
@@ -181,6 +209,24 @@ def _cloud(place: Floats, mass: Floats, mesh: int) -> Floats:
                 share = mass * weight[i][:, 0] * weight[j][:, 1] * weight[k][:, 2]
                 total += np.bincount((ix * mesh + iy) * mesh + iz, share, mesh**3)
     return total.reshape(mesh, mesh, mesh)
+
+
+def _sizes(box: Box) -> Floats:
+    """Periods along all axes [m], infinite where there are none."""
+    sizes = np.full(3, np.inf) if box is None else np.asarray(box, float)
+    if sizes.shape != (3,) or not (sizes > 0).all():
+        raise UsageError(
+            f"{box} is no box", "box = three sizes in m, infinite along axes that are not periodic"
+        )
+    return sizes
+
+
+def _nearest(way: Floats, sizes: Floats) -> Floats:
+    """Ways to the nearest images, [n, 3]."""
+    if not np.isfinite(sizes).any():
+        return way
+    periods = np.where(np.isfinite(sizes), sizes, 0.0)
+    return way - periods * np.rint(way / sizes)
 
 
 def _places(position: npt.ArrayLike, least: int) -> Floats:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulate import points, record
+from simulate import points, record, table
 
 import particlesim as ps
 from particlesim.analysis import structure
@@ -71,6 +71,72 @@ def test_density_of_a_plummer_sphere() -> None:
     assert (np.abs(found.y / expected - 1) < 5 / np.sqrt(found.samples) + 0.02).all()
     free = density_profile(x, 1 / n, bins=15, inner=0.2, outer=4.0)
     assert np.abs(free.y / expected - 1).max() < 0.15
+
+
+def plummer(n: int, seed: int) -> np.ndarray:
+    """Places of a Plummer sphere with a scale of 1 m about the origin, without what is beyond 4 m, [m, 3]."""
+    rng = np.random.default_rng(seed)
+    r = 1 / np.sqrt(rng.uniform(0, 1, n) ** (-2 / 3) - 1)
+    u = rng.normal(size=(n, 3))
+    return (r[:, None] * u / np.linalg.norm(u, axis=1)[:, None])[r < 4]
+
+
+@pytest.mark.parametrize("corner", [(0, 0, 0), (10, 0, 3), (-5, 5, 5), (4, 6, 9.99)])
+def test_a_density_profile_takes_nearest_images(corner: tuple[float, float, float]) -> None:
+    """A sphere anywhere in a periodic box has the profile that it has in free space; along an open axis nothing is cut."""
+    x = plummer(20_000, 5)
+    for box in ((10, 10, 10), (10, 12, np.inf)):
+        there = x + corner
+        wrapped = np.where(np.isfinite(box), there % np.array(box), there)
+        known: dict[str, float] = {"bins": 12, "inner": 0.2, "outer": 4.0}
+        for center in (corner, None):
+            alone = density_profile(there, 0.5, center=center, **known)
+            found = density_profile(wrapped, 0.5, center=center, box=box, **known)
+            if center is not None:  # one at the edge of a shell may be in the next by rounding
+                assert np.abs(found.samples - alone.samples).sum() <= 4
+            # and the place that is found is one in the core, where the density is even
+            assert np.abs(found.y / alone.y - 1).max() < (1e-2 if center is not None else 0.1)
+        place = densest_place(wrapped, np.ones(len(x)), box=box)
+        away = place - corner - np.where(np.isfinite(box), box, 0) * np.rint((place - corner) / box)
+        # within the sphere of the last 200, 1 % of all, where the density is even: r³ = 0.01 (r² + 1)^(3/2)
+        assert np.linalg.norm(away) < 0.22
+        assert (place[:2] >= 0).all()
+        assert (place < box).all()
+
+
+def test_a_density_profile_ends_at_half_of_the_box() -> None:
+    rng = np.random.default_rng(6)
+    x = rng.uniform(0, 1, (20_000, 3)) * (4, 4, 2)
+    gas = density_profile(x, 2.0, box=(4, 4, 2), bins=10)
+    assert 0.9 < gas.x[-1] < 1.0
+    # uniform up to the last shell, where the sphere would be cut: numbers scatter by their root
+    assert (np.abs(gas.y / (2 * 20_000 / 32) - 1) < 5 / np.sqrt(gas.samples)).all()
+    with pytest.raises(ps.UsageError, match="half of the box, 1 m"):
+        density_profile(x, box=(4, 4, 2), outer=1.1)
+    for box in ((1, 1), (1, 0, 1), (1, np.nan, 1)):
+        for of in (density_profile, radial_distribution):
+            with pytest.raises(ps.UsageError, match="is no box"):
+                of(x, box=box)
+
+
+def test_a_plot_of_density_knows_the_box(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from particlesim.analysis.plot import arrangement
+
+    x = 0.2 * plummer(400, 7)
+    start = [{**points(*x.tolist()), "name": "ball", "mass": 3.0}]
+    found = []
+    for box in ({"size": [4.0] * 3}, {"size": [4.0] * 3, "origin": [-2.0] * 3}):
+        path = tmp_path / f"{len(found)}.vtkhdf"
+        scenario = table(1.0, 1.0, particles=start, output={"every": 1, "fields": ["mass"]})
+        scenario["simulation"]["box"] = box
+        ps.run(ps.from_table(scenario), path)
+        with ps.open(path) as trajectory:
+            found.append(arrangement(trajectory, "density_profile", None).curve)
+    # the box is cut through the middle of the ball, or not at all
+    np.testing.assert_allclose(found[0].x, found[1].x, rtol=1e-4)
+    expected = density_profile(x, 3.0, box=(4, 4, 4))
+    np.testing.assert_allclose(found[1].y, expected.y, rtol=0.05, atol=0.02 * expected.y.max())
 
 
 def test_power_of_noise_and_of_a_wave() -> None:
