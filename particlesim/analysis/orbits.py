@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from particlesim.analysis.shapes import per_particle
 from particlesim.errors import UsageError
 
 Floats = npt.NDArray[np.float64]
@@ -35,13 +36,15 @@ class Elements:
 def orbital_elements(position: npt.ArrayLike, velocity: npt.ArrayLike, mu: npt.ArrayLike) -> Elements:
     """Elements of bodies from position and velocity relative to the central body.
 
-    position [m], velocity [m/s]: [n, 3] or [3]; mu: G (M + m) [m³/s²], a number or [n]. Raises UsageError for a body in
-    the centre, or mu ≤ 0. Source: C. D. Murray, S. F. Dermott, Solar System Dynamics, section 2.8.
+    position [m], velocity [m/s]: [n, 3] or [3]; mu: G (M + m) [m³/s²], a number or [n]. Raises UsageError for shapes that
+    do not fit, a body in the centre, or mu ≤ 0. Source: C. D. Murray, S. F. Dermott, Solar System Dynamics, section 2.8.
     """
     x, v = np.atleast_2d(np.asarray(position, float)), np.atleast_2d(np.asarray(velocity, float))
-    strength = np.broadcast_to(np.asarray(mu, float), len(x))
-    if x.shape != v.shape or x.shape[1] != 3:
-        raise UsageError(f"positions {x.shape} and velocities {v.shape} differ", "[n, 3] each is needed")
+    if x.shape != v.shape or x.ndim != 2 or x.shape[1] != 3:
+        raise UsageError(
+            f"positions have the shape {x.shape} and velocities {v.shape}", "[n, 3] each is needed"
+        )
+    strength = per_particle(mu, len(x), "mu")
     if not (strength > 0).all():
         raise UsageError("mu must be above 0", "G times the sum of both masses, in m³/s²")
     r = np.linalg.norm(x, axis=1)

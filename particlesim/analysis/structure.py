@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from particlesim.analysis.shapes import per_particle
 from particlesim.errors import UsageError
 from particlesim.trajectory.box import in_period
 
@@ -84,12 +85,15 @@ def density_profile(
     center: [3] in m; the densest place unless given, found by spheres that shrink (Power et al., MNRAS 338, 14 (2003)).
     Shells are even in the logarithm of the radius, between `inner` and `outer` [m]: the 1st and the 99.5th percentile of the
     radii unless given, of those up to half of the smallest size in a box.
-    Raises UsageError for fewer than two particles, a box that is none, or radii in the wrong order or beyond half of it.
+    Raises UsageError for fewer than two particles, shapes that do not fit, a box that is none, or radii in the wrong order
+    or beyond half of it.
     """
     x = _places(position, least=2)
-    m = np.broadcast_to(np.asarray(mass, float), len(x))
+    m = per_particle(mass, len(x), "mass")
     sizes = _sizes(box)
     middle = densest_place(x, m, box=box) if center is None else np.asarray(center, float)
+    if middle.shape != (3,):
+        raise UsageError(f"the centre has the shape {middle.shape}", "[3] is needed")
     r = np.linalg.norm(_nearest(x - middle, sizes), axis=1)
     furthest = float(sizes.min()) / 2
     if outer is not None and outer > furthest:
@@ -156,13 +160,13 @@ def power_spectrum(
     position: [n, 3] in m; mass: [n] or one number. The density is put on a mesh of `mesh`³ nodes by triangular clouds, whose
     window is divided out; k goes up to the Nyquist wave number, and means are over shells of the width of the smallest one.
     Particles placed at random have P = V Σm²/(Σm)², the shot noise, which is taken off unless `shot_noise`.
-    Raises UsageError for no particles, or a box that is not periodic along all axes.
+    Raises UsageError for no particles, shapes that do not fit, or a box that is not periodic along all axes.
     Sources: R. W. Hockney, J. W. Eastwood, Computer Simulation Using Particles; Y. P. Jing, ApJ 620, 559 (2005).
     """
     from scipy import fft
 
     x = _places(position, least=1)
-    m = np.broadcast_to(np.asarray(mass, float), len(x))
+    m = per_particle(mass, len(x), "mass")
     size = np.asarray(box, float)
     if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
         raise UsageError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -303,3 +304,26 @@ def test_circles_in_the_plane_have_angles_too() -> None:
     assert hyperbola.semi_major_axis[0] == -0.5
     assert hyperbola.eccentricity[0] == 3
     assert math.isinf(hyperbola.period[0])
+
+
+def test_shapes_that_do_not_fit_are_told() -> None:
+    x, v = np.eye(3)[:2], np.eye(3)[1:]
+    for wrong in ([1.0, 2.0, 3.0], [[1.0], [2.0]], []):
+        with pytest.raises(ps.UsageError, match="mu has the shape") as told:
+            orbital_elements(x, v, wrong)
+        assert told.value.hint == "one number, or [2], is needed"
+        for of in (
+            partial(temperature, v),
+            partial(density_profile, x),
+            partial(power_spectrum, x, box=(1, 1, 1)),
+        ):
+            with pytest.raises(ps.UsageError, match="mass has the shape"):
+                of(wrong)
+    for one, other in ((x, v[:1]), (x[:, :2], v[:, :2]), (np.eye(3)[None], np.eye(3)[None])):
+        with pytest.raises(ps.UsageError, match="positions have the shape"):
+            orbital_elements(one, other, 1.0)
+    with pytest.raises(ps.UsageError, match="centre has the shape"):
+        density_profile(x, center=(1, 2))
+    both = orbital_elements(x, v, [1.0, 4.0])
+    assert both.period[0] == pytest.approx(orbital_elements(x[0], v[0], 1.0).period[0])
+    assert both.period[1] == pytest.approx(orbital_elements(x[1], v[1], [4.0]).period[0])
