@@ -159,7 +159,9 @@ def power_spectrum(
 
     position: [n, 3] in m; mass: [n] or one number. The density is put on a mesh of `mesh`³ nodes by triangular clouds, whose
     window is divided out; k goes up to the Nyquist wave number, and means are over shells of the width of the smallest one.
-    Particles placed at random have P = V Σm²/(Σm)², the shot noise, which is taken off unless `shot_noise`.
+    Particles placed at random have P = V Σm²/(Σm)², the shot noise, which is taken off unless `shot_noise`, and with it what
+    waves beyond the Nyquist wave number add to it, which the mesh cannot tell apart: a sixth in the last shell of a cube.
+    What such waves of the density itself add stays.
     Raises UsageError for no particles, shapes that do not fit, or a box that is not periodic along all axes.
     Sources: R. W. Hockney, J. W. Eastwood, Computer Simulation Using Particles; Y. P. Jing, ApJ 620, 559 (2005).
     """
@@ -175,11 +177,16 @@ def power_spectrum(
     density = _cloud(in_period(x / size, 1.0) * mesh, m, mesh)
     waves = fft.rfftn(density / density.mean() - 1.0, workers=-1) / mesh**3
     index = [np.fft.fftfreq(mesh, 1 / mesh), np.fft.fftfreq(mesh, 1 / mesh), np.fft.rfftfreq(mesh, 1 / mesh)]
-    # The cloud of width two cells to each side multiplies each wave by sinc³ along each axis.
-    window = [np.sinc(n / mesh) ** 3 for n in index]
-    power = np.abs(waves / window[0][:, None, None] / window[1][:, None] / window[2]) ** 2 * float(
-        size.prod()
-    )
+    volume = float(size.prod())
+    # The cloud, three cells wide, multiplies each wave by sinc³ along each axis.
+    window = _product([np.sinc(n / mesh) ** 6 for n in index])
+    power = volume * np.abs(waves) ** 2
+    if not shot_noise:
+        # Each wave holds the noise of all that differ by whole numbers of meshes: along each axis Σ sinc⁶(n/mesh + i)
+        # over all i, which is a polynomial of sin² (Jing). Near the Nyquist wave number that is far above its own sinc⁶.
+        bend = [np.sin(np.pi * n / mesh) ** 2 for n in index]
+        power -= volume * (m**2).sum() / m.sum() ** 2 * _product([1 - s + 2 / 15 * s**2 for s in bend])
+    power /= window
     lattice = np.meshgrid(
         *(2 * np.pi * n / s for n, s in zip(index, size, strict=True)), indexing="ij", sparse=True
     )
@@ -194,10 +201,12 @@ def power_spectrum(
     total, _ = np.histogram(k, edges, weights=twice * power)
     where, _ = np.histogram(k, edges, weights=twice * k)
     some = samples > 0
-    noise = 0.0 if shot_noise else float(size.prod() * (m**2).sum() / m.sum() ** 2)
-    return Curve(
-        where[some] / samples[some], total[some] / samples[some] - noise, samples[some].astype(np.int64)
-    )
+    return Curve(where[some] / samples[some], total[some] / samples[some], samples[some].astype(np.int64))
+
+
+def _product(along: Sequence[Floats]) -> Floats:
+    """The product of a function of each axis, on the mesh."""
+    return along[0][:, None, None] * along[1][:, None] * along[2]
 
 
 def _cloud(place: Floats, mass: Floats, mesh: int) -> Floats:

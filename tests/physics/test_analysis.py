@@ -145,7 +145,7 @@ def test_power_of_noise_and_of_a_wave() -> None:
     x = rng.uniform(0, 1, (30_000, 3)) * (2.0, 2.0, 2.0)
     raw = power_spectrum(x, box=(2, 2, 2), mesh=32, shot_noise=True)
     noise = 8 / 30_000
-    half = len(raw.x) // 2  # aliases add near the Nyquist wave number
+    half = len(raw.x) // 2  # waves beyond the Nyquist wave number add to it near this one
     scatter = 5 / np.sqrt(raw.samples[:half] / 2)
     assert (np.abs(raw.y[:half] / noise - 1) < scatter + 0.02).all()
     side = (np.arange(64) + 0.5) / 64 * 2
@@ -210,12 +210,26 @@ def test_the_noise_of_uneven_masses_is_taken_off() -> None:
     spectrum, raw = (
         power_spectrum(x, m, box=(1, 1, 1), mesh=32, shot_noise=noise) for noise in (False, True)
     )
-    low = spectrum.x < 50  # beyond, what the mesh cannot tell apart adds up
-    modes = spectrum.samples[low]
-    noise = (m**2).sum() / m.sum() ** 2
+    modes, noise = spectrum.samples, (m**2).sum() / m.sum() ** 2
+    taken = raw.y - spectrum.y
     # Each wave scatters by P; a wave and its opposite are one.
-    assert abs(np.average(spectrum.y[low], weights=modes)) < 5 * noise / math.sqrt(modes.sum() / 2)
-    assert raw.y - spectrum.y == pytest.approx(noise)
+    assert abs(np.average(spectrum.y, weights=modes)) < 5 * taken.max() / math.sqrt(modes.sum() / 2)
+    # Waves beyond the Nyquist wave number, k_N, add to it: the least of them is at 2 k_N − k, and its window is
+    # (k/(2 k_N − k))⁶ of that of k.
+    ratio = spectrum.x / (2 * math.pi * 32 - spectrum.x)
+    assert (taken >= noise * (1 - 1e-12)).all()
+    assert (taken <= noise * (1 + 3 * ratio**6 + 1e-3)).all()
+
+
+@pytest.mark.parametrize("box", [(1.0, 1.0, 1.0), (1.0, 2.0, 4.0)])
+def test_nothing_is_left_of_noise_up_to_the_nyquist_wave_number(box: tuple[float, float, float]) -> None:
+    n, mesh = 20_000, 64
+    x = np.random.default_rng(8).uniform(0, 1, (n, 3)) * box
+    raw, spectrum = (power_spectrum(x, box=box, mesh=mesh, shot_noise=noise) for noise in (True, False))
+    assert spectrum.x[-1] > 0.94 * math.pi * mesh / max(box)
+    # |δ_k|² of a wave scatters by its mean, and a wave and its opposite are one: √(2/modes) of what is taken off. A sixth of
+    # the noise was left in the last shell of a cube, where that is 1.3 %.
+    assert (np.abs(spectrum.y) < 4.5 * (raw.y - spectrum.y) * np.sqrt(2 / spectrum.samples)).all()
 
 
 def test_two_particles_make_one_pair() -> None:
