@@ -280,6 +280,61 @@ def test_books_change_nothing_and_have_the_same_bits_for_any_number_of_threads()
     }
 
 
+SWARM: dict[str, Any] = {
+    "particles": [
+        points(
+            (1, 0, 0),
+            (1.3, 0.2, 0),
+            (0, 2, 0.3),
+            velocity=[(0, 2, 0), (0, 2, 0), (-1, 0, 0)],
+            mass=[1.0, 2.0, 0.5],
+        )
+    ],
+    "emitters": [
+        {
+            "rate": 7.3,
+            "shape": {"type": "ball", "center": [0, 0, 1], "radius": 0.5},
+            "speed": 1.0,
+            "spread": 180.0,
+            "mass": 0.7,
+            "lifetime": {"type": "uniform", "low": 0.3, "high": 0.9},
+        }
+    ],
+}
+FLOCK = {
+    "type": "flocking",
+    "sight": 4.0,
+    "distance": 0.5,
+    "separation": 2.0,
+    "alignment": 0.3,
+    "cohesion": 0.2,
+}
+RUB = {"type": "friction", "range": 4.0, "coefficient": 1.0}
+BY_VELOCITY = pytest.mark.parametrize(
+    "law", [FLOCK, RUB, {**RUB, "method": "neighbours"}], ids=["flocking", "friction", "neighbours"]
+)
+
+
+@BY_VELOCITY
+def test_pairs_work_for_as_long_as_both_are_there(law: dict[str, Any]) -> None:
+    """Births and deaths in the middle of steps; no force stores energy, so books and motion must be of one mind."""
+
+    def run(dt: float) -> ps.Result:
+        return booked(2.0, dt, "rk4", interactions=[law], **SWARM)
+
+    result = run(0.02)
+    assert result.ledger[f"work.{law['type']}"][-1] < -5  # J
+    assert np.abs(result.ledger["balance"]).max() < 1e-4
+    assert observed(run, 0.02) > 2
+
+
+@BY_VELOCITY
+def test_own_steps_book_no_pairs_with_those_who_are_not_there(law: dict[str, Any]) -> None:
+    for tolerance in (1e-5, 1e-9):
+        result = left("dop853", tolerance, interactions=[law], **SWARM)
+        assert np.abs(result.ledger["balance"]).max() < 100 * tolerance * 9
+
+
 def test_work_needs_inertia_and_a_ledger() -> None:
     one = points((0, 0, 0), name="grain")
     with pytest.raises(ps.ScenarioError, match="'grain' has none"):

@@ -242,3 +242,9 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
 def island_forces(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
     """Total force on every particle of an island, into work.force; `share` is the whole island."""
     evaluate(parts, bonds, in_step(c, t, t), work, share, t, None)
+
+
+@kernel
+def forces_in_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any) -> None:
+    """The same in the step that the clock of the columns knows (`in_step`): what is there in a part of it counts so much."""
+    evaluate(parts, bonds, c, work, share, t, None)

@@ -219,7 +219,7 @@ class Interaction:
         return False
 
     def power(self, c: Any, t: float) -> float:
-        """The power of such forces [W]."""
+        """The power of such forces [W]; in a step (`in_step`), in which what is there for a part of it counts so much."""
         return 0.0
 
     def snapped(self, before: Self, c: Any) -> float:

@@ -43,7 +43,7 @@ from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.interactions.neighbours.search import BATCH, search, sieve
 from particlesim.engine.interactions.pair_blocks import CHARGE, Block
 from particlesim.engine.interactions.pair_matrix import Push, add_terms, block_terms, product_terms
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, power_of, tensor_bounds
 from particlesim.engine.interactions.pairs import periods_of, spans_of, what_acts
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
@@ -210,7 +210,7 @@ class NearPairs(NearLists, NearColumns):
         return not has_law(pair_potential, self.law)
 
     def power(self, c: Any, t: float) -> float:
-        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+        return power_of(self, c, t)
 
     def summary(self) -> str:
         return f"neighbour lists of {len(self.near.members)} particles"

@@ -18,6 +18,7 @@ from particlesim.compiler import kernel, outlined
 from particlesim.engine.interactions.bond_tensors import network
 from particlesim.engine.interactions.interaction import lone, prepare_elements
 from particlesim.engine.interactions.pair_blocks import force_in, pair_of, particle_of, slopes_in
+from particlesim.engine.state.columns import presence
 from particlesim.laws.pair import is_central, pair_force_dv, pair_force_dx, square
 
 Floats = NDArray[np.float64]
@@ -88,6 +89,23 @@ def forces_in(each: Any, c: Any, t: float) -> NDArray[Any]:
     total = np.zeros((3 if c.spin is None else 6, c.x.size), c.x.dtype)
     all_forces(each, c, lone(c.x.size), total, t)
     return total[:3]
+
+
+def power_of(each: Any, c: Any, t: float) -> float:
+    """The power of the forces of a set on all particles [W], of each for as far as it is there in the present step."""
+    power = forces_in(each, c, t) * np.stack([c.vx, c.vy, c.vz])
+    if c.clock is not None and c.clock.begin is not None:
+        there = np.empty(c.x.size)
+        parts_of_step(c, there)
+        power = np.where(there > 0, power, 0) * there  # a force on what is not there may be infinite
+    return float(power.sum(dtype=float))
+
+
+@kernel
+def parts_of_step(c: Any, out: Any) -> None:
+    """The part of the present step in which each particle is there, into out [n]."""
+    for i in range(c.x.size):
+        out[i] = presence(c.clock, i)
 
 
 @kernel

@@ -36,7 +36,7 @@ from particlesim.engine.interactions.pair_matrix import (
     new_direct_form,
     stiffen_direct,
 )
-from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, forces_in, tensor_bounds
+from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds, power_of, tensor_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
@@ -148,7 +148,7 @@ class DirectPairs(Interaction, PairColumns):
         return not has_law(pair_potential, self.law)
 
     def power(self, c: Any, t: float) -> float:
-        return float((forces_in(self, c, t) * np.stack([c.vx, c.vy, c.vz])).sum(dtype=float))
+        return power_of(self, c, t)
 
     def virial(self, c: Any, t: float) -> Floats:
         """Σ l ⊗ f over all pairs [J], shape [3, 3]; the pressure that the forces make is its trace over 3 V."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace
-from particlesim.engine.coupled.forces import island_forces
+from particlesim.engine.coupled.forces import forces_in_step, island_forces
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
@@ -53,7 +53,7 @@ class Bookkeeper:
             self._stepper.copy(layout, parts, copies, free, step, 1)
             given = self._given()
         columns = unjolted(columns, self.books.jolts)
-        return Opened(columns, begin, h, free, interactions=interactions, effort=given)
+        return Opened(columns, begin, h, free, interactions=interactions, effort=given, since=step * dt)
 
     def close(self, opened: Opened, now: Moment, last: int) -> None:
         """Book a step that has been taken, up to the beginning of step `last`."""
@@ -71,7 +71,7 @@ class Bookkeeper:
         start = work.before.astype(float)
         before = moved(free, start, np.zeros((6, 1)))
         path = stages(before, (start, work.slopes), (began, ended), h, method)
-        return Opened(before, begin, h, free, path), interactions, ended
+        return Opened(before, begin, h, free, path, since=began), interactions, ended
 
     def close_leg(self, leg: Leg, now: Moment, *, arrived: bool) -> None:
         """Book an own step, of which it is known by now what contact and breaking springs made of its end."""
@@ -112,9 +112,12 @@ class Bookkeeper:
         return 0.0 if self._layout.constraint is None else self._layout.constraint.given
 
     def _forces_in(self, columns: Columns, interactions: Interactions, time: float) -> Floats:
-        """Total force on every particle in a state and at a time [N], shape [3, n]; led particles go to their places."""
+        """Total force on every particle in a state and at a time [N], or in a step that its clock knows, shape [3, n]; led
+        particles go to their places."""
         bonds, work, share = self._layout.alone(interactions)
-        island_forces(self._layout.parts, bonds, columns, work, share, time)
+        within = columns.clock is not None and columns.clock.begin is not None
+        forces = forces_in_step if within else island_forces
+        forces(self._layout.parts, bonds, columns, work, share, time)
         return np.array(work.force[:3], float)
 
 

@@ -19,7 +19,7 @@ from particlesim.engine.ledger.work import (
     moved,
     weighted,
 )
-from particlesim.engine.state.columns import Clock, Columns, mapped
+from particlesim.engine.state.columns import Clock, Columns, in_step, mapped
 from particlesim.engine.state.prescribed import Driven, drive_to
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta
@@ -33,7 +33,8 @@ LENIENT = np.errstate(over="ignore", invalid="ignore")
 class Opened(NamedTuple):
     """A step that has begun: the state, when each particle begins and for how long it moves [s], and the end of the step
     without contact (None: nothing can be touched). `path`: states on the way, if the method told them; `interactions` as
-    they were before it. `effort`: the energy that rods have given to led ends in that free step [J]."""
+    they were before it. `effort`: the energy that rods have given to led ends in that free step [J]. `since`: when the step
+    of an island begins, in the middle of which particles may be born [s]."""
 
     columns: Columns
     begin: Floats
@@ -42,6 +43,7 @@ class Opened(NamedTuple):
     path: tuple[Moment, ...] = ()
     interactions: tuple[Interaction, ...] = ()
     effort: float = 0.0
+    since: float = 0.0
 
 
 class Moment(NamedTuple):
@@ -218,16 +220,23 @@ class IslandBooks:
         """Book a step that has been taken to the state `columns` at the time `end` [s]; `interactions` are as before it, and
         `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
         books, path = self.books, columns if step.free is None else step.free
-        start = float(step.begin.min(initial=end))
+        start, clock = step.since, step.columns.clock
+
+        def within(
+            c: Columns,
+        ) -> Columns:  # particles act for the part of the step in which they are there, as in motion
+            return in_step(c if clock is None else c._replace(clock=clock), start, end)
+
         if (
             any(each.spends for each in interactions)
             or self._driven.size
             or any(books.spends(k) for k in self._members)
         ):
-            moments = step.path or self._halfway(step, path, interactions, (start, end))
+            moments = step.path or self._halfway(step, path, interactions, (start, end), within)
             weights = [moment.weight for moment in moments]
+            acting = [moment._replace(columns=within(moment.columns)) for moment in moments]
             forces = [
-                self._forces(c, interactions, t) for c, t, _ in moments
+                self._forces(c, interactions, t) for c, t, _ in acting
             ]  # puts led particles where they are then
             moving = step.h.copy()
             moving[self._driven] = end - start  # nothing moves them, and yet forces work on them
@@ -236,7 +245,7 @@ class IslandBooks:
                     h = moving[self._bounds[k] : self._bounds[k + 1]]
                     powers = [books.powers(k, parts(c)[k], np.full(len(h), t)) for c, t, _ in moments]
                     books.book_powers(k, powers, weights, h)
-            self._book_spent(moments, interactions, end - start)
+            self._book_spent(acting, interactions, end - start)
             self._book_motion(moments, forces, (step.columns, path), end - start)
             if self._driven.size and self._held:
                 books.add("motion", -effort)
@@ -286,11 +295,17 @@ class IslandBooks:
                 self.books.add("deaths", -float(energies[dead].sum()))
 
     def _halfway(
-        self, step: Opened, path: Columns, interactions: tuple[Interaction, ...], span: tuple[float, float]
+        self,
+        step: Opened,
+        path: Columns,
+        interactions: tuple[Interaction, ...],
+        span: tuple[float, float],
+        within: Callable[[Columns], Columns],
     ) -> tuple[Moment, ...]:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
-        f0, f1 = (self._forces(c, interactions, t) for c, t in ((step.columns, start), (path, end)))
+        ends = ((step.columns, start), (path, end))
+        f0, f1 = (self._forces(within(c), interactions, t) for c, t in ends)
         if self._held:  # whose forces are not among these
             middle = halfway_between(step.columns, path, step.h)
         else:
