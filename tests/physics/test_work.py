@@ -400,6 +400,65 @@ def test_adaptive_methods_leave_what_they_err(method: str, parts: dict[str, Any]
     assert silent.final.velocity.tobytes() == result.final.velocity.tobytes()
 
 
+PULL = {"type": "gravity", "constant": 1.0, "softening": 0.3}
+PUSH = {"type": "soft_sphere", "epsilon": 0.3, "sigma": 0.4, "method": "neighbours"}
+FLOOR = {"point": [0, 0, 0.4], "normal": [0, 0, 1]}
+
+
+@pytest.mark.parametrize("method", ["rk45", "dop853"])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"interactions": [PULL]},
+        {"interactions": [PUSH]},
+        {"interactions": [PULL, RUB], "planes": [{**FLOOR, "restitution": 0.5}]},
+        {"interactions": [PULL], "planes": [{**FLOOR, "contact": "kill"}]},
+    ],
+    ids=["gravity", "neighbours", "bounces", "deaths by a plane"],
+)
+def test_births_and_deaths_are_booked_where_own_steps_end(method: str, parts: dict[str, Any]) -> None:
+    """Others move by metres in the longest step, and yet the balance is one of the tolerance."""
+    for tolerance in (1e-5, 1e-9):
+        ledger = left(method, tolerance, **SWARM, **parts).ledger
+        scale = sum(np.abs(values).max() for name, values in ledger.items() if "work." in name)
+        assert scale > 3
+        assert np.abs(ledger["balance"]).max() < 100 * tolerance * scale
+
+
+def test_births_bring_what_they_have_stored_with_those_who_are_there() -> None:
+    # Each is at rest where it is born, 1 m from the one before, and moves by less than a µm. The second is born when the
+    # first is dead, and the third while the second lives: −G m²/r once, and as much when one of them dies.
+    born = [(0.01, 0, 0.02), (0.04, 1, 0.2), (0.06, 2, 0.02)]
+    emitters = [
+        {
+            "name": name,
+            "burst": {"at": at, "count": 1},
+            "shape": {"type": "point", "position": [x, 0, 0]},
+            "speed": 0.0,
+            "mass": 1e3,
+            "lifetime": life,
+        }
+        for name, (at, x, life) in zip("abc", born, strict=True)
+    ]
+    result = ps.run(
+        ps.from_table(
+            table(
+                0.2,
+                0.1,
+                {"method": "dop853", "tolerance": 1e-12},
+                emitters=emitters,
+                interactions=[{"type": "gravity", "constant": 1e-6}],
+                output={**BOOKED, "every": 1},
+            )
+        ),
+        threads=1,
+    )
+    stored = -1e-6 * 1e3**2
+    assert result.ledger["work.births"][-1] == pytest.approx(stored, rel=1e-9)
+    assert result.ledger["work.deaths"][-1] == pytest.approx(-stored, rel=1e-5)
+    assert abs(result.ledger["balance"][-1]) < 1e-10
+
+
 def test_own_steps_are_booked_alike_in_any_blocks() -> None:
     """The log of own steps is one of blocks; what is booked is not. A log that is too small is made larger."""
     scenario = ps.from_table(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.coupled.adaptive import BEGAN, ENDED, Pace
 from particlesim.engine.coupled.forces import forces_in_step, island_forces
+from particlesim.engine.interactions.pair_tensors import parts_of_step
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
+from particlesim.engine.islands.present import Stored, Which
 from particlesim.engine.islands.stepping import Stepper
 from particlesim.engine.ledger.particle_work import IslandBooks, Opened, spans, stages
 from particlesim.engine.ledger.work import Books, moved, unjolted
-from particlesim.engine.state.columns import Columns
+from particlesim.engine.state.columns import Columns, in_step
 from particlesim.engine.step.contacts import Simple
 from particlesim.graph.graph import Island
 from particlesim.integrators import EmbeddedRungeKutta
@@ -23,10 +26,16 @@ from particlesim.model.arrays import Floats
 
 Leg = tuple[Opened, Interactions, float]
 """An own step at the end of which an island pauses, the interactions before it, and when it ends [s]."""
+Kept = tuple[Floats, Which]
+"""Amounts that are booked [J], and who was there in the last own step."""
 
 
 class Bookkeeper:
-    """Keeps the books of an island, as long as it has the particles of a layout."""
+    """Keeps the books of an island, as long as it has the particles of a layout.
+
+    Methods with own steps end one at every birth and death. What others have stored with those particles is booked there,
+    where all are then: `_here` are those who were there in the last own step, shape [n].
+    """
 
     def __init__(
         self,
@@ -36,8 +45,11 @@ class Bookkeeper:
         joined: Joined,
         layout: Layout,
         stepper: Stepper,
+        stored: Stored,
     ) -> None:
         self.books = books
+        self._stored = stored
+        self._here = np.ones(layout.count, np.bool_)
         self._joined, self._layout, self._stepper = joined, layout, stepper
         self._island = IslandBooks(books, structure, layout.bounds, layout.driven, names, self._forces_in)
 
@@ -71,6 +83,12 @@ class Bookkeeper:
         start = work.before.astype(float)
         before = moved(free, start, np.zeros((6, 1)))
         path = stages(before, (start, work.slopes), (began, ended), h, method)
+        if before.clock is not None:
+            there = np.empty(self._layout.count)
+            parts_of_step(in_step(before, began, ended), there)
+            self._go_on(
+                Moment(before, interactions), there > 0.5
+            )  # events in between are less than NEAR away
         return Opened(before, begin, h, free, path, since=began), interactions, ended
 
     def close_leg(self, leg: Leg, now: Moment, *, arrived: bool) -> None:
@@ -81,21 +99,54 @@ class Bookkeeper:
             columns = moved(columns, self._layout.work.before.astype(float), np.zeros((6, 1)))
         self._book(opened, interactions, columns, ended, 0.0)
         self._island.book_breaking(interactions, now.interactions, columns)
+        if arrived and columns.clock is not None:
+            self._go_on(Moment(columns, now.interactions), columns.clock.stop > ended)
+
+    def kept(self) -> Kept:
+        """What is booked so far, to `go_back` to."""
+        return self.books.totals.copy(), self._here
+
+    def go_back(self, kept: Kept) -> None:
+        """Forget what has been booked since."""
+        self.books.totals[:], self._here = kept
+
+    def _go_on(self, moment: Moment, here: Which) -> None:
+        """Book what is stored with those who are not there any more from a moment on, and with those who are there now."""
+        left = self._here & here
+        if (left == self._here).all() and (left == here).all():
+            return
+        before, between, after = self._stored.among(moment, (self._here, left, here))
+        if (left != self._here).any():
+            self.books.add("deaths", between - before)
+        if (left != here).any():
+            self.books.add("births", after - between)
+        self._here = here
 
     def book_births(self, before: Moment, now: Moment, born: Sequence[int], begin: float) -> None:
         """Book what the last `born` particles of every group bring in the step that begins at `begin` [s]; others are then
-        where they will be when those are born, on average."""
+        where they will be when those are born, on average. With own steps, what is stored with others follows there."""
+        if self._stepper.method.adaptive:
+            for last, number in zip(self._layout.bounds[1:], born, strict=True):
+                self._here[last - number : last] = False
+            self._island.book_births(self._joined.cut(now.columns), born, 0.0)
+            return
         start = now.columns.clock.start
         new = (start > begin) & np.isfinite(start)
         ahead = float(start[new].mean()) - begin if new.any() else 0.0
-        change = _stored(now, ahead, ~new) - _stored(before, ahead, np.ones(before.columns.m.size, np.bool_))
+        change = _all_stored(now, ahead, ~new) - _all_stored(
+            before, ahead, np.ones(before.columns.m.size, np.bool_)
+        )
         self._island.book_births(self._joined.cut(now.columns), born, change)
 
     def book_deaths(self, before: Moment, dead: NDArray[np.bool_], now: Moment, end: float) -> None:
         """Book what the `dead` have taken away by the time `end` [s] from the island as it was `before`; others
-        are then where they were when those died, on average."""
+        are then where they were when those died, on average. Own steps have booked it where they ended."""
+        if self._stepper.method.adaptive:
+            return
         ahead = float(before.columns.clock.stop[dead].mean()) - end
-        change = _stored(now, ahead, np.ones(now.columns.m.size, np.bool_)) - _stored(before, ahead, ~dead)
+        change = _all_stored(now, ahead, np.ones(now.columns.m.size, np.bool_)) - _all_stored(
+            before, ahead, ~dead
+        )
         self.books.add("deaths", change)
 
     def book_dead(self, now: Moment, end: float) -> None:
@@ -105,7 +156,16 @@ class Bookkeeper:
     def _book(
         self, opened: Opened, interactions: Interactions, columns: Columns, end: float, given: float
     ) -> None:
-        self._island.close(opened, columns, interactions, self._joined.cut, end, given)
+        stored = partial(self._stored_at, interactions)
+        self._island.close(opened, columns, interactions, self._joined.cut, end, given, stored)
+
+    def _stored_at(self, interactions: Interactions, ends: Sequence[Columns]) -> list[float]:
+        """What is stored in interactions at ends of the present step, with contact and without [J]."""
+        one, other = ends
+        apart = not self._here.all()
+        if apart and all(np.array_equal(getattr(one, x), getattr(other, x)) for x in "xyz"):
+            return [0.0, 0.0]  # nothing was touched, and the difference is what counts
+        return [self._stored.whole(Moment(each, interactions), self._here) for each in ends]
 
     def _given(self) -> float:
         """The energy that constraints gave to led particles in the last steps [J]."""
@@ -121,7 +181,7 @@ class Bookkeeper:
         return np.array(work.force[:3], float)
 
 
-def _stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:
+def _all_stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:
     """The potential energy of all interactions when those who move have gone on for a time `ahead` [J]."""
     c = moment.columns
     step = np.where(moves, ahead, 0.0)

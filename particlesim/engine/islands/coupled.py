@@ -28,6 +28,7 @@ from particlesim.engine.islands.in_space import InSpace
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
+from particlesim.engine.islands.present import Stored
 from particlesim.engine.islands.stepping import Stepper
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -74,7 +75,8 @@ class CoupledIsland(BaseIsland):
         self._books = None
         if self.books is not None:
             given = (self._structure, self.names, self._joined, self.layout, self._stepper)
-            self._books = Bookkeeper(self.books, *given)
+            stored = Stored(self._scenario, self._joined, self._sets)
+            self._books = Bookkeeper(self.books, *given, stored)
 
     def _at_gravity(self, interactions: Interactions) -> AbstractContextManager[None]:
         """Where mistakes are told about bodies that are to follow orbits."""
@@ -208,6 +210,7 @@ class CoupledIsland(BaseIsland):
         events = self._joined.events(self.dt) if self._changes else np.empty(0)
         pace = stepper.pace(len(done), events, disturbed=self._disturbed, pauses=books is not None)
         opened = books.open(self._now(), first) if books is not None and pace is None else None
+        kept = None if books is None else books.kept()
         if layout.constraint is not None:
             layout.constraint.begin()
         columns = self.island_columns()
@@ -223,6 +226,8 @@ class CoupledIsland(BaseIsland):
                 books.close_leg(leg, self._now(), arrived=done[0] == steps)
         if any(each.cramped for each in self.interactions):
             self.go_back()
+            if books is not None and kept is not None:
+                books.go_back(kept)
             layout.renew()
             return self._move(first, last, team)
         if pace is None and done[0] < steps and stepper.solves_more(layout):

@@ -215,10 +215,12 @@ class IslandBooks:
         interactions: tuple[Interaction, ...],
         parts: Callable[[Columns], list[Columns]],
         end: float,
-        effort: float = 0.0,
+        effort: float,
+        stored: Callable[[Sequence[Columns]], list[float]],
     ) -> None:
         """Book a step that has been taken to the state `columns` at the time `end` [s]; `interactions` are as before it, and
-        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J]."""
+        `parts` cuts columns into those of the groups. `effort` is what rods have given to led ends [J], and `stored` tells
+        what interactions have stored in two states, up to what both have in common [J]."""
         books, path = self.books, columns if step.free is None else step.free
         start, clock = step.since, step.columns.clock
 
@@ -250,12 +252,11 @@ class IslandBooks:
             if self._driven.size and self._held:
                 books.add("motion", -effort)
         if self._contact:
-            books.add(
-                "contact",
-                self._energy(columns, interactions, parts, end)
-                - self._energy(path, interactions, parts, end)
-                - met_jolts(path, columns, books.jolts),
+            now, without = (
+                self._energy(c, potential, parts, end)
+                for c, potential in zip((columns, path), stored((columns, path)), strict=True)
             )
+            books.add("contact", now - without - met_jolts(path, columns, books.jolts))
 
     @LENIENT
     def book_breaking(
@@ -338,11 +339,11 @@ class IslandBooks:
     def _energy(
         self,
         columns: Columns,
-        interactions: tuple[Interaction, ...],
+        total: float,
         parts: Callable[[Columns], list[Columns]],
         time: float,
     ) -> float:
-        total = sum(each.energy(columns) or 0.0 for each in interactions)
+        """Energy of all particles [J], with what is stored in interactions in `total`."""
         for k, part in enumerate(parts(columns)):
             total += float(self.books.energies(k, part, np.full(len(part.m), time)).sum())
         return total
