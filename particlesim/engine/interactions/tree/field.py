@@ -48,7 +48,7 @@ _APART = 8
 """Numbers of a line of memory: threads that write side by side would wait for each other."""
 FIRST_OPENING = 0.5
 """Widest opening while the size of the field is not known yet."""
-RIM = 12.0
+RIM = 16.0
 """The largest error that the width of a leaf may make, over the accuracy: few leaves are so wide, and few corners taken."""
 LEAST_NEED = 1e-3
 """Errors are relative to the field, or to this part of its mean where that is more."""
