@@ -42,7 +42,7 @@ PARTICLES_PER_CELL = 8
 slower, and as exact."""
 _TASKS = 128
 """Parts that the walk is cut into, for threads to take in turn."""
-_TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 512, 24
+_TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 256, 40
 """Fewest particles of a part; and of one of a few parts, for threads to share few particles evenly."""
 _APART = 8
 """Numbers of a line of memory: threads that write side by side would wait for each other."""
