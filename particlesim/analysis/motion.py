@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.analysis.shapes import per_particle
+from particlesim.analysis.shapes import masses
 from particlesim.errors import UsageError
 from particlesim.trajectory.reader import Trajectory
 
@@ -63,13 +63,13 @@ def temperature(velocity: npt.ArrayLike, mass: npt.ArrayLike | float) -> float:
     """Temperature of a set of particles [K] from the energy of their motion about their centre of mass.
 
     velocity: [n, 3] in m/s; mass: [n] or one number, in kg. (3 n − 3) k_B T/2 = Σ ½ m (v − v̄)². Raises UsageError for fewer
-    than two particles, and for shapes that do not fit.
+    than two particles, and for shapes or masses that do not fit.
     """
     v = np.asarray(velocity, float)
     if v.ndim != 2 or v.shape[1] != 3 or len(v) < 2:
         raise UsageError(
             f"velocities have the shape {v.shape}", "[n, 3] with two particles or more is needed"
         )
-    m = per_particle(mass, len(v), "mass")
+    m = masses(mass, len(v))
     drift = np.average(v, axis=0, weights=m)
     return float((m[:, None] * (v - drift) ** 2).sum() / ((3 * len(v) - 3) * BOLTZMANN))

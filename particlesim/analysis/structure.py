@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from particlesim.analysis.shapes import per_particle
+from particlesim.analysis.shapes import masses
 from particlesim.errors import UsageError
 from particlesim.trajectory.box import in_period
 
@@ -85,11 +85,11 @@ def density_profile(
     center: [3] in m; the densest place unless given, found by spheres that shrink (Power et al., MNRAS 338, 14 (2003)).
     Shells are even in the logarithm of the radius, between `inner` and `outer` [m]: the 1st and the 99.5th percentile of the
     radii unless given, of those up to half of the smallest size in a box.
-    Raises UsageError for fewer than two particles, shapes that do not fit, a box that is none, or radii in the wrong order
-    or beyond half of it.
+    Raises UsageError for fewer than two particles, shapes or masses that do not fit, a box that is none, or radii in the
+    wrong order or beyond half of it.
     """
     x = _places(position, least=2)
-    m = per_particle(mass, len(x), "mass")
+    m = masses(mass, len(x))
     sizes = _sizes(box)
     middle = densest_place(x, m, box=box) if center is None else np.asarray(center, float)
     if middle.shape != (3,):
@@ -162,13 +162,13 @@ def power_spectrum(
     Particles placed at random have P = V Σm²/(Σm)², the shot noise, which is taken off unless `shot_noise`, and with it what
     waves beyond the Nyquist wave number add to it, which the mesh cannot tell apart: a sixth in the last shell of a cube.
     What such waves of the density itself add stays.
-    Raises UsageError for no particles, shapes that do not fit, or a box that is not periodic along all axes.
+    Raises UsageError for no particles, shapes or masses that do not fit, or a box that is not periodic along all axes.
     Sources: R. W. Hockney, J. W. Eastwood, Computer Simulation Using Particles; Y. P. Jing, ApJ 620, 559 (2005).
     """
     from scipy import fft
 
     x = _places(position, least=1)
-    m = per_particle(mass, len(x), "mass")
+    m = masses(mass, len(x))
     size = np.asarray(box, float)
     if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
         raise UsageError(

@@ -333,6 +333,9 @@ def test_shapes_that_do_not_fit_are_told() -> None:
         ):
             with pytest.raises(ps.UsageError, match="mass has the shape"):
                 of(wrong)
+            for none in (0.0, [-1.0, 1.0], [np.nan, 1.0]):
+                with pytest.raises(ps.UsageError, match="masses are not all 0"):
+                    of(none)
     for one, other in ((x, v[:1]), (x[:, :2], v[:, :2]), (np.eye(3)[None], np.eye(3)[None])):
         with pytest.raises(ps.UsageError, match="positions have the shape"):
             orbital_elements(one, other, 1.0)
