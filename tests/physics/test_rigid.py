@@ -337,6 +337,27 @@ def test_all_bodies_that_touch_are_found(large: float) -> None:
 # ---- energy
 
 
+@pytest.mark.parametrize(("restitution", "friction"), [(0.8, 0.4), (1.0, 0.4), (0.9, 1.0)])
+def test_an_impact_gives_nothing_back_of_the_kick_before_it(restitution: float, friction: float) -> None:
+    """A box lands nearly flat on an edge, where rebounds with friction would gain (Kane and Levinson): what is left has the
+    energy of the step, and not that of the middle of it, into which gravity has taken it down and from which it goes up."""
+    box = body(
+        {"type": "box", "size": [0.2, 0.2, 0.2]},
+        mass=50.0,
+        position=[0.2955495458637407, 0.10655700929973974, -0.10397795703321458],
+        velocity=[0.4873027996250753, -0.3079937342378355, 0.08226918634192462],
+        angular_velocity=[13.096513764285243, 1.249367267798801, 9.855051190697],
+        orientation={
+            "axis": [-0.01660161221992018, 0.006917708457967669, -0.6945589879839007],
+            "angle": 88.02125858756489,
+        },
+    )
+    floor = FLOOR | {"restitution": restitution, "friction": friction}
+    output = {"every": 1, "ledger": True}
+    ended = simulate(0.01, 2.5e-4, bodies=[box], forces=GRAVITY, planes=[floor], output=output)
+    assert np.diff(ended.energy).max() < 1e-12 * ended.energy[0]
+
+
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 6))])
 def test_energy_is_never_gained(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -35,6 +35,8 @@ LEAST_SWEEPS, MOST_SWEEPS = 16, 1000
 """Sweeps over a cluster of any size, and over the smallest."""
 PUSHES = 12
 """Sweeps that push apart."""
+NOISE = 2.0**-40
+"""The part of the energy of motion that a gain may be by rounding."""
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
@@ -198,8 +200,8 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     rebounds = False
     for c in range(k.number[0]):
         rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
-    if rebounds and gains(b, k, motion, joints):
-        yield_energy(b, k, motion, joints)
+    if rebounds and gains(b, k, motion, joints, h):
+        yield_energy(b, k, motion, joints, h)
     remember(k, memory)
     for i in range(b.w.size):
         for axis in range(3):
@@ -295,7 +297,7 @@ def go_on(k: Any, motion: Any, cluster: Any, size: Any) -> float:
 # Several rebounds with friction at once can raise the energy, as Newton's law of restitution sets speeds, not work (T. Kane,
 # D. Levinson, Dynamics, 1985). Bodies without rebound never gain any: what a set of bodies that touch each other would gain
 # is taken back by going part of the way from that solution towards the one with rebounds, P = P₀ + θ (P₁ − P₀), with the
-# largest θ that keeps the energy: of a quadratic function of θ.
+# largest θ that keeps the energy of the step, with what forces do in it: of a quadratic function of θ.
 
 
 def keep(now: Any, gained: Any, copy: Any) -> None:
@@ -307,9 +309,20 @@ def keep(now: Any, gained: Any, copy: Any) -> None:
             copy[i, 6 + axis] = gained[i, axis]
 
 
+def against_forces(motion: Any, i: Any, h: Any) -> float:
+    """What forces do less, by half a drift with other velocities, than they gave in the kick of a step: ½ h F·Δv [J].
+
+    A body that forces take down, and an impact up, goes up by what the kick has given it besides.
+    """
+    done, was, now, f = 0.0, motion.start[i], motion.now[i], motion.pull[i]
+    for axis in range(6):
+        done += 0.5 * h * f[axis] * (now[axis] - was[axis])
+    return done
+
+
 @outlined
-def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
-    """Whether some set of bodies that touch each other has gained energy; `gain` is that of each, at the body that
+def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
+    """Whether some set of bodies that touch each other gains energy in a step of h; `gain` is that of each, at the body that
     stands for it. Surfaces that run and motors may give energy: what they touch or turn counts as not gaining."""
     parent, gain = motion.parent, motion.gain
     for i in range(b.w.size):
@@ -324,11 +337,12 @@ def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
                 unite(parent, joints.first[g], joints.second[g])
     for i in range(b.w.size):
         was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
-        work = 0.0
+        work = had = 0.0
         for axis in range(3):
             work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
             work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
-        gain[root(parent, i)] += work
+            had += 0.5 * m * was[axis] * was[axis]
+        gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
     for c in range(k.number[0]):
         runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
         if runs or k.turns[c] == MOTOR:
@@ -340,7 +354,7 @@ def gains(b: Any, k: Any, motion: Any, joints: Any) -> bool:
 
 
 @outlined
-def yield_energy(b: Any, k: Any, motion: Any, joints: Any) -> None:
+def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
     """Take back what sets of bodies have gained; their velocities are those with rebounds, and `gain` is known."""
     other, gain, parent = motion.other, motion.gain, motion.parent
     keep(motion.now, motion.gained, other)
@@ -365,9 +379,10 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any) -> None:
             low[r] += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
             d, e = other[i, axis] - now[axis], other[i, 3 + axis] - now[3 + axis]
             bend[r] += 0.5 * m * d * d + 0.5 * e * (other[i, 6 + axis] - motion.gained[i, axis])
+        low[r] -= against_forces(motion, i, h)
     for i in range(b.w.size):
         if parent[i] == i:
-            # K(θ) − K(start) = low + slope θ + bend θ², which is `gain` at θ = 1
+            # what is gained = low + slope θ + bend θ², which is `gain` at θ = 1
             slope = gain[i] - low[i] - bend[i]
             part = 1.0
             if gain[i] > 0:
