@@ -1,10 +1,18 @@
-"""What particles collide with. To add a shape, write its file and add a line to `COLLIDERS`."""
+"""What particles collide with.
 
-from typing import Annotated
+To add a shape, write its file and add a line to `COLLIDERS`, and one to `SOLIDS` if it has an inside.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
 
 from particlesim.colliders.base import Collider
 from particlesim.colliders.plane import Plane
 from particlesim.model.variants import Family, Tagged
+
+if TYPE_CHECKING:
+    from particlesim.colliders.solid import Solid
 
 COLLIDERS = Family[Collider](
     "particlesim.colliders",
@@ -26,8 +34,23 @@ COLLIDERS = Family[Collider](
     difference="combination.DifferenceCollider",
 )
 
+SOLIDS: Family[Solid] = Family(
+    "particlesim.colliders",
+    sphere="sphere.Sphere",
+    box="box.Box",
+    capsule="capsule.Capsule",
+    cylinder="cylinder.Cylinder",
+    cone="cone.Cone",
+    torus="torus.Torus",
+    mesh="mesh.Mesh",
+    height_field="height_field.HeightField",
+    distance_grid="distance_grid.DistanceGrid",
+    formula="formula.Formula",
+)
+"""What unions, intersections and differences are made of."""
+
 AnyCollider = Annotated[Collider, Tagged("type", COLLIDERS)]
 
 __getattr__ = COLLIDERS.by_name
 
-__all__ = ["COLLIDERS", "AnyCollider", "Collider", "Plane"]
+__all__ = ["COLLIDERS", "SOLIDS", "AnyCollider", "Collider", "Plane"]

@@ -26,6 +26,7 @@ class Box(Solid):
     """A cuboid."""
 
     kind: ClassVar[str] = "box"
+    exact: ClassVar[bool] = True
 
     type: Literal["box"] = "box"
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)

@@ -20,6 +20,7 @@ class Capsule(AxialSolid):
     """A cylinder with a half-sphere at both ends, which are beyond `start` and `end`."""
 
     kind: ClassVar[str] = "capsule"
+    exact: ClassVar[bool] = True
 
     type: Literal["capsule"] = "capsule"
 

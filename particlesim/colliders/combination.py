@@ -17,7 +17,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from particlesim.colliders.emptiness import EXACT, surely_apart
+from particlesim.colliders import SOLIDS
+from particlesim.colliders.emptiness import surely_apart
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.solid import PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
@@ -35,21 +36,8 @@ from particlesim.laws.registry import (
     thinnest,
 )
 from particlesim.model.mistakes import invalid
-from particlesim.model.variants import Family, Tagged
+from particlesim.model.variants import Tagged
 
-SOLIDS = Family[Solid](
-    "particlesim.colliders",
-    sphere="sphere.Sphere",
-    box="box.Box",
-    capsule="capsule.Capsule",
-    cylinder="cylinder.Cylinder",
-    cone="cone.Cone",
-    torus="torus.Torus",
-    mesh="mesh.Mesh",
-    height_field="height_field.HeightField",
-    distance_grid="distance_grid.DistanceGrid",
-    formula="formula.Formula",
-)
 AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
 
 FINE = 64
@@ -98,9 +86,9 @@ def listed(parts: Sequence[Solid]) -> str:
     return f"{', '.join(some)} and {last}" if some else last
 
 
-def are_known(parts: Sequence[Solid]) -> bool:
-    """Whether it is known how large solids are, and where, without a file that would have to be read."""
-    return all(part.kind in EXACT for part in parts)
+def are_apart(parts: Sequence[Solid], shapes: Sequence[Any], reach: float) -> bool:
+    """Whether it is sure that shapes made of some solids have no point in common up to `reach` [m]."""
+    return all(part.exact for part in parts) and surely_apart(shapes, reach)
 
 
 def distances(shape: Any, corners: Any) -> Any:
@@ -140,7 +128,7 @@ class Intersection(Combination):
 
     @model_validator(mode="after")
     def _holds_something(self) -> Intersection:
-        if are_known(self.of) and surely_apart(self.whole(), min(part.farthest() for part in self.of)):
+        if are_apart(self.of, self.whole(), min(part.farthest() for part in self.of)):
             raise invalid(
                 f"{listed(self.of)} have nothing in common",
                 at=("of",),
@@ -172,7 +160,7 @@ class Difference(Combination):
     @model_validator(mode="after")
     def _leaves_something(self) -> Difference:
         first, *others = self.of
-        if are_known(self.of) and surely_apart(self.whole(), first.farthest()):
+        if are_apart(self.of, self.whole(), first.farthest()):
             raise invalid(
                 f"nothing is left of a {first.kind} without {listed(others)}",
                 at=("of",),
@@ -208,7 +196,7 @@ class DifferenceCollider(Difference, SolidCollider):
         first, *others = self.of
         for k, other in enumerate(others, start=1):
             pair = (first, other)
-            if are_known(pair) and surely_apart([part.geometry() for part in pair], first.farthest()):
+            if are_apart(pair, [part.geometry() for part in pair], first.farthest()):
                 yield f"{name}: the {other.kind} of[{k}] takes nothing off, as it is apart from the {first.kind}"
 
 

@@ -23,6 +23,7 @@ class Cone(AxialSolid):
     """A cone from its base at `start` to its tip at `end`, or to a smaller or larger circle there."""
 
     kind: ClassVar[str] = "cone"
+    exact: ClassVar[bool] = True
 
     type: Literal["cone"] = "cone"
     end_radius: Annotated[Metres, Ge(0)] = 0.0

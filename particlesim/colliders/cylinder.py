@@ -21,6 +21,7 @@ class Cylinder(AxialSolid):
     """A cylinder with flat ends."""
 
     kind: ClassVar[str] = "cylinder"
+    exact: ClassVar[bool] = True
 
     type: Literal["cylinder"] = "cylinder"
 

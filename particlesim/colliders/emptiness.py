@@ -14,8 +14,6 @@ from typing import Any
 
 from particlesim.laws.registry import Particle, gap
 
-EXACT = frozenset({"sphere", "box", "capsule", "cylinder", "cone", "torus"})
-"""Solids whose gap is a distance, or less, everywhere."""
 MOST = 2000
 """Cubes that are looked at: what then is in doubt, as where two solids only just touch, passes."""
 

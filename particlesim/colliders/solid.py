@@ -39,6 +39,8 @@ class Solid(Model):
     """What the shape is called."""
     convex: ClassVar[bool] = True
     """Whether it has no dents."""
+    exact: ClassVar[bool] = False
+    """Whether its gap is a distance, or less, everywhere, and known without reading a file."""
 
     def geometry(self) -> Any:
         """The solid as kernels take it."""

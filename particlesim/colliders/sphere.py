@@ -22,6 +22,7 @@ class Sphere(Solid):
     """A ball."""
 
     kind: ClassVar[str] = "sphere"
+    exact: ClassVar[bool] = True
 
     type: Literal["sphere"] = "sphere"
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)

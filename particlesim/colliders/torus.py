@@ -27,6 +27,7 @@ class Torus(Solid):
 
     kind: ClassVar[str] = "torus"
     convex: ClassVar[bool] = False
+    exact: ClassVar[bool] = True
 
     type: Literal["torus"] = "torus"
     center: VectorOf[Metres] = (0.0, 0.0, 0.0)

@@ -12,12 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from particlesim.colliders import COLLIDERS, Collider
-from particlesim.colliders.combination import Difference, Intersection
+from particlesim.colliders import COLLIDERS, SOLIDS, Collider
+from particlesim.colliders.combination import Combination, Difference, Intersection
 from particlesim.colliders.distance_grid import DistanceGrid
 from particlesim.colliders.formula import Formula
 from particlesim.colliders.mesh import Mesh
 from particlesim.colliders.pose import seen_from
+from particlesim.colliders.rectangle import Sheet
 from particlesim.colliders.solid import Solid
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import kernel
@@ -40,6 +41,13 @@ def moved(p: Particle, x: NDArray[np.float64]) -> Particle:
 
 def test_every_shape_has_a_case_and_a_place_in_the_scenario() -> None:
     assert {type(collider) for collider in COLLIDER_CASES.values()} == set(COLLIDERS)
+
+
+def test_every_solid_can_be_put_together_with_others() -> None:
+    others = (Combination, Sheet)
+    whole = {model for model in COLLIDERS if issubclass(model, Solid) and not issubclass(model, others)}
+    assert {solid.kind for solid in SOLIDS} == {model.kind for model in whole}
+    assert all(any(issubclass(model, solid) for solid in SOLIDS) for model in whole)
 
 
 @pytest.mark.parametrize("model", COLLIDERS, ids=lambda m: m.__name__)
