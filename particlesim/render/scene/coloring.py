@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from particlesim.errors import UsageError
+from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.spelling import near_miss
 from particlesim.render.kernels.records import Array
 from particlesim.render.scene.source import Frame, FrameSource
 from particlesim.scenario.rendering import colorable
 
 _UNITS = {
-    **dict.fromkeys(("x", "y", "z", "radius", "position"), "m"),
+    **{name: each.unit for name, each in ATTRIBUTES.items()},
+    **dict.fromkeys(("x", "y", "z", "position"), "m"),
     **dict.fromkeys(("speed", "velocity"), "m/s"),
     "acceleration": "m/s²",
     "force": "N",
-    "mass": "kg",
     "density": "kg/m³",
-    "temperature": "K",
     **dict.fromkeys(("age", "lifetime", "birth_time"), "s"),
-    "charge": "C",
     "pressure": "Pa",
     **dict.fromkeys(("kinetic_energy", "potential_energy", "energy"), "J"),
 }
