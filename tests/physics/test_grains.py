@@ -457,6 +457,33 @@ def test_contact_in_a_periodic_box_and_beside_springs() -> None:
     assert result.ledger["kinetic"][-1] <= result.ledger["kinetic"][0] * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("shift", [(0.37, 0.61, 0.93), (0.1, 0.2, 0.3)])
+def test_rolling_friction_does_not_depend_on_where_a_periodic_box_begins(shift: tuple[float, ...]) -> None:
+    # New lists meet pairs the other way around in a shifted box: what they remember of rolling has the same sign then.
+    rng = np.random.default_rng(5)
+    cells = np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3)
+    x, v, w = (
+        0.19 * cells + 0.02 * rng.random((27, 3)),
+        2 * rng.random((27, 3)) - 1,
+        20 * rng.random((27, 3)) - 10,
+    )
+    found = []
+    for by in (np.zeros(3), np.array(shift)):
+        grains = points(*((x + by) % 0.6), mass=M, radius=0.1, velocity=v.tolist())
+        scenario = table(
+            0.04,
+            1e-4,
+            "velocity_verlet",
+            particles=[{**grains, "angular_velocity": w.tolist()}],
+            interactions=[{**HERTZ, "young_modulus": 1e5, "friction": 0.4, "rolling_friction": 0.2}],
+        )
+        scenario["simulation"]["box"] = {"size": [0.6, 0.6, 0.6]}
+        result = ps.run(ps.from_table(scenario))
+        found.append(spin(result))
+    assert np.abs(found[0]).max() > 1
+    assert np.abs(found[1] - found[0]).max() < 1e-8
+
+
 def test_the_pressure_of_a_periodic_box_has_the_virial_of_contacts() -> None:
     # balls in a row without end, each pressed into the next by δ: Σ l f over the volume
     k, deep, n = 1e4, 1e-3, 8

@@ -3,7 +3,8 @@
 Whenever neighbour lists are new, the pairs whose surfaces are nearer than the skin are taken out of them. Places in the
 order of the neighbour lists are cut into *chunks*; a pair is listed once where both of its places are in one chunk, and in
 both chunks where they are not, so that a chunk's forces are summed by whoever takes it, without anybody else's. What it
-remembers is the same in both, as all that contacts work out is odd in the pair.
+remembers is the same in both, as forces and anchors only change their sign when the two of a pair are exchanged, and ways
+rolled not at all.
 
 A pair's place in the list is the place of its memory. New lists look up the memory of their pairs in the old ones, which is
 why these know the order in which they were made.
@@ -173,7 +174,7 @@ def lists_of(
     for mine, theirs in zip(remembered, memory, strict=True):
         if mine is not None:
             mine[: len(i)] = theirs[at]
-            mine[: len(i), :KNOWN] *= sign[:, None]
+    remembered.anchor[: len(i), :KNOWN] *= sign[:, None]  # not the way rolled (`_copy`)
     return lists
 
 
@@ -317,9 +318,13 @@ def _touches(lists: Any, p: Any, q: Any, j: Any) -> Any:
 
 
 def _copy(memory: Any, k: Any, other: Any, j: Any, sign: Any) -> None:
-    """Memory k as another one has it, of a pair that may be the other way around."""
-    for mine, theirs in zip(memory, other, strict=True):
-        if mine is not None:
-            for axis in range(KNOWN):
-                mine[k, axis] = sign * theirs[j, axis]
-            mine[k, KNOWN] = theirs[j, KNOWN]
+    """Memory k as another one has it; `sign` is −1 for a pair that is the other way around.
+
+    The anchor changes its sign with the pair. The way rolled, R ∫ (ω₁ − ω₂) × n dt, does not, as both factors do.
+    """
+    for axis in range(KNOWN):
+        memory.anchor[k, axis] = sign * other.anchor[j, axis]
+    memory.anchor[k, KNOWN] = other.anchor[j, KNOWN]
+    if memory.rolled is not None:
+        for axis in range(KNOWN + 1):
+            memory.rolled[k, axis] = other.rolled[j, axis]
