@@ -10,7 +10,8 @@ and it is held against
     max(|K⁰ + Σ U_f⁰|, K⁰ + Σ (U_f⁰ − U_f), min(K⁰, K)) + Σ (max U_g − min U_g) + Σ |W_c|,
 
 over potentials U_f that have a zero of their own (springs, attraction) and U_g that have none and count by what has been
-exchanged so far (gravity), and causes c of work. The second of the three is the kinetic energy that is due at the present
+exchanged so far (gravity), and causes c of work, of which W_c is what they have turned over: a wall that gives energy and
+dampers that take it count with both. The second of the three is the kinetic energy that is due at the present
 depth: large where a comet passes the sun, and where an error of it means little. So it does not matter where heights are
 measured from.
 """
@@ -58,7 +59,7 @@ class Account:
         # Potentials at the beginning, when last looked at, and the least and the most so far.
         self._start, self._now, self._low, self._high = ([0.0] * len(names) for _ in range(4))
         self._kinetic = 0.0
-        self._work = [0.0] * causes
+        self._work, self._turned = [0.0] * causes, [0.0] * causes
         self._first, self._last = -1, -1
 
     def forget(self) -> None:
@@ -70,23 +71,25 @@ class Account:
         """The step of the beginning; −1 before there is one."""
         return self._first
 
-    def begin(self, step: int, energies: Mapping[str, float], work: Floats) -> None:
-        """Start from the energies [J] at a step, and the work booked up to there [J]."""
+    def begin(self, step: int, energies: Mapping[str, float], work: Floats, turned: Floats) -> None:
+        """Start from the energies [J] at a step, and the work booked and turned over up to there [J]."""
         for values in (self._start, self._now, self._low, self._high):
             values[:] = self._potentials(energies)
         self._kinetic = energies["kinetic"]
-        self._work[:] = work.tolist()
+        self._work[:], self._turned[:] = work.tolist(), turned.tolist()
         self._first = self._last = step
 
     def _potentials(self, energies: Mapping[str, float]) -> list[float]:
         return [energies.get(name, 0.0) for name in self._names]
 
-    def look(self, step: int, energies: Mapping[str, float], work: Floats, drift: float = DRIFT) -> Gain:
+    def look(
+        self, step: int, energies: Mapping[str, float], work: Floats, turned: Floats, drift: float = DRIFT
+    ) -> Gain:
         """The gain up to a step; `drift` is the part of all energies that rounding may feign."""
         kinetic = energies["kinetic"]
         joule, own, sums = kinetic - self._kinetic, self._kinetic, abs(kinetic)
         due = self._kinetic  # at the present depth
-        exchanged = turned = 0.0
+        exchanged = recent = 0.0
         for k, now in enumerate(self._potentials(energies)):
             self._low[k], self._high[k] = min(self._low[k], now), max(self._high[k], now)
             joule += now - self._start[k]
@@ -96,17 +99,18 @@ class Account:
                 due += self._start[k] - now
             else:
                 exchanged += self._high[k] - self._low[k]
-                turned += abs(now - self._now[k])
+                recent += abs(now - self._now[k])
             self._now[k] = now
-        for before, after in zip(self._work, work.tolist(), strict=True):
+        amounts = zip(self._work, work.tolist(), self._turned, turned.tolist(), strict=True)
+        for before, after, turned_before, turned_after in amounts:
             joule -= after - before
-            exchanged += abs(after - before)
+            exchanged += max(abs(after - before), turned_after - turned_before)
         # Methods of first order know the time of an energy to one step: what is turned over in it, which is twice the mean
         # of a fall from rest, is no gain.
-        turned *= 2 / max(step - self._last, 1)
+        recent *= 2 / max(step - self._last, 1)
         self._last = step
         scale = max(abs(own), due, min(self._kinetic, kinetic)) + exchanged
-        return Gain(joule, scale, turned + drift * sums)
+        return Gain(joule, scale, recent + drift * sums)
 
 
 def drift_of(precision: str) -> float:

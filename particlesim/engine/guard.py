@@ -22,8 +22,9 @@ from particlesim.graph.graph import Island
 from particlesim.laws.registry import has_law, potential
 from particlesim.scenario.reach import meetings_of
 
-MOST_GAIN = 0.1
-"""Part of its energy that an island may gain from nothing."""
+MOST_GAIN, MOST_IF_ABRUPT = 0.1, 0.5
+"""Part of its energy that an island may gain from nothing; and where dampers begin abruptly, as those of contacts: how much
+they do in the first step of a contact, which may be a twentieth of it, is known roughly."""
 MUCH_FASTER = 1000.0
 """Times that speeds beyond that of light must have grown since the last frame."""
 SELDOM = 256
@@ -35,13 +36,13 @@ LIGHT = 299_792_458.0
 class Guard:
     """Looks at every frame whether islands are still in their senses.
 
-    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential that
-    stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
-    method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since nothing is left
-    that would take it back. Islands that start inside of a collider begin after a step, which puts them on it; others begin
-    anew after a kick. Without a ledger, energies are taken at the start, at frames at least 256 steps apart, and at the end.
-    All islands are watched for speeds beyond that of light that have grown a thousandfold since the last frame: energy may
-    come from a potential without a bottom.
+    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential
+    that stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`), nor half of it where
+    dampers begin abruptly. The swing of a symplectic method (`engine.shadow`) is no gain while its step is stable and the
+    run goes on; at the end it is, since nothing is left that would take it back. Islands that start inside of a collider
+    begin after a step, which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the
+    start, at frames at least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that
+    have grown a thousandfold since the last frame: energy may come from a potential without a bottom.
     """
 
     def __init__(self, world: World, columns: Sequence[str]) -> None:
@@ -109,30 +110,32 @@ class Guard:
                 self._judge(world, number, energies[number])
             fastest = max((_fastest(state.v[:, : state.count]) for state in island.states), default=0.0)
             if fastest > LIGHT and fastest > MUCH_FASTER * self._fastest[number]:
-                raise ran_away(world, number, "speed", fastest)
+                raise ran_away(world, number, "speed", fastest, MUCH_FASTER)
             self._fastest[number] = fastest
 
     def _judge(self, world: World, number: int, energies: dict[str, float]) -> None:
         """Hold the gain of an island against its energy. Raises DivergenceError."""
         island, account, step = world.islands[number], self._accounts[number], world.step
         count = sum(state.count for state in island.states)
-        work = np.zeros(0) if island.books is None else island.books.totals
-        lost = island.books is None and count != self._count[number]  # with particles that died
-        if lost or account.first_step < 0:
+        books = island.books
+        work, turned = np.zeros((2, 0)) if books is None else (books.totals, books.turned)
+        lost = books is None and count != self._count[number]  # with particles that died
+        if lost or count == 0 or account.first_step < 0:
             self._count[number] = count
             if step >= self._from[number]:
-                account.begin(step, energies, work)
+                account.begin(step, energies, work, turned)
             return
-        gain = account.look(step, energies, work, self._drift)
-        if gain.ratio <= MOST_GAIN:
+        gain = account.look(step, energies, work, turned, self._drift)
+        most = MOST_IF_ABRUPT if any(each.abrupt for each in island.interactions) else MOST_GAIN
+        if gain.ratio <= most:
             return
         gain = gain._replace(noise=gain.noise + jitter(island.states, world.grid.dt))
-        if gain.ratio <= MOST_GAIN:
+        if gain.ratio <= most:
             return
         swings = self._swings(world, number, gain)
         if not swings or step == world.grid.steps:
             hint = _too_long(world, number) if swings else None
-            raise ran_away(world, number, "energy", gain.joule, hint)
+            raise ran_away(world, number, "energy", gain.joule, most, hint)
 
     def _swings(self, world: World, number: int, gain: Gain) -> bool:
         """Whether a gain is one that the method will take back."""

@@ -256,7 +256,7 @@ class Simulation(World):
         if island.interactions:
             whole = island.island_columns()
             for name, each in zip(island.names, island.interactions, strict=True):
-                if (energy := each.energy(whole)) is not None:
+                if (energy := each.energy(whole, self.time)) is not None:
                     found[f"potential.{name}"] = energy
         return found
 

@@ -122,12 +122,12 @@ def test_forces_are_those_of_the_energy_and_the_rest_is_spent(name: str, each: A
     total = forces_of(each, c)
     power = float((total * np.stack([c.vx, c.vy, c.vz])).sum())
     change = 0.0
-    if each.energy(c) is not None:
+    if each.energy(c, 0.0) is not None:
         h = 1e-6
         ahead, behind = (
             c._replace(**{x: getattr(c, x) + s * getattr(c, f"v{x}") for x in "xyz"}) for s in (h, -h)
         )
-        change = (each.energy(ahead) - each.energy(behind)) / (2 * h)
+        change = (each.energy(ahead, 0.0) - each.energy(behind, 0.0)) / (2 * h)
     spent = each.power(c, 0.0) if each.spends else 0.0
     scale = float((np.abs(total) * np.abs(np.stack([c.vx, c.vy, c.vz]))).sum())
     assert power == pytest.approx(spent - change, abs=1e-7 * scale)

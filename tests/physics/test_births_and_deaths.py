@@ -62,7 +62,7 @@ class Ties(Interaction, TieColumns):
     def effort(self) -> int:
         return 100_000_000  # so that it is worth several threads
 
-    def energy(self, c: Any) -> float:
+    def energy(self, c: Any, t: float) -> float:
         return float(sum_ties(self, c))
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:

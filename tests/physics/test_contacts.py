@@ -434,7 +434,7 @@ def test_pairs_without_room_still_push_each_other() -> None:
     for roomy in (True, False):
         (island,) = fallen(roomy=roomy).islands
         (each,) = island.interactions
-        energies.append(each.energy(island.island_columns()))
+        energies.append(each.energy(island.island_columns(), 0.0))
         assert each.draft.slow.any() != roomy
     assert energies[1] == pytest.approx(energies[0], rel=1e-12)
 

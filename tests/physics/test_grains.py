@@ -356,6 +356,47 @@ def test_a_wall_that_turns_takes_a_grain_along() -> None:
     assert np.abs(surface - wall).max() < 1e-3 * rate * shell
 
 
+@SOFT
+def test_the_energy_stored_at_a_led_wall_is_that_of_where_it_is_now(law: dict[str, Any]) -> None:
+    # An elastic wall comes with u: v becomes 2 u - v, and in between the spring of the contact has up to m (u - v)²/2.
+    m, u, v = 2.0, 2.0, -1.0
+    scenario = table(
+        0.2,
+        2e-5,
+        "rk4",
+        particles=[points((0, 0, 0), mass=m, radius=0.1, velocity=[(v, 0, 0)])],
+        colliders=[
+            {"name": "wall", "type": "box", "size": [1, 4, 4], "center": [-1, 0, 0], "restitution": 1}
+        ],
+        motions=[{"collider": "wall", "path": [f"x + {u}*t", "y", "z"]}],
+        interactions=[{**law, "restitution": 1.0}],
+        output={"ledger": True, "work": True, "every": 10},
+    )
+    result = ps.run(ps.from_table(scenario))
+    books = result.ledger
+    assert result.final.velocity[0, 0] == pytest.approx(2 * u - v, rel=1e-4)
+    assert books["potential.contact"].max() == pytest.approx(m * (u - v) ** 2 / 2, rel=1e-2)
+    assert np.abs(books["balance"]).max() < 1e-3 * books["kinetic"].max()
+
+
+def test_a_wall_that_throws_a_soft_grain_without_rebound_does_not_end_the_run() -> None:
+    # its damper begins within a step, and the books of a method of first order know that roughly
+    scenario = table(
+        0.3,
+        2e-4,
+        "symplectic_euler",
+        particles=[points((0, 0, 0), mass=2.0, radius=0.1, velocity=[(-1.0, 0, 0)])],
+        colliders=[
+            {"name": "wall", "type": "box", "size": [1, 4, 4], "center": [-1, 0, 0], "restitution": 0}
+        ],
+        motions=[{"collider": "wall", "path": ["x + 2*t", "y", "z"]}],
+        interactions=[{**HERTZ, "restitution": 0.2}],
+        output={"ledger": True, "work": True},
+    )
+    result = ps.run(ps.from_table(scenario))
+    assert result.final.velocity[0, 0] == pytest.approx(2.0, rel=1e-3)
+
+
 def test_grains_do_not_get_through_walls_however_fast() -> None:
     rng = np.random.default_rng(2)
     n = 50

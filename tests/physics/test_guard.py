@@ -58,6 +58,21 @@ def diverged(scenario: Table) -> ps.DivergenceError:
     return caught.value
 
 
+def test_a_run_whose_particles_have_all_died_is_not_judged() -> None:
+    # 180 J of a contact for which the step is far too long; then all of its particles are gone
+    scenario = table(
+        0.5,
+        0.1,
+        "symplectic_euler",
+        emitters=[{"rate": 10, "radius": 0.1, "shape": {"type": "point", "position": [0, 1, 0]}}],
+        colliders=[{"type": "sphere", "radius": 1, "contact": "kill"}],
+        interactions=[{"type": "contact", "model": "linear", "stiffness": 1000}],
+        output={"every": 1, "work": True, "ledger": True},
+    )
+    result = ps.run(ps.from_table(scenario))
+    assert len(result.final.position) == 0
+
+
 def test_springs_that_push_only() -> None:
     # Beyond the limit of 2/ω = 0.58 ms every touch gives energy: 0.765 J had become 16 J, or 647 J, and all was well.
     error = diverged(balls(1e-3))

@@ -100,7 +100,7 @@ def test_forces_and_energies_are_those_of_direct_sums(name: str, precision: str)
         found.append(
             (
                 island.forces(0.0),
-                each.power(c, 0.0) if each.spends else each.energy(c),
+                each.power(c, 0.0) if each.spends else each.energy(c, 0.0),
                 np.stack([each.force_on(c, row + k, 0.0) for k in range(3)]),
             )
         )
@@ -212,7 +212,7 @@ def test_leapfrog_sums_forces_once_a_step() -> None:
     each.pull[:] = np.nan
     c = simulation.islands[0].island_columns()
     assert not np.isfinite(simulation.islands[0].forces(simulation.time)).any()
-    each.energy(c)
+    each.energy(c, 0.0)
     assert np.isfinite(simulation.islands[0].forces(simulation.time)).all()
     simulation.close()
 
@@ -279,7 +279,7 @@ def test_virial_is_how_the_energy_changes_with_the_size_of_the_box() -> None:
     for e in (h, -h):
         near = new_neighbours(each.near.members, c.x.size, 2.5, box=(length * (1 + e),) * 3)
         scaled = c._replace(x=c.x * (1 + e), y=c.y * (1 + e), z=c.z * (1 + e))
-        energies.append(each._replace(near=near).energy(scaled))
+        energies.append(each._replace(near=near).energy(scaled, 0.0))
     assert np.trace(virial) == pytest.approx(-(energies[0] - energies[1]) / (2 * h), rel=1e-6)
     np.testing.assert_allclose(virial, virial.T, atol=1e-10 * np.abs(virial).max())
     simulation.close()

@@ -84,7 +84,7 @@ def compare(x: Places, interaction: dict[str, Any], **group: Any) -> tuple[float
     size = np.linalg.norm(exact, axis=0)
     error = np.linalg.norm(found - exact, axis=0) / np.maximum(size, LEAST_NEED * size.mean())
     energies = [
-        simulation.islands[0].interactions[0].energy(simulation.islands[0].island_columns())
+        simulation.islands[0].interactions[0].energy(simulation.islands[0].island_columns(), 0.0)
         for simulation in (tree, direct)
     ]
     assert energies[0] == pytest.approx(energies[1], rel=accuracy)
@@ -194,7 +194,7 @@ def test_potentials_are_those_of_a_shell() -> None:
     x = way / np.linalg.norm(way, axis=1)[:, None]
     simulation, _ = forces(scenario(x, {"method": "tree"}))
     island = simulation.islands[0]
-    assert island.interactions[0].energy(island.island_columns()) == pytest.approx(-0.5, rel=0.03)
+    assert island.interactions[0].energy(island.island_columns(), 0.0) == pytest.approx(-0.5, rel=0.03)
     simulation.close()
 
 

@@ -161,14 +161,17 @@ def _looked_back(world: World, number: int) -> Sign | None:
     return _first_sign(world, number, 0, island.kept_from, world.step)
 
 
-def ran_away(world: World, number: int, cause: str, size: float, hint: str | None = None) -> DivergenceError:
+def ran_away(
+    world: World, number: int, cause: str, size: float, most: float, hint: str | None = None
+) -> DivergenceError:
     """The post-mortem of an island that has gained energy from nothing [J], or speed beyond reason [m/s], by the present
-    step. `hint` says what to do about it, if that is known."""
+    step. `most`: the part of its energy, or the times its speed, that it may gain; `hint` says what to do about it, if that
+    is known."""
     island = world.islands[number]
     names = " and ".join(repr(state.name) for state in island.states)
     if cause == "energy":
         fed = "with nothing to feed it" if island.books is None else "beyond all work that was done"
-        why = f"{names} had gained {size:.3g} J of energy {fed}, more than a tenth of what there was"
+        why = f"{names} had gained {size:.3g} J of energy {fed}, more than {100 * most:g} % of what there was"
         hint = hint or _better(world, number)
     else:
         why = f"speeds in {names} had grown a thousandfold since the last frame, to {size:.3g} m/s"

@@ -89,7 +89,7 @@ class Bonds(Interaction, BondColumns):
     def number(self) -> int:
         return int(self.i.size - self.holes.size)
 
-    def energy(self, c: Any) -> float:
+    def energy(self, c: Any, t: float) -> float:
         return float(sum_bonds(self, c))
 
     @property

@@ -216,14 +216,18 @@ class Contacts(NearLists, ContactColumns):
                 if now is not None:
                     now[:] = then
 
-    def energy(self, c: Any) -> float:
-        return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), 0.0, Energies()))
+    def energy(self, c: Any, t: float) -> float:
+        return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), t, Energies()))
 
     @property
     def spends(self) -> bool:
         laws = (self.law, *(wall.law for wall in self.walls))
         moved = any(hasattr(wall.shape, "path") or wall.belt is not None for wall in self.walls)
         return moved or any(law.beta > 0 or law.friction is not None for law in laws)
+
+    @property
+    def abrupt(self) -> bool:
+        return any(law.beta > 0 for law in (self.law, *(wall.law for wall in self.walls)))
 
     def power(self, c: Any, t: float) -> float:
         return float(contact_sum(self, c, lone(c.x.size), t, Powers()))

@@ -80,7 +80,7 @@ class Hinges(Interaction, HingeColumns):
         rows, left = rows_after(self.rows, place)
         return self._replace(rows=rows, rest=self.rest[left])
 
-    def energy(self, c: Any) -> float:
+    def energy(self, c: Any, t: float) -> float:
         return float(sum_hinges(self, c))
 
     def linearise(self, c: Any, t: float) -> CornerTensors:

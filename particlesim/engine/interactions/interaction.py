@@ -209,13 +209,19 @@ class Interaction:
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         """Take over what has changed in the same `among` particles in another order."""
 
-    def energy(self, c: Any) -> float | None:
-        """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
+    def energy(self, c: Any, t: float) -> float | None:
+        """Potential energy at a time t [J] of all particles in c, be they born yet or dead; None for a kind without a
+        potential."""
         return None
 
     @property
     def spends(self) -> bool:
         """Whether its forces do work that no potential accounts for."""
+        return False
+
+    @property
+    def abrupt(self) -> bool:
+        """Whether some of this work begins with a jump of the power, within a step that does not know of it."""
         return False
 
     def power(self, c: Any, t: float) -> float:

@@ -202,7 +202,7 @@ class NearPairs(NearLists, NearColumns):
         near = enlarged(self.near)
         return self if near is self.near else self._replace(near=near)
 
-    def energy(self, c: Any) -> float | None:
+    def energy(self, c: Any, t: float) -> float | None:
         return None if self.spends else float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
 
     @property

@@ -140,7 +140,7 @@ class DirectPairs(Interaction, PairColumns):
             return self
         return self._replace(last=self.last._replace(moved=np.zeros(8 * threads, np.int64)))
 
-    def energy(self, c: Any) -> float | None:
+    def energy(self, c: Any, t: float) -> float | None:
         return None if self.spends else float(sum_pairs(self, c))
 
     @property

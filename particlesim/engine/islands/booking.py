@@ -27,7 +27,7 @@ from particlesim.model.arrays import Floats
 Leg = tuple[Opened, Interactions, float]
 """An own step at the end of which an island pauses, the interactions before it, and when it ends [s]."""
 Kept = tuple[Floats, Which]
-"""Amounts that are booked [J], and who was there in the last own step."""
+"""Amounts that are booked and turned over [J], shape [2, causes], and who was there in the last own step."""
 
 
 class Bookkeeper:
@@ -71,7 +71,9 @@ class Bookkeeper:
         """Book a step that has been taken, up to the beginning of step `last`."""
         given = opened.effort if opened.free is not None else self._given()
         self._book(opened, opened.interactions, now.columns, last * self._stepper.dt, given)
-        self._island.book_breaking(opened.interactions, now.interactions, now.columns)
+        self._island.book_breaking(
+            opened.interactions, now.interactions, now.columns, last * self._stepper.dt
+        )
 
     def open_leg(self, now: Moment, pace: Pace) -> Leg:
         """The own step at the end of which an island pauses."""
@@ -86,9 +88,8 @@ class Bookkeeper:
         if before.clock is not None:
             there = np.empty(self._layout.count)
             parts_of_step(in_step(before, began, ended), there)
-            self._go_on(
-                Moment(before, interactions), there > 0.5
-            )  # events in between are less than NEAR away
+            here = there > 0.5  # events in between are less than NEAR away
+            self._go_on(Moment(before, interactions), began, here)
         return Opened(before, begin, h, free, path, since=began), interactions, ended
 
     def close_leg(self, leg: Leg, now: Moment, *, arrived: bool) -> None:
@@ -98,24 +99,25 @@ class Bookkeeper:
         if not arrived:  # the next step has been tried already, from there
             columns = moved(columns, self._layout.work.before.astype(float), np.zeros((6, 1)))
         self._book(opened, interactions, columns, ended, 0.0)
-        self._island.book_breaking(interactions, now.interactions, columns)
+        self._island.book_breaking(interactions, now.interactions, columns, ended)
         if arrived and columns.clock is not None:
-            self._go_on(Moment(columns, now.interactions), columns.clock.stop > ended)
+            self._go_on(Moment(columns, now.interactions), ended, columns.clock.stop > ended)
 
     def kept(self) -> Kept:
         """What is booked so far, to `go_back` to."""
-        return self.books.totals.copy(), self._here
+        return np.stack([self.books.totals, self.books.turned]), self._here
 
     def go_back(self, kept: Kept) -> None:
         """Forget what has been booked since."""
-        self.books.totals[:], self._here = kept
+        (self.books.totals[:], self.books.turned[:]), self._here = kept
 
-    def _go_on(self, moment: Moment, here: Which) -> None:
-        """Book what is stored with those who are not there any more from a moment on, and with those who are there now."""
+    def _go_on(self, moment: Moment, time: float, here: Which) -> None:
+        """Book what is stored with those who are not there any more from a moment on, and with those who are there now;
+        `time` is that of the moment [s]."""
         left = self._here & here
         if (left == self._here).all() and (left == here).all():
             return
-        before, between, after = self._stored.among(moment, (self._here, left, here))
+        before, between, after = self._stored.among(moment, time, (self._here, left, here))
         if (left != self._here).any():
             self.books.add("deaths", between - before)
         if (left != here).any():
@@ -133,8 +135,8 @@ class Bookkeeper:
         start = now.columns.clock.start
         new = (start > begin) & np.isfinite(start)
         ahead = float(start[new].mean()) - begin if new.any() else 0.0
-        change = _all_stored(now, ahead, ~new) - _all_stored(
-            before, ahead, np.ones(before.columns.m.size, np.bool_)
+        change = _all_stored(now, begin, ahead, ~new) - _all_stored(
+            before, begin, ahead, np.ones(before.columns.m.size, np.bool_)
         )
         self._island.book_births(self._joined.cut(now.columns), born, change)
 
@@ -144,8 +146,8 @@ class Bookkeeper:
         if self._stepper.method.adaptive:
             return
         ahead = float(before.columns.clock.stop[dead].mean()) - end
-        change = _all_stored(now, ahead, np.ones(now.columns.m.size, np.bool_)) - _all_stored(
-            before, ahead, ~dead
+        change = _all_stored(now, end, ahead, np.ones(now.columns.m.size, np.bool_)) - _all_stored(
+            before, end, ahead, ~dead
         )
         self.books.add("deaths", change)
 
@@ -156,16 +158,16 @@ class Bookkeeper:
     def _book(
         self, opened: Opened, interactions: Interactions, columns: Columns, end: float, given: float
     ) -> None:
-        stored = partial(self._stored_at, interactions)
+        stored = partial(self._stored_at, interactions, end)
         self._island.close(opened, columns, interactions, self._joined.cut, end, given, stored)
 
-    def _stored_at(self, interactions: Interactions, ends: Sequence[Columns]) -> list[float]:
+    def _stored_at(self, interactions: Interactions, time: float, ends: Sequence[Columns]) -> list[float]:
         """What is stored in interactions at ends of the present step, with contact and without [J]."""
         one, other = ends
         apart = not self._here.all()
         if apart and all(np.array_equal(getattr(one, x), getattr(other, x)) for x in "xyz"):
             return [0.0, 0.0]  # nothing was touched, and the difference is what counts
-        return [self._stored.whole(Moment(each, interactions), self._here) for each in ends]
+        return [self._stored.whole(Moment(each, interactions), time, self._here) for each in ends]
 
     def _given(self) -> float:
         """The energy that constraints gave to led particles in the last steps [J]."""
@@ -181,9 +183,9 @@ class Bookkeeper:
         return np.array(work.force[:3], float)
 
 
-def _all_stored(moment: Moment, ahead: float, moves: NDArray[np.bool_]) -> float:
-    """The potential energy of all interactions when those who move have gone on for a time `ahead` [J]."""
+def _all_stored(moment: Moment, time: float, ahead: float, moves: NDArray[np.bool_]) -> float:
+    """The potential energy of all interactions when those who move have gone on from `time` for a time `ahead` [J]."""
     c = moment.columns
     step = np.where(moves, ahead, 0.0)
     places = {x: (getattr(c, x) + step * getattr(c, f"v{x}")).astype(c.x.dtype) for x in "xyz"}
-    return sum(each.energy(c._replace(**places)) or 0.0 for each in moment.interactions)
+    return sum(each.energy(c._replace(**places), time + ahead) or 0.0 for each in moment.interactions)

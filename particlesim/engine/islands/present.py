@@ -27,9 +27,9 @@ class Stored:
     def __init__(self, scenario: Scenario, joined: Joined, sets: Sequence[Any]) -> None:
         self._scenario, self._joined, self._sets = scenario, joined, sets
 
-    def among(self, moment: Moment, here: Sequence[Which]) -> list[float]:
-        """Potential energy at a moment [J] among particles `here`, shape [n], for each such choice; what joins only groups
-        that are alike in all of them is left out."""
+    def among(self, moment: Moment, time: float, here: Sequence[Which]) -> list[float]:
+        """Potential energy at a moment and its time [s] among particles `here` [J], shape [n], for each such choice; what
+        joins only groups that are alike in all of them is left out."""
         unlike = np.any([one != here[0] for one in here], axis=0)
         bounds = self._joined.bounds
         changed = {
@@ -38,17 +38,19 @@ class Stored:
             if unlike[a:b].any()
         }
         chosen = [(one, each) for one, each in self._with_energy(moment) if changed & set(one.groups)]
-        return [self._among(moment, one, chosen) for one in here]
+        return [self._among(moment, time, one, chosen) for one in here]
 
-    def whole(self, moment: Moment, here: Which) -> float:
-        """Potential energy of all interactions at a moment [J] among particles `here`, shape [n]."""
-        return self._among(moment, here, self._with_energy(moment))
+    def whole(self, moment: Moment, time: float, here: Which) -> float:
+        """Potential energy of all interactions at a moment and its time [s] among particles `here` [J], shape [n]."""
+        return self._among(moment, time, here, self._with_energy(moment))
 
     def _with_energy(self, moment: Moment) -> list[tuple[Any, Interaction]]:
         pairs = zip(self._sets, moment.interactions, strict=True)
         return [(one, each) for one, each in pairs if type(each).energy is not Interaction.energy]
 
-    def _among(self, moment: Moment, here: Which, chosen: Sequence[tuple[Any, Interaction]]) -> float:
+    def _among(
+        self, moment: Moment, time: float, here: Which, chosen: Sequence[tuple[Any, Interaction]]
+    ) -> float:
         if not (chosen and here.any()):
             return 0.0
         columns, interactions = moment.columns, tuple(each for _, each in chosen)
@@ -64,7 +66,7 @@ class Stored:
             site = Site(self._scenario, whole, states, began=False)
             place = np.where(here, np.cumsum(here) - 1, -1)
             interactions = laid_again(site, [one for one, _ in chosen], interactions, place)
-        return sum(each.energy(columns) or 0.0 for each in interactions)
+        return sum(each.energy(columns, time) or 0.0 for each in interactions)
 
     def _without_others(self, here: Which) -> tuple[GroupState, list[GroupState]]:
         """Copies of the groups with particles `here` alone, and all of these as one."""

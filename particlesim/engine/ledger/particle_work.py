@@ -260,21 +260,21 @@ class IslandBooks:
 
     @LENIENT
     def book_breaking(
-        self, before: tuple[Interaction, ...], after: tuple[Interaction, ...], columns: Columns
+        self, before: tuple[Interaction, ...], after: tuple[Interaction, ...], columns: Columns, end: float
     ) -> None:
-        """Book the potential that was lost with what broke at the end of a step, on its own or with particles that died, and
-        with contacts that snapped together or apart."""
+        """Book the potential that was lost with what broke at the `end` of a step [s], on its own or with particles that
+        died, and with contacts that snapped together or apart."""
         for name, old, new in zip(self._names, before, after, strict=True):
             if (snap := new.snapped(old, columns)) != 0:
                 self.books.add(name, snap)
             then, now = old.broke, new.broke
             if then is not None and now is not None and not np.array_equal(then, now):
                 living = old.without_dead(new, columns)
-                left, was = (each.energy(columns) or 0.0 for each in (new, living))
+                left, was = (each.energy(columns, end) or 0.0 for each in (new, living))
                 if f"{name}.breaking" in self.books.names:
                     self.books.add(f"{name}.breaking", left - was)
                 if living is not old:
-                    self.books.add("deaths", was - (old.energy(columns) or 0.0))
+                    self.books.add("deaths", was - (old.energy(columns, end) or 0.0))
 
     @LENIENT
     def book_births(self, parts: Sequence[Columns], born: Sequence[int], stored: float) -> None:

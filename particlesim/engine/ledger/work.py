@@ -34,11 +34,12 @@ Ints = NDArray[np.int64]
 
 
 class Books:
-    """The accounts of an island: `names` of the causes and `totals` [J], in the same order."""
+    """The accounts of an island: `names` of the causes, `totals` [J] in the same order, and `turned` [J], what has
+    been turned over: the sum of all amounts without their signs."""
 
     def __init__(self, scenario: Scenario, structure: Island, dtype: np.dtype[Any]) -> None:
         self.names = causes(scenario, [group.name for group in structure.groups])
-        self.totals = np.zeros(len(self.names))
+        self.totals, self.turned = np.zeros((2, len(self.names)))
         self.jolts: list[tuple[Ints, Floats]] = []
         """What springs and rods at bodies have done to particles just before their own step: rows of the island, and the
         changes of places and velocities [6, n]."""
@@ -58,7 +59,9 @@ class Books:
 
     def add(self, name: str, joule: float) -> None:
         """Book an amount of energy [J]."""
-        self.totals[self.names.index(name)] += joule
+        cause = self.names.index(name)
+        self.totals[cause] += joule
+        self.turned[cause] += abs(joule)
 
     def work_of(self, name: str) -> float:
         """What a cause has given so far [J]; 0 of causes that there are not."""

@@ -219,7 +219,7 @@ class MeshPairs(NearLists, MeshColumns):
         return rows, np.maximum(stiff, collective * w), damped
 
     @WITHOUT_END
-    def energy(self, c: Any) -> float:
+    def energy(self, c: Any, t: float) -> float:
         near = float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
         power, _ = self._power(c)
         weight = weights_of(self, c)

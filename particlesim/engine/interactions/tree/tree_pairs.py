@@ -101,7 +101,7 @@ class TreePairs(Interaction, TreeColumns):
                 calibration.calibrate(self.tree, self.limits, self.size, (c.x, c.y, c.z), self.w, team)
         return self
 
-    def energy(self, c: Any) -> float:
+    def energy(self, c: Any, t: float) -> float:
         w = source_of(self, c)
         tree, height = with_height(self.tree)
         limits = self.limits.copy()
