@@ -42,8 +42,8 @@ TOPOLOGY_RATIO = 0.003
 """Size of the table of vertices, 0, 1, 2, ..., over its plain size; measured."""
 GZIP = {"float": 0.93, "integer": 0.2}
 """Size of compressed columns over their plain size, at most: that of random numbers, of ascending ones; measured."""
-BODY_BYTES = 16_000
-"""Memory of a rigid body beside that of a particle: room for 16 contacts of 552 bytes, up to 64 places of 48 bytes for what
+BODY_BYTES = 17_000
+"""Memory of a rigid body beside that of a particle: room for 16 contacts of 592 bytes, up to 64 places of 48 bytes for what
 is remembered of them, twice, and the solver's scratch; counted from the sizes of these arrays."""
 BODY_SAVED = 64 * 48 + 64
 """What a checkpoint keeps of a rigid body: impulses of contacts, orientation, angular momentum."""

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.engine.rigid.equations import new_room
+
 WORLD = -1
 """The other side of a contact with a collider."""
 FEATURES = 1 << 32
@@ -48,8 +50,9 @@ class Contacts(NamedTuple):
     one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
     impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]; of those that
     turn bodies only, limits and motors of joints (`stops`) and rolling friction, what they are [k], 0 for others, and of
-    motors the speed and the greatest impulse, of rolling friction the contact that presses and the radius [2, k].
-    `number`: how many there are, and how many found no room."""
+    motors the speed and the greatest impulse, of rolling friction the contact that presses and the radius [2, k]; of those
+    solved for together what bounds friction, as an impulse and as a part of the one that presses (0: given) [k], and
+    impulses to return to [k, 3]. `number`: how many there are, and how many found no room."""
 
     first: Any
     second: Any
@@ -67,6 +70,9 @@ class Contacts(NamedTuple):
     order: Any
     turns: Any
     aim: Any
+    bound: Any
+    grip: Any
+    kept: Any
     number: Any
 
 
@@ -81,7 +87,8 @@ class Motion(NamedTuple):
     sweeps go on [n, 9]; the body that stands for those that touch it, and their energies [n]; the cluster of each body, the
     bodies by their clusters [n], where bodies and contacts of each begin [n + 1], the largest speed that contact deals with
     in each [n], and how many there are; forces and torques [n, 6]; the first of the components of joints in each cluster
-    [n], −1 for none; velocities before a kick, and those with which its forces are summed, where work is booked [n, 6]."""
+    [n], −1 for none; velocities before a kick, and those with which its forces are summed, where work is booked [n, 6]; the
+    clusters whose impulses were not found [n]; room for solving for them together (`equations`)."""
 
     now: Any
     inverse: Any
@@ -106,6 +113,8 @@ class Motion(NamedTuple):
     first_component: Any
     came: Any
     stage: Any
+    unsettled: Any
+    room: Any
 
 
 class Memory(NamedTuple):
@@ -126,7 +135,19 @@ def new_contacts(room: int) -> Contacts:
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
         *(first, second, feature, point, normal, gap, surface, belt, target),
-        *(impulse, rows, before, onward, order, np.zeros(room, np.int64), np.zeros((2, room)), number),
+        *(
+            impulse,
+            rows,
+            before,
+            onward,
+            order,
+            np.zeros(room, np.int64),
+            np.zeros((2, room)),
+            np.zeros(room),
+            np.zeros(room),
+            np.zeros((room, 3)),
+            number,
+        ),
     )
 
 
@@ -148,6 +169,7 @@ def new_motion(bodies: int) -> Motion:
         *(now, inverse, apart, gained, margin, start, other, before, onward),
         *(parent, gain, low, bend, cluster, ordered, *begins, np.zeros(bodies), np.zeros(1, np.int64)),
         *(np.zeros((bodies, 6)), np.zeros(bodies, np.int64), np.zeros((bodies, 6)), np.zeros((bodies, 6))),
+        *(np.zeros(bodies, np.int64), new_room(bodies)),
     )
 
 

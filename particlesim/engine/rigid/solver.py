@@ -7,8 +7,9 @@ For every contact with the normal n and relative velocity u of its points the im
 with s the speed of rebound, or the approach that the gap leaves room for; a friction at its bound is against the sliding.
 They are found contact by contact until none changes (projected Gauss and Seidel), forwards and backwards in turn, beginning
 with the impulses of the last step; sweeps are the steps of a method of conjugate gradients. Large heaps get fewer sweeps,
-and go on with them in the next step. What overlaps by more than the slop is pushed apart by velocities of its own, which
-move bodies in this step and are then forgotten, so that they give no energy.
+and go on with them in the next step. Where some bodies are much heavier than others, what sweeps do not find is looked
+for directly (`multipliers`), and what is not found then gives no energy (`energy`). What overlaps by more than the slop is
+pushed apart by velocities of its own, which move bodies in this step and are then forgotten, so that they give no energy.
 
 Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
 coherence, GDC 2005; M. Silcowitz, S. Niebe, K. Erleben, Visual Computer 26, 893 (2010) (conjugate gradients); split
@@ -22,10 +23,14 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, place, row
-from particlesim.engine.rigid.clusters import gather, root, unite
+from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, row
+from particlesim.engine.rigid.clusters import gather, root
+from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
+from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep
+from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.joints import level
-from particlesim.engine.rigid.narrow import clamped, minus
+from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impulses, set_bounds
+from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
 
@@ -33,13 +38,15 @@ WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
 LEAST_SWEEPS, MOST_SWEEPS = 16, 1000
 """Sweeps over a cluster of any size, and over the smallest."""
+TURNS, APART = 24, 4
+"""Turns of the direct method at most, and those after which it is tried again to have friction go with what presses."""
 PUSHES = 12
 """Sweeps that push apart."""
-NOISE = 2.0**-40
-"""The part of the energy of motion that a gain may be by rounding."""
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
+ROUNDING = 32 * float(np.finfo(float).eps)
+"""Part of an impulse that rounding of some others makes."""
 PART = 0.2
 """Part of an overlap that is taken away in a step."""
 RESTING = 2.0
@@ -59,36 +66,6 @@ def velocities(b: Any, motion: Any) -> None:
         motion.now[i, 3], motion.now[i, 4], motion.now[i, 5] = turning
 
 
-def speed_along(k: Any, motion: Any, c: Any, d: Any) -> Any:
-    """Relative velocity of a contact along one of its directions."""
-    e, i, j = k.rows[c, d], k.first[c], k.second[c]
-    m = motion.now[i]
-    u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
-    if j != WORLD:
-        m = motion.now[j]
-        u -= e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
-    else:
-        at = 3 if k.turns[c] == ROLL else 0
-        u -= e[at] * k.belt[0, c] + e[at + 1] * k.belt[1, c] + e[at + 2] * k.belt[2, c]
-    return u
-
-
-def strike(b: Any, k: Any, motion: Any, c: Any, d: Any, size: Any) -> None:
-    """Give a contact an impulse along one of its directions."""
-    e, i, j = k.rows[c, d], k.first[c], k.second[c]
-    m, g, s = motion.now[i], motion.gained[i], size * b.w[i]
-    for axis in range(3):
-        m[axis] += s * e[axis]
-        m[3 + axis] += size * e[9 + axis]
-        g[axis] += size * e[3 + axis]
-    if j != WORLD:
-        m, g, s = motion.now[j], motion.gained[j], size * b.w[j]
-        for axis in range(3):
-            m[axis] -= s * e[axis]
-            m[3 + axis] -= size * e[12 + axis]
-            g[axis] -= size * e[6 + axis]
-
-
 @shared
 def lay_out(b: Any, k: Any, motion: Any) -> None:
     """What impulses do at every contact along its normal and two tangents; the speed of approach, into `target`."""
@@ -106,22 +83,6 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
         direct(b, k, motion, c, 1, i, j, at, one)
         direct(b, k, motion, c, 2, i, j, at, cross(n, one))
         k.target[c] = speed_along(k, motion, c, 0)
-
-
-def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any, n: Any) -> None:
-    """The row of a contact along a direction."""
-    e = k.rows[c, d]
-    e[0], e[1], e[2] = n
-    arm = cross(minus(at, place(b, i)), n)
-    e[3], e[4], e[5] = arm
-    e[9], e[10], e[11] = turned_by(motion.inverse[i], arm)
-    give = b.w[i] + e[3] * e[9] + e[4] * e[10] + e[5] * e[11]
-    if j != WORLD:
-        arm = cross(minus(at, place(b, j)), n)
-        e[6], e[7], e[8] = arm
-        e[12], e[13], e[14] = turned_by(motion.inverse[j], arm)
-        give += b.w[j] + e[6] * e[12] + e[7] * e[13] + e[8] * e[14]
-    e[15] = 1 / give
 
 
 @outlined
@@ -181,11 +142,6 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
     return float(worst)
 
 
-def bounded(k: Any, c: Any, impulse: Any) -> Any:
-    """The nearest impulse along its first direction that a contact can give."""
-    return clamped(impulse, -k.aim[1, c], k.aim[1, c]) if k.turns[c] == MOTOR else max(impulse, 0.0)
-
-
 @shared
 def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None:
     """Find and give the impulses of a step, of contacts and of joints, whose rows are ready (None without); bodies have
@@ -194,6 +150,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         motion.largest[cluster] = aim(k, motion, cluster, h)
+        motion.unsettled[cluster] = 0
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)
     relax_all(b, k, motion, joints)
@@ -202,6 +159,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
         rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
     if rebounds and gains(b, k, motion, joints, h):
         yield_energy(b, k, motion, joints, h)
+    hold_back(b, k, motion, h)
     remember(k, memory)
     for i in range(b.w.size):
         for axis in range(3):
@@ -237,7 +195,7 @@ def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
     first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
     most = min(max(WORK // (last - first), LEAST_SWEEPS), MOST_SWEEPS)
     settled = SETTLED * motion.largest[cluster]
-    size = 0.0
+    size, worst = 0.0, 0.0
     for turn in range(most):
         if turn % 2 == 0:
             note(k, motion, cluster)
@@ -247,6 +205,64 @@ def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
             break
         if turn % 2 == 1:
             size = go_on(k, motion, cluster, size)
+    steep = worst > settled and steepness(b, motion, cluster) >= STEEP
+    if steep and not complete(b, k, motion, joints, cluster, worst):
+        motion.unsettled[cluster] = 1
+
+
+def complete(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, worst: Any) -> bool:
+    """Find what sweeps have not found, directly and by sweeps in turn; whether it is found. Clusters of many bodies stay as
+    they are."""
+    if motion.body_from[cluster + 1] - motion.body_from[cluster] > MOST_BODIES:
+        return False
+    settled, best = max(SETTLED, ROUNDING * steepness(b, motion, cluster)) * motion.largest[cluster], worst
+    keep_impulses(k, motion, cluster)
+    begin_anew(b, k, motion, cluster, 0.0)
+    level_all(b, motion, motion.now, motion.gained, joints, cluster)
+    again = 1
+    for turn in range(TURNS):
+        coupled = False
+        if turn >= again:
+            set_bounds(k, motion, cluster, True)
+            coupled = correct(b, k, motion, joints, cluster, False, True)
+            again = turn + 1 if coupled else turn + APART
+        if not coupled:
+            if turn > 0:
+                set_bounds(k, motion, cluster, False)
+            if not correct(b, k, motion, joints, cluster, turn == 0, False):
+                break
+        level_all(b, motion, motion.now, motion.gained, joints, cluster)
+        if not coupled:
+            continue
+        left = sweep_twice(b, k, motion, joints, cluster)
+        if not left > settled:
+            return True
+        if left < best:
+            best = left
+            keep_impulses(k, motion, cluster)
+    begin_anew(b, k, motion, cluster, 1.0)
+    level_all(b, motion, motion.now, motion.gained, joints, cluster)
+    return False
+
+
+def steepness(b: Any, motion: Any, cluster: Any) -> float:
+    """Ratio of the heaviest to the lightest of the bodies of a cluster."""
+    heavy, light = 0.0, np.inf
+    for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
+        w = b.w[motion.bodies[at]]
+        if w > 0:
+            heavy, light = max(heavy, 1 / w), min(light, 1 / w)
+    return float(heavy / light)
+
+
+def sweep_twice(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> float:
+    """Sweep forwards and backwards; returns the largest change of a speed in the second sweep."""
+    worst = 0.0
+    first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
+    for backwards in range(2):
+        worst = sweep(b, k, motion, first, last, backwards == 1)
+        level_all(b, motion, motion.now, motion.gained, joints, cluster)
+    return float(worst)
 
 
 def note(k: Any, motion: Any, cluster: Any) -> None:
@@ -298,59 +314,6 @@ def go_on(k: Any, motion: Any, cluster: Any, size: Any) -> float:
 # D. Levinson, Dynamics, 1985). Bodies without rebound never gain any: what a set of bodies that touch each other would gain
 # is taken back by going part of the way from that solution towards the one with rebounds, P = P₀ + θ (P₁ − P₀), with the
 # largest θ that keeps the energy of the step, with what forces do in it: of a quadratic function of θ.
-
-
-def keep(now: Any, gained: Any, copy: Any) -> None:
-    """Copy velocities and angular momenta from contact [n, 9]."""
-    for i in range(len(now)):
-        for axis in range(6):
-            copy[i, axis] = now[i, axis]
-        for axis in range(3):
-            copy[i, 6 + axis] = gained[i, axis]
-
-
-def against_forces(motion: Any, i: Any, h: Any) -> float:
-    """What forces do less, by half a drift with other velocities, than they gave in the kick of a step: ½ h F·Δv [J].
-
-    A body that forces take down, and an impact up, goes up by what the kick has given it besides.
-    """
-    done, was, now, f = 0.0, motion.start[i], motion.now[i], motion.pull[i]
-    for axis in range(6):
-        done += 0.5 * h * f[axis] * (now[axis] - was[axis])
-    return done
-
-
-@outlined
-def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
-    """Whether some set of bodies that touch each other gains energy in a step of h; `gain` is that of each, at the body that
-    stands for it. Surfaces that run and motors may give energy: what they touch or turn counts as not gaining."""
-    parent, gain = motion.parent, motion.gain
-    for i in range(b.w.size):
-        parent[i] = i
-        gain[i] = 0.0
-    for c in range(k.number[0]):
-        if k.impulse[c, 0] > 0 and k.second[c] != WORLD:
-            unite(parent, k.first[c], k.second[c])
-    if joints is not None:
-        for g in range(joints.first.size):
-            if joints.second[g] != WORLD:
-                unite(parent, joints.first[g], joints.second[g])
-    for i in range(b.w.size):
-        was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
-        work = had = 0.0
-        for axis in range(3):
-            work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
-            work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
-            had += 0.5 * m * was[axis] * was[axis]
-        gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
-    for c in range(k.number[0]):
-        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
-        if runs or k.turns[c] == MOTOR:
-            gain[root(parent, k.first[c])] = -np.inf
-    gained = False
-    for i in range(b.w.size):
-        gained = gained or (parent[i] == i and gain[i] > 0)
-    return gained
 
 
 @outlined

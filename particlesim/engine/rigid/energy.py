@@ -1,0 +1,139 @@
+"""The energy that impulses at contacts give in a step, and what takes it back where they give any."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.rigid.bodies import WORLD
+from particlesim.engine.rigid.clusters import root, unite
+from particlesim.engine.rigid.contact_rows import speed_along
+from particlesim.engine.rigid.narrow import clamped
+from particlesim.engine.rigid.stops import MOTOR
+
+NOISE = 2.0**-40
+"""The part of the energy of motion that a gain may be by rounding."""
+
+
+def keep(now: Any, gained: Any, copy: Any) -> None:
+    """Copy velocities and angular momenta from contact [n, 9]."""
+    for i in range(len(now)):
+        for axis in range(6):
+            copy[i, axis] = now[i, axis]
+        for axis in range(3):
+            copy[i, 6 + axis] = gained[i, axis]
+
+
+def against_forces(motion: Any, i: Any, h: Any) -> float:
+    """What forces do less, by half a drift with other velocities, than they gave in the kick of a step: ½ h F·Δv [J].
+
+    A body that forces take down, and an impact up, goes up by what the kick has given it besides.
+    """
+    done, was, now, f = 0.0, motion.start[i], motion.now[i], motion.pull[i]
+    for axis in range(6):
+        done += 0.5 * h * f[axis] * (now[axis] - was[axis])
+    return done
+
+
+@outlined
+def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
+    """Whether some set of bodies that touch each other gains energy in a step of h; `gain` is that of each, at the body that
+    stands for it. Surfaces that run and motors may give energy: what they touch or turn counts as not gaining."""
+    parent, gain = motion.parent, motion.gain
+    for i in range(b.w.size):
+        parent[i] = i
+        gain[i] = 0.0
+    for c in range(k.number[0]):
+        if k.impulse[c, 0] > 0 and k.second[c] != WORLD:
+            unite(parent, k.first[c], k.second[c])
+    if joints is not None:
+        for g in range(joints.first.size):
+            if joints.second[g] != WORLD:
+                unite(parent, joints.first[g], joints.second[g])
+    for i in range(b.w.size):
+        was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
+        work = had = 0.0
+        for axis in range(3):
+            work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
+            work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
+            had += 0.5 * m * was[axis] * was[axis]
+        gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
+    for c in range(k.number[0]):
+        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+        if runs or k.turns[c] == MOTOR:
+            gain[root(parent, k.first[c])] = -np.inf
+    gained = False
+    for i in range(b.w.size):
+        gained = gained or (parent[i] == i and gain[i] > 0)
+    return gained
+
+
+# ---- clusters whose impulses were not found
+#
+# Impulses that have been found have P·(u − s) ≤ 0 with the velocities u that they give and those that they are to give, s:
+# what presses does so with u = s, and friction acts against sliding. What P·(u − s) is above that is energy from nothing, as
+# far as there is a gain at all.
+
+
+@outlined
+def hold_back(b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Take back energy from nothing in clusters whose impulses were not found, in a step of h: all of their impulses are
+    made smaller, θ P with the largest θ ≤ 1 that does it. Motors and surfaces that run may give energy."""
+    for cluster in range(motion.clusters[0]):
+        if motion.unsettled[cluster] != 0 and not is_driven(k, motion, cluster):
+            part = bearable(b, k, motion, cluster, h)
+            if part < 1:
+                shrink(k, motion, cluster, part)
+
+
+def is_driven(k: Any, motion: Any, cluster: Any) -> bool:
+    """Whether motors or surfaces that run act in a cluster."""
+    driven = False
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+        driven = driven or runs or k.turns[c] == MOTOR
+    return driven
+
+
+@outlined
+def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
+    """The largest part of the impulses of a cluster with which it gains nothing from nothing."""
+    gain = bend = had = wrong = 0.0
+    for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
+        i = motion.bodies[at]
+        if b.w[i] > 0:  # a guest that is held does not move
+            was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
+            for axis in range(3):
+                dv, dw, e = now[axis] - was[axis], now[3 + axis] - was[3 + axis], motion.gained[i, axis]
+                gain += 0.5 * m * dv * (now[axis] + was[axis]) + 0.5 * e * (now[3 + axis] + was[3 + axis])
+                bend += 0.5 * m * dv * dv + 0.5 * e * dw
+                had += 0.5 * m * was[axis] * was[axis]
+            gain -= against_forces(motion, i, h)
+    if not gain > NOISE * had:
+        return 1.0
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        for d in range(3):
+            if k.impulse[c, d] != 0:
+                wrong += k.impulse[c, d] * (speed_along(k, motion, c, d) - (k.target[c] if d == 0 else 0.0))
+    if not (wrong > 0 and bend > 0):
+        return 1.0
+    # what is gained = slope θ + bend θ², which is `gain` at θ = 1
+    slope, bears = gain - bend, max(gain - wrong, 0.0)
+    return clamped((np.sqrt(slope * slope + 4 * bend * bears) - slope) / (2 * bend), 0.0, 1.0)
+
+
+def shrink(k: Any, motion: Any, cluster: Any, part: Any) -> None:
+    """Leave a part of the impulses of a cluster."""
+    for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
+        i = motion.bodies[at]
+        for axis in range(6):
+            motion.now[i, axis] = motion.start[i, axis] + part * (motion.now[i, axis] - motion.start[i, axis])
+        for axis in range(3):
+            motion.gained[i, axis] *= part
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        for d in range(3):
+            k.impulse[k.order[at], d] *= part
