@@ -11,6 +11,7 @@ from particlesim.graph.graph import method_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions import PairSet
+from particlesim.preflight.heavy import too_heavy
 from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
 from particlesim.scenario.scenario import Scenario
 
@@ -38,6 +39,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_explicit(scenario),
         *_unrepeated(scenario),
         *_through_bodies(scenario),
+        *too_heavy(scenario),
     )
 
 

@@ -13,6 +13,7 @@ from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.rigid.bodies import WORLD
 from particlesim.engine.rigid.solver import ROUNDING, SETTLED
 from particlesim.engine.simulation import Simulation
+from particlesim.preflight.advice import advice
 
 SIDE = 0.2
 GRAVITY = [{"type": "gravity"}]
@@ -141,3 +142,18 @@ def test_a_heavy_slab_slides_on_light_boxes_as_far_as_friction_lets_it() -> None
     # The step in which it stops: within v h, and of its last step only.
     assert slid[3] == pytest.approx(v * v / (2 * mu * G), abs=mu * G * STEP**2)
     assert np.abs(slid[:3]).max() < 1e-5
+
+
+def test_too_many_bodies_under_a_heavy_one_are_told() -> None:
+    light = {
+        "name": "light",
+        "mass": 1.0,
+        "shape": {"type": "box", "size": [SIDE] * 3},
+        "layout": {"type": "lattice", "spacing": SIDE, "counts": [1, 40, 1], "origin": [0, SIDE / 2, 0]},
+    }
+    parts = {"duration": 1.0, "dt": STEP, "forces": GRAVITY}
+    heavy = box("heavy", 1e6, (0, 41 * SIDE, 0))
+    told = advice(ps.from_table(table(**parts, bodies=[light, heavy])))
+    assert any("'heavy' have 1e+06 times the mass of 'light' (1e+06 kg, 1 kg)" in text for text in told)
+    for others in ([light, heavy | {"mass": 100.0}], stack([1, 1e6])):
+        assert not advice(ps.from_table(table(**parts, bodies=others)))
