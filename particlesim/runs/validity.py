@@ -10,7 +10,7 @@ import numpy as np
 
 from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
-from particlesim.engine.diagnosis.crowding import crowded
+from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.overlaps import no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
@@ -193,7 +193,8 @@ def stiff(world: World) -> tuple[str, ...]:
 
 
 def squeezed(world: World) -> tuple[str, ...]:
-    """A sentence for every interaction by contact with particles that overlap each other at the start, or did."""
+    """A sentence for every interaction by contact with particles that overlap each other at the start, or did, or will when
+    they are born."""
     apart = [
         f"{each.label}: {_pairs(each.number)} overlapped at the start, the deepest by {each.depth:.3g} m: they have been "
         f"put apart, particles moved by up to {each.way:.3g} m"
@@ -208,7 +209,13 @@ def squeezed(world: World) -> tuple[str, ...]:
         for each in crowded(world)
         if each.label not in known
     ]
-    return (*apart, *found)
+    births = [
+        f"{each.label}: {each.number} of the first {each.looked_at} particles of {each.emitter!r} are born in others, up to "
+        f"{each.depth:.2g} of a radius deep, unless something else moves these away: soft contacts throw them apart; a "
+        "larger shape, a lower rate or more speed lets them be born apart"
+        for each in crowded_births(world)
+    ]
+    return (*apart, *found, *births)
 
 
 COARSE = 1e-3
