@@ -1,13 +1,13 @@
 """Angles and dihedrals, which resist bending: forces among three and four particles.
 
-Every thread takes all that have a corner among its particles, in one order, and adds to its own particles alone. What lies
-across a border is computed by both sides; in return no thread waits for another, and sums have the same bits for any number
-of them.
+Every thread takes all that have a corner among its particles, in one order, and adds to its own particles alone. Those with
+corners of several threads are computed by each of them; in return no thread waits for another, and sums have the same bits
+for any number of threads.
 
 To the matrix of implicit methods each adds γ times the positive part of its second derivatives, which is one product w wᵀ
 for a dihedral and two for an angle (`particlesim.bonds.hinge`), with w a vector on its three or four particles that sums to
-zero. What lets it snap or only changes its leverage is left out: it is not definite. Forces are complete, so that a
-converged step solves the equations of the method all the same.
+zero. Left out are the terms that may be negative: a negative stiffness U'', and the rest of U' times the second derivatives
+of the angle. Forces are complete, so that a converged step solves the equations of the method all the same.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Interactions of all pairs in a box that is periodic along all axes, with all of their images, summed with a mesh.
 
 The near part is a law like others, summed over neighbour lists, in whose order the particles are taken to the mesh. The
-mean density does not act: a uniform background takes it away. The forces of the mesh are the gradient of its energy;
-they do not sum to zero by themselves, so the rest, a part of their errors, is shared out among the particles.
+mean density does not act: a uniform background takes it away. The forces of the mesh are the gradient of its energy; their
+sum is not zero but an error, which is subtracted from the particles in proportion to their squared weights.
 
 Before the first step the error is measured on some particles against Ewald's sums, and the plan changed until it is as asked
 for: the root of the mean square of |δF|/|F| over particles, |F| not below a thousandth of its mean, nor below a tenth of the

@@ -1,14 +1,14 @@
 """What contacts of surfaces do to displacements and velocities of a step.
 
-A contact is l·n ≥ d for a difference l = Σ w_k x_k of closest points, with their unit normal n where they first come as near
-as they may be. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displacements are corrected by
+A contact is the condition l·n ≥ d on the difference l = Σ w_k x_k of closest points, with n their unit normal at the moment
+when they first are as near as is allowed. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displacements are corrected by
 
     x_k += (w_k/m_k) Λ n/W,   Λ ≥ 0 as small as it can be,
 
-and sliding is taken back up to μ times that (Coulomb). Then velocities: contacts that have pushed and still approach, with
-v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and what stops them across up to μ times it. All are taken one
-after the other, forwards and backwards (Gauss–Seidel). As Σ w_k = 0, momentum is kept, and no impulse brings
-energy.
+and the tangential displacement is taken back, by at most μ times that (Coulomb). Then velocities: contacts that have pushed
+and still approach, with v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and the tangential impulse that stops
+sliding, at most μ times the normal one. All are taken one after the other, forwards and backwards (Gauss–Seidel). As
+Σ w_k = 0, momentum is kept, and no impulse adds energy.
 
 Displacements are those of the step, so a contact acts as if it had been there from the beginning of the step or from the
 impact on: what rests neither sinks nor creeps, whatever the method. A contact that starts too close is widened by `GENTLY`

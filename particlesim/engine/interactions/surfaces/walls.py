@@ -1,8 +1,8 @@
-"""Colliders under surfaces that touch: who lies on one is held by it while others push.
+"""Colliders under surfaces in contact: a particle that lies on a collider stays out of it while contacts push it.
 
-Before contacts of surfaces are looked at, every particle has met its colliders. One of a contact that is near a collider
-gets a contact with it: n·x ≥ n·x_s for its place x_s on the surface, along which it slides relative to the surface under its
-friction. What contacts have pushed into a collider in spite of that is put back.
+Before contacts of surfaces are found, every particle has met its colliders. If a particle of a contact is near a collider,
+it also gets a contact with that collider: n·x ≥ n·x_s, where x_s is the nearest point of its surface, with friction that
+acts on sliding relative to the surface. Particles that contacts have pushed into a collider in spite of that are put back.
 """
 
 from __future__ import annotations
