@@ -1,4 +1,4 @@
-"""The guard: whether islands are still in their senses, looked at where the state is looked at anyway."""
+"""The guard: checks at frames that islands gain no energy from nothing and that no particle outruns light."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ LIGHT = 299_792_458.0
 
 
 class Guard:
-    """Looks at every frame whether islands are still in their senses.
+    """Checks at every frame that islands gain no energy from nothing, and that particles do not outrun light.
 
-    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential that
-    stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a symplectic
-    method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since nothing is left
-    that would take it back. Islands that start inside of a collider begin after a step, which puts them on it; others begin
-    anew after a kick. Without a ledger, energies are taken at the start, at frames at least 256 steps apart, and at the end.
-    All islands are watched for speeds beyond that of light that have grown a thousandfold since the last frame: energy may
-    come from a potential without a bottom.
+    An island whose work is in the ledger, or that nothing feeds (no emission, wind, motion, belt, or field without a
+    potential that stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`). The swing of a
+    symplectic method (`engine.shadow`) is no gain while its step is stable and the run goes on; at the end it is, since
+    nothing is left that would take it back. Islands that start inside of a collider begin after a step, which puts them on
+    it; others begin anew after a kick. Without a ledger, energies are taken at the start, at frames at least 256 steps
+    apart, and at the end. All islands are watched for speeds beyond that of light that have grown a thousandfold since the
+    last frame: energy may come from a potential without a bottom.
     """
 
     def __init__(self, world: World, columns: Sequence[str]) -> None:

@@ -1,10 +1,10 @@
-"""What rods do to the modes of an island: they take motions away, and what pulls on them makes the others stiffer.
+"""What rods do to the modes of an island: they remove motions, and their tension makes the others stiffer.
 
 Near a state the free motions of an island with rods are those with J δx = 0. A rod with the force λ (x₁ − x₂) on its first
-end pulls back across itself with −λ = T/L, as a taut string does: a pendulum of length L under T = m g swings with ω² = g/L.
+end has the transverse stiffness −λ = T/L, as a taut string does: a pendulum of length L under T = m g swings with ω² = g/L.
 With the forces f at the state, J M⁻¹ Jᵀ λ = −(J M⁻¹ f + |v₁ − v₂|²). Rods put no other limit on a step. As pendulums often
-start where little pulls on them, rods that hold on to a place count as if all that hangs on them hung on each, unless one of
-them bears that much already.
+start where their rods bear little, each rod of a connected set with a fixed end is taken to bear the whole load of the set,
+unless one of its rods already does.
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, VII.1; the Hessian of the Lagrangian on the constraints.
 """
 

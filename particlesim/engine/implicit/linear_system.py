@@ -1,8 +1,8 @@
 """The linear equations of an implicit step in an island, (D + G + B) δ = r, without a matrix.
 
 D is the inertia of every particle over the reach γ of the step, m/γ, or its drag coefficient where it has no inertia;
-G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single particles. To B springs add what `spring_system` has, and
-what other interactions add, they say themselves (`interactions.interaction`).
+G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single particles. B is the sum over springs (`spring_system`) and
+over all other interactions, each by its own `stiffen` and `multiply` (`interactions.interaction`).
 
 Threads own chunks of particles and add to those alone, piece after piece, as they do with forces.
 """

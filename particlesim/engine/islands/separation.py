@@ -1,11 +1,11 @@
-"""Soft particles that begin too deep in each other are put apart before the first step.
+"""Soft particles that overlap too much at the start are moved apart before the first step.
 
-A start that overlaps, such as places at random, holds an elastic energy that no contact has ever put there: it would fly
-apart. So places are changed, not velocities, until no pair overlaps by more than `LEFT` of its smaller radius: overlapping
-pairs are moved apart along their centres, in inverse proportion to their masses, all at once and again and again (Jacobi's
-iteration on the projections of position based dynamics; M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, J. Vis. Commun.
-Image Represent. 18, 109 (2007)). What makes a pair go less far, `BOLD` and `YIELD`, holds for both of it, so that the centre
-of mass stays; colliders put back what gets into them, and do move it.
+Overlaps at the start, as with random positions, hold elastic energy that no work has put there: the particles would fly
+apart. So positions are changed, not velocities, until no pair overlaps by more than `LEFT` of its smaller radius:
+overlapping pairs are moved apart along their centres, in inverse proportion to their masses, all at once and again and again
+(Jacobi's iteration on the projections of position based dynamics; M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, J.
+Vis. Commun. Image Represent. 18, 109 (2007)). The limits on the displacements of a pair, `BOLD` and `YIELD`, scale those of
+both particles alike, so that the centre of mass stays; colliders put back particles that get into them, which does move it.
 """
 
 from __future__ import annotations

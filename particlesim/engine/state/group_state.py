@@ -1,7 +1,7 @@
 """The particles of one group as arrays, and their births and deaths.
 
 Structure of arrays: position and velocity [3, capacity], everything else [capacity]; the first `count` are there.
-Which there are says `engine.state.table`. Columns that nothing uses are never touched, so they take no memory.
+`engine.state.table` lists the columns. Those that nothing uses are never touched, so they take no memory.
 """
 
 from __future__ import annotations

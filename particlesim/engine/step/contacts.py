@@ -1,4 +1,4 @@
-"""What colliders particles may touch, and what is asked of all of them: gaps, and what in them is rounding."""
+"""The colliders that a particle may touch, and functions of all of them: smallest gaps, and their rounding errors."""
 
 from __future__ import annotations
 
