@@ -1,4 +1,4 @@
-"""The largest stable step under springs between points of bodies, as they are at one moment.
+"""The largest stable step under springs between points of bodies, in the present state.
 
 With J the Jacobian of the stretches s of all springs (a row has the direction of a spring and its moments at both ends),
 s̈ = −J M⁻¹ Jᵀ (k s + c ṡ). The largest ω² and γ are the largest eigenvalues of J M⁻¹ Jᵀ with entries times √(k_i k_j) and

@@ -1,4 +1,4 @@
-"""Particles among the bodies for a step, and what has become of them."""
+"""Particles that are guests among the bodies for a step, and their positions and velocities after it."""
 
 from __future__ import annotations
 
