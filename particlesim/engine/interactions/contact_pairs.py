@@ -1,9 +1,9 @@
-"""Forces of the pairs of a chunk, and what their contacts remember.
+"""Forces of the pairs of a chunk, and the memory of their contacts.
 
-Some pairs at a time are tested; what touches is gathered, worked out in vectors, eight contacts at once, and sent to the
-places of the chunk, in the order of the list, which depends on the state alone. What the law sees of a member stands in one
-row, as does what a contact remembers: in a large heap, whose numbers are in no cache, a contact costs as many lines of
-memory as it has rows.
+Some pairs at a time are tested; those that touch are gathered, computed in vectors, eight contacts at once, and added to the
+forces of the chunk, in the order of the list, which depends on the state alone. What the law reads of a member is one row of
+an array, and so is the memory of a contact: in a large heap, which fits into no cache, a contact costs as many cache lines
+as it has rows.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Colliders as soft contacts feel them: what touches a wall is pressed, rubbed and turned by the law of its own kind.
+"""Soft contacts with colliders: normal force, friction and torque by the law of contacts between particles.
 
-A wall is a second sphere without end that does not give way: R = r₁, m = m₁, with the wall's own restitution and friction.
-All of it is worked out in the frame of the wall, where what moves is at rest; the arm is the distance of the centre.
+A wall is a second sphere of infinite radius and mass: R = r₁, m = m₁, with the wall's own restitution and friction. Contacts
+are computed in the frame of the wall, in which a moving wall is at rest; the lever arm is the distance of the centre.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
-"""Soft contacts: particles that overlap push each other apart by springs and dampers, rub each other, and turn.
+"""Soft contacts: particles that overlap push each other apart by springs and dampers, with friction and rotation.
 
 The forces of a contact are those of `laws.contact` along the normal, and of `pressing` along the surfaces. Once in a step,
-at its end, what contacts remember is brought up to date: springs that slide give way, contacts that have ended are
-forgotten. The forces of that moment are worked out with it, so that a method that looks at the beginning of its next step
-finds them.
+at its end, the memory of contacts is updated: tangential springs that slide are shortened, contacts that have ended are
+forgotten. Forces are computed at the same time, for a method that starts its next step with them.
 
-Chunks of pairs (`contact_lists`) are taken by threads in turn. Of every chunk, some pairs at a time are tested; what touches
-is gathered in rows, so that the numbers of a contact are worked out in vectors; then forces go to the places of the chunk,
-in the order of the list, which depends on the state alone.
+Threads take chunks of pairs (`contact_lists`) one after another. Of every chunk, some pairs at a time are tested; those that
+touch are gathered in rows, so that contacts are computed in vectors; then forces are added to the particles of the chunk, in
+the order of the list, which depends on the state alone.
 
 Colliders act by the same laws (`contact_walls`).
 """

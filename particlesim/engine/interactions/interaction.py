@@ -1,11 +1,11 @@
-"""The face of a kind of interaction: what everybody else asks of it.
+"""The interface of a kind of interaction, for sums of forces, implicit methods, the ledger, stability and output.
 
 A kind is a class of records. The record of a set of its interactions (the springs of one law, the drag on one surface) is a
 NamedTuple of numbers and arrays, which is what kernels get; its class says what it does. Kernels choose by the type of the
 record, as they do for laws: `type(each).add_forces(each, ...)` is known while they are compiled.
 
-An island holds a tuple of such records, `interactions`, beside a tuple of their names. Those that are added chunk by chunk
-of particles (`by_chunks`: springs) come first; all others are added by every thread to its own particles, in their order.
+An island holds a tuple of such records, `interactions`, and a tuple of their names. Those that are added chunk by chunk of
+particles (`by_chunks`: springs) come first; all others are added by every thread to its own particles, in their order.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class Coupling(Protocol):
 
 
 class Interaction:
-    """What a kind of interaction can be asked. Its record derives from this class and from a NamedTuple of its columns.
+    """Base of the kinds of interaction. A record derives from this class and from a NamedTuple of its columns.
 
-    Those about kernels are compiled, and take what they work on as arguments; the others run in Python. States are `Columns`
+    Methods for kernels are compiled, and take what they work on as arguments; the others run in Python. States are `Columns`
     of the whole island, c.
     """
 
@@ -73,7 +73,7 @@ class Interaction:
     follows: ClassVar[frozenset[str]] = frozenset()
     """Fields that follow from the scenario; the others belong to the state, and to checkpoints."""
     spends_as: ClassVar[str | None] = None
-    """The name in the ledger of the work that it does beside its potential; None: its own name."""
+    """The name in the ledger of the work that its potential does not account for; None: its own name."""
 
     together: ClassVar[bool] = False
     """Whether threads do what `stiffen` and `multiply` need together (`stiffen_together`, `multiply_together`)."""
@@ -111,7 +111,7 @@ class Interaction:
         """
 
     def leave(self) -> None:
-        """Forget what held only since the last `conclude`: others may change the state before the next step."""
+        """Forget results that are valid only right after `conclude`: others may change the state before the next step."""
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         """Add its forces on particles [first, last) at time t to total [3, n], and torques on them to rows 3 to 5 where

@@ -1,7 +1,7 @@
 """Interactions of all pairs in a box that is periodic along all axes, with all of their images, summed with a mesh.
 
-The near part is a law like others, summed over neighbour lists, in whose order the particles are taken to the mesh. The
-mean density does not act: a uniform background takes it away. The forces of the mesh are the gradient of its energy; their
+The near part is a law like others, summed over neighbour lists, in whose order the particles are spread over the mesh. The
+mean density exerts no force: a uniform background cancels it. The forces of the mesh are the gradient of its energy; their
 sum is not zero but an error, which is subtracted from the particles in proportion to their squared weights.
 
 Before the first step the error is measured on some particles against Ewald's sums, and the plan changed until it is as asked

@@ -1,9 +1,9 @@
-"""What neighbour lists are made of: arrays with room, brought along by whoever calls the kernels.
+"""The arrays of neighbour lists, allocated by the caller of the kernels.
 
 The particles of an interaction, its *members*, are kept in an order in which neighbours in space are neighbours in memory
 (`sort`). Eight in a row are a *group*; a tree of boxes stands on the groups (`tree`); every group has a list of
-*candidates*, all members within the cutoff and the skin of any of its eight (`search`). `refresh` brings all of it up to
-the present places.
+*candidates*, all members within the cutoff and the skin of any of its eight (`search`). `refresh` brings all of it up to the
+present positions.
 
 An interaction between two sets has two *sections* of whole groups; then only members of the other section are candidates.
 """

@@ -1,8 +1,8 @@
 """Candidates of every group: all members within the cutoff and the skin of any of its eight.
 
-A group walks down the tree, once for every image of the box that it may see. The members of the groups that it comes upon
-are looked at in single precision about its own centre, with a margin for what that rounds: lists hold what is needed and
-maybe a little more, and whoever uses them looks at distances again.
+A group walks down the tree, once for every image of the box within its reach. The members of the groups found there are
+tested in single precision about its own centre, with a margin for rounding: lists have all candidates and maybe a few more,
+and their users test distances again.
 """
 
 from __future__ import annotations
