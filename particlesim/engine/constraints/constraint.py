@@ -1,7 +1,7 @@
-"""The face of a kind of constraint: what everybody else asks of it.
+"""The interface of a kind of constraint.
 
-A constraint is no force: it puts particles where it wants them, after every drift, and takes from velocities what would lead
-away. Kernels get its record (`records`), with the components that hang together shared out among threads; all else runs
+A constraint is no force: after every drift it moves particles such that it holds, and takes from velocities the components
+that would violate it. Kernels get its record (`records`), with connected components distributed among threads; all else runs
 in Python. An island has one constraint or none, made of all the sets that the scenario lists (`registry`).
 """
 

@@ -1,4 +1,4 @@
-"""How rods hang together, worked out once: components, an order of elimination, and its pattern.
+"""Connected components of rods, with an order of elimination and its pattern, found once.
 
 Rods that share a free particle are coupled; held particles couple nothing. Of the rods that are left, the one that is
 coupled to the fewest others is eliminated next (minimum degree), which takes chains and trees from their ends, without fill.

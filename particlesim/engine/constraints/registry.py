@@ -1,4 +1,4 @@
-"""The kinds of constraint: what holds the particles of an island. A new kind is made here, beside the rods."""
+"""The kinds of constraint on the particles of an island. A new kind is made here, as rods are."""
 
 from __future__ import annotations
 

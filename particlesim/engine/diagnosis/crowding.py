@@ -1,4 +1,4 @@
-"""Particles that overlap each other at the start, where an interaction makes them touch: told, as they will move apart."""
+"""Particles with contact that overlap each other at the start: psim warns of them, as they will be pushed apart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Particles that are inside of a collider: at the start that is a mistake, which contact mends at the cost of energy."""
+"""Particles inside a collider: at the start that is a mistake, and the contact that moves them out changes their energy."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The post-mortem of a run that has gone wrong: what the first sign of it was.
+"""The post-mortem of a run that has gone wrong: the first sign of it.
 
-Numbers that are no longer finite are the end of a divergence, not its beginning: by then everything near has been thrown
-about. So the last interval is run again from its beginning, on a copy, to find by bisection the first step at which a
-particle was much faster than its speed and the forces at that beginning could make it.
+A number that is not finite is the end of a divergence, not its beginning: by then all particles near it are affected. So the
+last interval is run again from its beginning, on a copy, to find by bisection the first step at which a particle was much
+faster than its speed and the forces at that beginning could make it.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Implicit steps of an island: one linear solve, or Newton's method.
 
 The unknown is the velocity V of all particles at a time t + c h, with X = X₀ + γ h V. A Newton iteration linearises at
-(X, V), with compressed springs made definite (`linear_system`), and solves for the change of V. What that
-leaves out belongs to the matrix alone and not to the forces, so that a converged step solves the equations of the method;
-without convergence, backward Euler is of first order all the same. Pinned particles have no unknown: they do not move, or
-are led.
+(X, V), without the indefinite part of compressed springs (`linear_system`), and solves for the change of V. That part is
+missing in the matrix only, not in the forces, so that a converged step solves the equations of the method; even without
+convergence, backward Euler is of first order. Pinned particles have no unknown: they do not move, or follow a path.
 """
 
 from __future__ import annotations

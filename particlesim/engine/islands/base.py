@@ -1,8 +1,9 @@
-"""What all islands have in common: groups that step together, with their births and deaths.
+"""The base of all islands: groups that step together, with their births and deaths.
 
-Births and deaths are a matter of intervals, not of steps. At the beginning of an interval those are appended who are born in
-it, with clocks that start later; at its end the dead are taken out. In between, kernels leave alone who is not there
-(`engine.state.columns.Clock`). An interval is cut short where births wait for deaths, or where work is booked.
+Births and deaths belong to intervals, not to steps. Particles that are born in an interval are appended at its beginning,
+with clocks that start later; dead particles are removed at its end. In between, kernels skip particles that are not born yet
+or dead (`engine.state.columns.Clock`). An interval is cut short where births wait for deaths, or where work enters the
+ledger.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""When the work in an island is booked: before and after every step, at births and deaths (`ledger.particle_work`)."""
+"""When work in an island enters the ledger: before and after every step, at births and deaths (`ledger.particle_work`)."""
 
 from __future__ import annotations
 

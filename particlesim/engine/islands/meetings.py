@@ -1,4 +1,4 @@
-"""Particles and rigid bodies that touch each other, or that springs and rods join: islands of their own, whose particles are
+"""Particles that touch rigid bodies, or that springs and rods join to them. They belong to islands of their own, and are
 guests among the bodies for a step (`engine.rigid.grains`, `engine.rigid.ties`)."""
 
 from __future__ import annotations

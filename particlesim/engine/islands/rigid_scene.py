@@ -1,4 +1,4 @@
-"""What acts on rigid bodies, as kernels take it: forces, colliders, joints, contact between groups, books."""
+"""What acts on rigid bodies, as kernels take it: forces, colliders, joints, contact between groups, totals of work."""
 
 from __future__ import annotations
 

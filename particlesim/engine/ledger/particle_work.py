@@ -1,4 +1,4 @@
-"""How the accounts of `ledger.work` are kept while islands step, one step at a time."""
+"""The work of `ledger.work`, computed and added up while islands step, one step at a time."""
 
 from __future__ import annotations
 

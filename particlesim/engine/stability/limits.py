@@ -1,7 +1,7 @@
-"""The largest stable step of a world at its present state: of every island, by force and with all forces together.
+"""The largest stable step of a world in its present state, for every island: of each force, and of all forces together.
 
-What decides are the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
-(`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
+It follows from the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
+(`integrators.regions`). Forces change as particles move: the limit holds near the state at which it was computed.
 """
 
 from __future__ import annotations

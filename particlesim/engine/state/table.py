@@ -1,6 +1,7 @@
-"""The table of columns: what a group keeps of every particle.
+"""The table of columns: the quantities that a group has for every particle.
 
-State, blocks, what steps keep and put back, snapshots, checkpoints, births, deaths, growth and joining follow from it.
+State, blocks, copies from which steps are repeated, snapshots, checkpoints, births, deaths, growth and joining follow from
+it.
 """
 
 from __future__ import annotations

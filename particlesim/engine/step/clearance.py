@@ -1,8 +1,8 @@
-"""How far particles surely are from colliders whose gaps take a search, so that the next steps need not look.
+"""Lower bounds on the distances of particles from colliders whose gaps take a search, so that most steps need none.
 
-A gap changes no faster than the place. So a particle that is farther from all colliders than it moves in a step meets none
-of them, and after the step is farther away than the difference. That holds for whole runs of steps, from one look; it says
-only which steps are free, and a free step is the same however that is known.
+A gap changes by no more than the displacement. So a particle whose distance from all colliders is larger than its
+displacement in a step meets none of them, and after the step the difference is a bound again. One search thus covers many
+steps. It decides only which steps are free of contact, and a free step has the same bits whichever way that was found out.
 """
 
 from __future__ import annotations

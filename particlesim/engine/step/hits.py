@@ -1,4 +1,4 @@
-"""Impacts that others hear of: the first of a particle in a step."""
+"""Impacts that emitters react to: the first of a particle in a step."""
 
 from __future__ import annotations
 

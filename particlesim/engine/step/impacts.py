@@ -5,11 +5,11 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest`
-takes such particles through their step, in vectors.
+Particles that lie on colliders rest or slide there (`resting`); only impacts need a search. In the loop over a block `rest`
+takes them through their step, in vectors.
 
-Whether a way crosses a collider, such as a ball or a thin sheet, and comes out of it again is seen on the parabola from
-its beginning to its end (`particlesim.colliders.way`).
+Whether a path goes into a collider, such as a ball or a thin sheet, and comes out again is found on the parabola from its
+beginning to its end (`particlesim.colliders.way`).
 """
 
 from __future__ import annotations

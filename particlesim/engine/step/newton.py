@@ -1,4 +1,4 @@
-"""Implicit steps of particles that step alone: Newton's method with exact 3 × 3 Jacobians.
+"""Implicit steps of independent particles: Newton's method with exact 3 × 3 Jacobians.
 
 The unknown is the velocity V at a time t + c h, with X = X₀ + γ h V. A particle for which no solution is found becomes NaN,
 so that its block is restored and the step that failed is found; `unsolved` then gives the residual and the iterations.
