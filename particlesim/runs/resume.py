@@ -1,4 +1,4 @@
-"""Where a run can go on: its trajectory and checkpoint, looked at before anything is computed or changed."""
+"""From where a run can be resumed: its trajectory and checkpoint, examined before anything is computed or changed."""
 
 from __future__ import annotations
 

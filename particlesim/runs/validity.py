@@ -1,4 +1,4 @@
-"""Where laws and numbers stop being valid: watched while a run goes on, and told at its end."""
+"""Where laws and numbers stop being valid: monitored during a run, with warnings at its end."""
 
 from __future__ import annotations
 
