@@ -1,4 +1,4 @@
-"""Open a trajectory to go on writing it behind one of its frames."""
+"""Open a trajectory to write further frames after a given one."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What an HDF5 file is made of, looked at before anything in it is used.
+"""The objects of an HDF5 file, examined before any of them is used.
 
-HDF5 follows three things out of a file without a word: links to other files, datasets stored in other files, and datasets
-put together from those of others. A file from a stranger would read any file of the machine with them, or wait for ever
-on a pipe. Nothing that psim writes has them.
+HDF5 silently follows three kinds of references out of a file: links to other files, datasets stored in other files, and
+datasets composed of those in others. With them a file from a stranger could read any file of the machine, or wait for ever
+on a pipe. psim writes none of them.
 
 Source: HDF5 Reference Manual, H5Lget_info, H5Oget_info, H5Pget_external, H5Pget_layout.
 """
