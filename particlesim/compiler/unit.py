@@ -1,4 +1,4 @@
-"""What is compiled together, and what can go wrong with it."""
+"""A unit of compilation: one kernel with the functions that it calls, and its errors."""
 
 from __future__ import annotations
 
