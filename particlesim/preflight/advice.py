@@ -54,7 +54,7 @@ def _through_bodies(scenario: Scenario) -> list[str]:
         return []
     names = ", ".join(map(repr, (sized[0], *bodies)))
     return [
-        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: nothing says that they touch; "
+        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: no interaction makes them touch; "
         f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
     ]
 
@@ -127,8 +127,8 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
     in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
     return tuple(
-        f"{each.called(k)}: tangential_loss is taken at every contact, and a particle that lies on the "
-        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
+        f"{each.called(k)}: tangential_loss acts at every contact, and a particle that lies on the "
+        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to 0 with dt. It is a model "
         "of impacts, not of friction; friction = 0.4 is"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
@@ -149,8 +149,8 @@ def _explicit(scenario: Scenario) -> list[str]:
         count = int(sum(_number(numbers[name], scenario) for name in each.groups))
         if each.law.is_contact or chosen(each.law, count) not in IN_MATRICES:
             found.append(
-                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
-                "those of an explicit method, or equations will not be solved"
+                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: it needs steps as short as "
+                "those of an explicit method, or iterations do not converge"
             )
     return found
 
@@ -160,7 +160,7 @@ def _unrepeated(scenario: Scenario) -> list[str]:
     if scenario.simulation.box is None:
         return []
     return [
-        f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
+        f"{label} depends on positions, and takes those of unwrapped paths, not of images in the periodic box"
         for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if force.by_place
     ]
@@ -191,9 +191,9 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
             continue
         way = "fewer particles or fewer steps take less"
         if each.law.method == "direct" and each.law.lacks_multipoles() is None:
-            way = 'method = "tree" lets far particles act together'
+            way = 'method = "tree" sums far particles by multipoles'
         elif each.law.reach() is not None:
-            way = 'method = "neighbours" looks at near ones alone'
+            way = 'method = "neighbours" sums near pairs only'
         found.append(
             f"{each.name} sums {pairs:.2g} pairs one by one in every sum of forces, about {_time(step)} a step on one core "
             f"and {_time(step * scenario.grid.steps)} in all; {way}"
@@ -257,7 +257,7 @@ def _loose(scenario: Scenario) -> list[str]:
     """Bodies that nothing holds together."""
     joined = {name for each in ties(scenario) if each.holds for name in each.groups}
     return [
-        f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
+        f"nothing joins the particles of {group.name!r}: a {group.layout.type} only has the springs of its table springs"
         for group in scenario.particles
         if group.layout.is_body and group.name not in joined and group.pinned is not True
     ]

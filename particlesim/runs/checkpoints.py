@@ -92,7 +92,7 @@ class Keeper:
             return True
         self._last_wall = time.monotonic()
         room = f"{size(free)} are free in {self.path.parent}"
-        self.problem = f"no checkpoint was made by itself: it takes {size(needed)}, and {room}"
+        self.problem = f"no automatic checkpoint was made: it takes {size(needed)}, and {room}"
         return False
 
     def save(self, simulation: Simulation, frames: int, facts: dict[str, Any]) -> None:

@@ -150,7 +150,7 @@ def _latest(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], tuple[
         except UsageError as error:
             problems.append(error)
             continue
-        notes = tuple(f"{problem.message}; went on from the one before it" for problem in problems)
+        notes = tuple(f"{problem.message}; continued from the previous checkpoint" for problem in problems)
         return facts, arrays, notes
     if problems:
         raise UsageError(problems[0].message, ANEW) from problems[0]

@@ -92,7 +92,7 @@ class Output(Model):
                 also=[((given[0],), f"{given[0]} is given here")],
             )
         if self.work and not self.ledger:
-            raise invalid("work is booked in the ledger", at=("work",), also=[(("ledger",), "false here")])
+            raise invalid("work is recorded in the ledger", at=("work",), also=[(("ledger",), "false here")])
         if self.fields is not None and len(set(self.fields)) < len(self.fields):
             raise invalid("a field is named twice", at=("fields",))
         return self

@@ -59,7 +59,7 @@ class Ties:
             if led:
                 raise UsageError(
                     f"a motion leads particle {led[0]} of {name!r}, which springs or rods join to bodies: the work of "
-                    "such a motion is not booked",
+                    "such a motion is not recorded",
                     "leave out work under [output], or lead another particle of the group",
                 )
 

@@ -45,7 +45,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             elif owner[name] == owner[emitter.name]:
                 yield Invalid(
                     f"{emitter.name!r} and {name!r} act on each other in every step, or are the same, so that births would "
-                    "change the impacts that they are of",
+                    "change the impacts that cause them",
                     (*here, "of", j),
                     also,
                 )
@@ -54,7 +54,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
         yield from _places(scenario, here, event.of, event.at)
         if _circle(hears, owner[emitter.name]):
             yield Invalid(
-                f"births of {emitter.name!r} would follow from impacts that follow from its own births",
+                f"births of {emitter.name!r} would follow from impacts that its own births cause",
                 (*here, "of"),
             )
 
@@ -77,7 +77,7 @@ def _places(
         path, each = named[name]
         if each.soft:
             yield Invalid(
-                "what goes into a surface that yields has no moment of impact",
+                "contact with a surface that yields has no moment of impact",
                 (*here, "at", j),
                 ((path, "this one"),),
             )
