@@ -143,7 +143,7 @@ def part_of(rows: Any, first: Any) -> Any:
 
 @outlined
 def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted: Any) -> Any:
-    """The pairs of places [first, last) of a chunk; what others get goes to row `spare` of `pull`."""
+    """The pairs of places [first, last) of a chunk; the forces on particles of other chunks go to row `spare` of `pull`."""
     lists, near, rows = each.lists, each.near, each.rows
     memory = lists.memory
     given, found, at = room_for(each, near.x.dtype)

@@ -42,7 +42,7 @@ class Marks(NamedTuple):
 
 
 ENDLESS = 1e30
-"""The radius of a wall [m], beside which that of a grain is nothing, also in single precision."""
+"""The radius of a wall [m], compared with which that of a grain is negligible, also in single precision."""
 
 
 class Wall(NamedTuple):
@@ -74,7 +74,7 @@ def local(wall: Any, p: Any) -> Any:
 
 
 def holds_on(wall: Any, memory: Any, r: Any, row: Any, turn: Any) -> Any:
-    """The gap up to which a particle touches a wall [m]: none, but for what sticks to it."""
+    """The gap up to which a particle touches a wall [m]: 0, except with adhesion."""
     none = r - r
     if isinstance(wall.law, JkrRecord):
         return stretch(wall.law, r) if memory.state[row] >> 1 == turn else none

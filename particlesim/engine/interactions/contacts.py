@@ -272,7 +272,7 @@ class Contacts(NearLists, ContactColumns):
 
 
 def holding(each: Contacts) -> NDArray[np.int64]:
-    """What touches, as numbers: for a pair of rows i < j of n, i n + j; for row j at wall k, (n + k) n + j."""
+    """Contacts as numbers: a pair of rows i < j of n is i n + j, row j at wall k is (n + k) n + j."""
     lists, rows = each.lists, len(each.lists.place)
     i, j, _ = contacts_in(lists)
     found = [np.minimum(i, j) * rows + np.maximum(i, j)]
@@ -298,7 +298,7 @@ def look_at(each: Any, c: Any, share: Any, t: Any) -> Any:
 
 
 def take_chunks(each: Any, c: Any, share: Any, t: Any, what: Any) -> None:
-    """All chunks, by threads in turn."""
+    """All chunks; threads take them one after another."""
     for chunk in range(share.number, each.draft.slow.size, share.threads):
         take_chunk(each, c, chunk, t, what)
 
@@ -408,7 +408,7 @@ def with_masses(site: Site, found: NearPairs) -> NearPairs:
 
 
 def hold_stuck(each: Any, c: Any, share: Any) -> None:
-    """What has stuck to a collider is as heavy as what is pinned."""
+    """Particles that have stuck to a collider count as infinitely heavy, as pinned ones do."""
     if c.clock is not None:
         for i in range(share.first, share.last):
             if held(c.clock, i) & (each.a[i] > 0):

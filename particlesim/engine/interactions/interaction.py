@@ -184,12 +184,12 @@ class Interaction:
         return self
 
     def summary(self) -> str | None:
-        """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
+        """How its forces are summed, and their measured errors, in words; None: nothing to say."""
         return None
 
     def laid_again(self, site: Site, place: Ints) -> Self | None:
-        """The same among other rows, after births and deaths: what was in row k is in row `place[k]` of `site`, and gone if
-        that is −1. Only called between steps. None for a kind that keeps nothing of what was: it is laid out anew."""
+        """The same for other rows, after births and deaths: row k has become row `place[k]` of `site`, and is gone if that
+        is −1. Only called between steps. None for a kind without a history: it is laid out anew."""
         return None
 
     def after(self, before: Interaction, place: Ints) -> Self:
@@ -207,7 +207,7 @@ class Interaction:
         return None
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
-        """Take over what has changed in the same `among` particles in another order."""
+        """Copy the changes of the same `among` particles in another order."""
 
     def energy(self, c: Any) -> float | None:
         """Potential energy [J] of all particles in c, be they born yet or dead; None for a kind without a potential."""
@@ -274,7 +274,7 @@ def lone(count: int) -> Lone:
 
 class Site:
     """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
-    those of the start, where mistakes of the scenario are told."""
+    those of the start, where errors in the scenario are reported."""
 
     def __init__(
         self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True

@@ -76,7 +76,7 @@ class NearColumns(NamedTuple):
 
 
 class NearLists(Interaction):
-    """What all kinds have in common that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
+    """Base of all kinds that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
 
     __slots__ = ()
     prepares: ClassVar[bool] = True

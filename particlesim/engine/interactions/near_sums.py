@@ -157,7 +157,7 @@ def pull_on(each: Any, g: Any, t: Any) -> None:
 
 
 def pull_all(each: Any, t: Any) -> None:
-    """Sum up the forces on the members of all groups, which the threads of an island take by turns."""
+    """Sum up the forces on the members of all groups; the threads of an island take groups one after another."""
     groups = each.near.begin.size
     while True:
         first = atomic_add(each.near.report, TURN, AT_ONCE)

@@ -25,7 +25,7 @@ EDGE = 8
 SIDE, ROW = 2 * EDGE - 1, 2 * EDGE
 """Nodes of a copy along the first two axes, and numbers of a row: one more, so that vectors stay inside."""
 TURNS = 9
-"""Counters of work that threads take in turn: eight for the parities, one for reading."""
+"""Counters for threads that take work one after another: eight for the parities, one for reading."""
 LINE = 8
 """Numbers of a cache line: each counter has one of its own."""
 

@@ -91,7 +91,7 @@ would not hold for long."""
 BY_LAW = 0.1
 """How exact the polynomials of the far part are, over the accuracy."""
 WITHOUT_END = np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
-"""Numbers that nothing holds are infinite, and whoever looks at energies and errors says so."""
+"""Numbers that overflow are infinite; checks of energies and errors report that."""
 ALPHA, CUTOFF, NODES, ERROR, TOTAL = 0, 1, 2, 5, 6
 """Places in `plan`: those of a `Plan`, the error that was measured, 0 before it is, and Σ w over Σ |w|."""
 

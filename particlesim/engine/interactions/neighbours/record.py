@@ -34,8 +34,8 @@ IMAGES = 27
 NO_ROOM = -1
 """The count of a list that has no room."""
 FAR = 1e30
-"""Where members stand that do not act [m]: the dead, those not yet born, the filling of the last group. Whoever is as far
-away, or where no number tells, is nobody's neighbour."""
+"""The position of members that do not act [m]: the dead, those not yet born, the padding of the last group. A member as far
+away as that, or whose position is not finite, is no neighbour of any other."""
 
 STALE, OVERFLOW, BUILDS, LIVED, DUE = range(5)
 """In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, for how many

@@ -245,7 +245,7 @@ def _list_of(near: Any, g: Any, own: Any) -> None:
 
 @outlined
 def find_candidates(near: Any, share: Any) -> None:
-    """Lists of all groups; threads take them by turns. `report[NEXT]` and `report[POOL]` must be 0."""
+    """Lists of all groups; threads take groups one after another. `report[NEXT]` and `report[POOL]` must be 0."""
     groups, own = near.begin.size, on_stack(1, 4, np.int64)[0]
     own[LAST], own[END] = 0, 0
     while True:

@@ -47,9 +47,9 @@ LONGEST = 0.5
 
 @shared
 def measure(s: Any, found: Any, x: Any, before: Any, report: Any, tune: Any) -> None:
-    """How far particles have come in the step, by how much that differs from what was measured last, and how far they have
-    left their course, beside what all have in common: half the diagonal of a box around all displacements, which no two
-    differ by twice of. Candidates are stale where the last is too much."""
+    """The displacements of particles in the step, their change since the step before, and their deviations from the course,
+    each without what all have in common: half the diagonal of a box around all values, twice of which bounds the difference
+    of any two. Candidates are stale where the deviations are too large."""
     age = float(report[AGE])
     way, turn, off = 0.0, 0.0, 0.0
     for k in range(3):

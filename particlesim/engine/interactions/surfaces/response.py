@@ -43,8 +43,8 @@ CORE = 0.2
 TURNS, MORE_TURNS = 12, 20
 """Turns through all contacts of a step at most: for displacements, and for velocities."""
 SETTLED, CALMED = 1e-3, 1e-2
-"""Turns end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces have
-brought about in the step: what is left goes on in the next."""
+"""Iterations end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces
+have brought about in the step: the rest is corrected in the next."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
 STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)

@@ -286,8 +286,8 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
 
 
 def reach_of(x: Floats, triangles: Ints, edges: Ints, thin: float) -> float:
-    """The length by which skins are measured: the shortest way from a corner of a typical triangle to its opposite side, the
-    length of a typical edge, or the thickness of what has neither."""
+    """The length by which skins are measured: the smallest height of a typical triangle, the length of a typical edge, or
+    the thickness of single particles."""
     if triangles.size:
         a, b, c = (x[:, rows] for rows in triangles)
         twice = np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)

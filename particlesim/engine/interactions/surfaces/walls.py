@@ -86,7 +86,7 @@ def velocity_of(collider: Any, p: Any) -> Any:
 
 
 def put_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any) -> None:
-    """What has been moved into colliders, or lies on them up to a gap of `slack` [m], comes to their surfaces."""
+    """Particles that were moved into colliders, or lie on them up to a gap of `slack` [m], are put on their surfaces."""
     for part in parts:
         for collider in colliders_of(part):
             _put_on_wall(each, collider, c, t, part.first, part.last, slack)
@@ -103,7 +103,8 @@ def _put_on_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any
 
 
 def lie_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any, calm: Any) -> None:
-    """What lies on colliders neither approaches them nor leaves them slower than `calm` [m/s]: rest takes no search."""
+    """Particles on colliders lose a normal velocity that approaches them, or leaves them slower than `calm` [m/s]: rest
+    needs no search for impacts."""
     for part in parts:
         for collider in colliders_of(part):
             _lie_on_wall(each, collider, c, t, part.first, part.last, slack, calm)
