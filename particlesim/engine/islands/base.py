@@ -98,8 +98,8 @@ class BaseIsland:
         return min(first + 1, last) if waits else last
 
     def begin(self, team: Team) -> None:
-        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
-        was asked for."""
+        """Let interactions measure what they need before the first step. Raises UsageError where a requested accuracy cannot
+        be reached."""
 
     def refuse_wild(self, time: float) -> None:
         """Raise UsageError, which names both, for two particles that have no force or energy where they are."""
@@ -187,7 +187,7 @@ class BaseIsland:
         return measure(records, self.columns()[member], time, team)
 
     def stored(self) -> dict[str, float]:
-        """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
+        """Potential energies [J] between its members other than those of interactions, by names in the ledger."""
         return {}
 
     def broke(self) -> dict[str, NDArray[np.float64]]:
@@ -203,8 +203,8 @@ class BaseIsland:
         raise NotImplementedError
 
     def keep(self, first: int, *, fresh: bool = True) -> None:
-        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it. Where it
-        is `fresh`, a run may be resumed."""
+        """Keep the state at the beginning of an interval, to search for the first sign of a divergence in it. Where it is
+        `fresh`, a run may be resumed."""
         raise NotImplementedError
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:

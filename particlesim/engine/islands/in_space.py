@@ -33,7 +33,8 @@ class InSpace(NamedTuple):
 
     @classmethod
     def of(cls, layout: Layout, columns: Columns, steps: int) -> Self | None:
-        """What is worth it for some steps of an island: None where the order is good, or nobody knows a better one."""
+        """Another order, if it is worth it for so many steps of an island: None where the order is good, or no better one is
+        known."""
         if layout.count < WORTH_PARTICLES or steps < WORTH_STEPS or not layout.movable:
             return None
         rows = rows_in_space(layout)

@@ -128,7 +128,7 @@ class Meetings:
         return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
-        """Let books know of what springs and rods do to particles before these make their own step."""
+        """Note for the account of work what springs and rods do to particles before these make their own step."""
         island = self._islands[state.name]
         if island.books is not None:
             before = takewhile(lambda each: each is not state, island.states)

@@ -44,8 +44,8 @@ one has gone as far."""
 
 
 class Separation(NamedTuple):
-    """What was put apart: the interaction, how many pairs, how deep the deepest was, how far the furthest went, and how deep
-    the deepest is still [m]; whether that is more than it should be, for want of room."""
+    """The result of moving pairs apart: the interaction, the number of pairs, the largest overlap, the largest displacement,
+    the largest remaining overlap [m], and whether that is too large, for want of room."""
 
     label: str
     number: int
@@ -112,7 +112,7 @@ def _furthest(x: Floats, from_: Floats) -> float:
 
 
 def _holds(x: Floats, looked: Floats, r: Floats) -> bool:
-    """Whether nobody has gone so far since pairs were looked for that they may lack some."""
+    """Whether no sphere has moved so far since the search for pairs that some may be missing."""
     return bool((((x - looked) ** 2).sum(axis=1) < (AHEAD * r) ** 2)[r > 0].all())
 
 
@@ -125,7 +125,7 @@ def _lightness(state: GroupState) -> Floats:
 
 
 def _put_out(structure: Island, state: GroupState, x: Floats, r: Floats, free: Floats) -> None:
-    """What has got into colliders goes back to their surface; not what is held."""
+    """Put particles that are inside colliders back on their surface, except held ones."""
     member = [group.name for group in structure.groups].index(state.name)
     for collider in structure.colliders[member]:
         if collider.contact == "bounce":
@@ -181,7 +181,7 @@ def _measure(
 ) -> None:
     """Which of the pairs of spheres at x [n, 3] overlap (`those`); for each of these the direction from the second to the
     first and how far they are to go [m] (`ways`); `crowd`: for each sphere, the sum of the reduced masses of these pairs, as
-    a part of its mass: what is light beside it hardly counts; `found`: how many overlap, and by too much. `lengths`: of a
+    a part of its mass: a much lighter neighbour hardly counts; `found`: how many overlap, and by too much. `lengths`: of a
     periodic box, 0 along others."""
     end, deep = 0, 0
     for k in range(rows.size):
