@@ -54,7 +54,7 @@ DEPENDENT = 1e-11
 
 
 class Joints(NamedTuple):
-    """All joints, those that hang together one after the other.
+    """All joints, connected ones contiguous.
 
     For each: kind, both bodies (the second may be WORLD), its ends in the frames of its bodies (in the world for WORLD)
     [3, joints], the axis of a hinge in the frame of the first and two across it in that of the second [3, joints], the

@@ -258,8 +258,8 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
 
 
 def nearly_face(ri: Any, rj: Any, which: Any, first: Any, second: Any) -> bool:
-    """Whether what is across two edges is nearly across the best face too. That face is what touches then: one point would
-    let boxes that lie on each other rock, and sink."""
+    """Whether the normal of two edges is nearly that of the best face. Then the face is in contact: one point would let
+    boxes that lie on each other rock, and sink."""
     n, face = cross_of(column(ri, first), column(rj, second)), column(ri, which)
     if which >= 3:
         face = column(rj, which - 3)

@@ -22,7 +22,7 @@ LIMIT, MOTOR, ROLL = 1, 2, 3
 NUMBERED = 1 << 52
 """First number for their features."""
 WATCHED = 0.02
-"""Angle from a limit within which it is looked at, beside what a step may bring [rad]."""
+"""Angle from a limit within which it counts, in addition to the change in a step [rad]."""
 
 
 class Stops(NamedTuple):

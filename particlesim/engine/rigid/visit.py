@@ -111,7 +111,7 @@ def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
 
 
 def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
-    """What has become of visitors in a step of length h."""
+    """The visitors after a step of length h."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
     v = end - visitors.gain

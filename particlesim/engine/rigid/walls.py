@@ -42,7 +42,7 @@ FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 SECTIONS = 24
 """Golden sections of an edge."""
 TURNS = 40
-"""Projections in turn onto a box and a collider."""
+"""Alternating projections onto a box and a collider."""
 DRAWN_IN = 0.25
 """How far a collider is drawn in for them, in units of the smallest half edge of the box."""
 
