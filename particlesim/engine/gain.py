@@ -62,7 +62,7 @@ class Account:
         self._first, self._last = -1, -1
 
     def forget(self) -> None:
-        """Take what comes next as a new beginning."""
+        """Start anew from the next energies."""
         self._first = -1
 
     @property

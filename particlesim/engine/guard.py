@@ -27,7 +27,7 @@ MOST_GAIN = 0.1
 MUCH_FASTER = 1000.0
 """Times that speeds beyond that of light must have grown since the last frame."""
 SELDOM = 256
-"""Steps between two looks at energies that nobody else asks for: what they cost is lost in that of so many steps."""
+"""Steps between two checks of energies without a ledger: their cost is small compared with that of so many steps."""
 LIGHT = 299_792_458.0
 """Speed of light [m/s]."""
 
@@ -92,7 +92,7 @@ class Guard:
             account.forget()
 
     def wants(self, world: World) -> list[int]:
-        """Islands whose energies are to be looked at now, though nobody else asks for them."""
+        """Islands whose energies are due for a check now, where there is no ledger."""
         if world.step < world.grid.steps and world.step - self._looked < SELDOM:
             return []
         return [number for number, judged in enumerate(self._judged) if judged]

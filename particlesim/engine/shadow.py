@@ -50,7 +50,7 @@ def swing(island: BaseIsland, structure: Island, time: float, h: float) -> float
 
 
 def _of_places(state: GroupState, f: Floats, h: float) -> float:
-    """The kinetic energy with the velocities that are told beyond that with those of velocity Verlet [J]."""
+    """The kinetic energy with the velocities of the state less that with those of velocity Verlet [J]."""
     n = state.count
     *between, known = (column[:n].astype(float) for column in state.memory)
     m, v = state.mass[:n].astype(float), state.v[:, :n].astype(float)

@@ -51,7 +51,7 @@ class Constraint:
         raise NotImplementedError
 
     def lay_again(self, site: Site, place: Ints) -> None:
-        """Go on among other rows, after births and deaths: what was in row k is in row `place[k]` of `site` now."""
+        """Use other rows, after births and deaths: row k has become row `place[k]` of `site`."""
         raise NotImplementedError
 
     def topology(self, ids: Ints) -> list[Topology]:

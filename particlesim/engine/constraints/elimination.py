@@ -34,7 +34,7 @@ def new_rig(first: Ints, second: Ints, length: Floats, inverse: Floats) -> tuple
     """Rods with ends in rows `first` and `second` of an island and lengths [m]; `inverse` is 1/m of all its particles, 0 for
     those that are held. Also which of the rods each one of the rig is.
 
-    Raises UsageError for rods that hang together in too many ways.
+    Raises UsageError for rods that are connected in too many ways.
     """
     coupled = _links(first, second, inverse)
     pattern = _pattern(len(first), coupled, _components(first, second, inverse))

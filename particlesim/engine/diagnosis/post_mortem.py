@@ -46,7 +46,7 @@ WHY = {
         "allow more error (tolerance), use a method of higher order, or a smaller dt",
     ),
 }
-"""What is told of a particle whose own steps could not go on, and what to do about it."""
+"""The message about a particle that could not go on with its own steps, and its hint."""
 
 UNCLOSED = "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step"
 """What to do about joints of bodies."""

@@ -36,7 +36,7 @@ from particlesim.laws.registry import (
 GENERAL, COUPLED_AXES = 0, 1
 """Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
 LANES = 64
-"""Sums that run beside each other, so that they are vectors; chunks of particles are multiples of it, but for the last."""
+"""Partial sums that run in parallel, as vectors; chunks of particles are multiples of it, except for the last."""
 FLAGS = 8
 """Flags per thread: those of two threads are on different cache lines."""
 

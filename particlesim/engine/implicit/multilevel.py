@@ -273,7 +273,7 @@ def gather(g: Any, free: Any, r: Any, level: Any, lo: Any, hi: Any) -> None:
 
 @outlined
 def spread(g: Any, lo: Any, hi: Any) -> None:
-    """Results of nodes [lo, hi): their own, and what comes from the lattice above."""
+    """Results of nodes [lo, hi): their own, and the contribution of the lattice above."""
     for node in range(lo, hi):
         rx, ry, rz = g.residual[0, node], g.residual[1, node], g.residual[2, node]
         x = g.inverse[0, node] * rx + g.inverse[3, node] * ry + g.inverse[4, node] * rz

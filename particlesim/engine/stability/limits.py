@@ -68,7 +68,7 @@ class IslandStability:
     """How much shorter a step is surely stable however its bodies crumple, as a factor."""
 
     def warning(self, dt: float) -> str | None:
-        """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
+        """The warning for a run with steps of dt [s]; None where they are stable."""
         name = " and ".join(repr(group) for group in self.groups)
         if not self.growth > math.log10(TOLERATED):
             if self.folds <= 1 or not dt * self.folds > self.step > 0:

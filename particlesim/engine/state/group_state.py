@@ -267,7 +267,7 @@ class GroupState:
         return deaths
 
     def take_impacts(self) -> NDArray[np.float64]:
-        """The impacts that somebody hears of since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
+        """The impacts to which emitters react, since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
         radius and id of what hit, in the order of time."""
         if HEARD not in self.parts:
             return np.empty((len(HIT) + 2, 0))

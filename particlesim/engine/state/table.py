@@ -55,7 +55,7 @@ WATCHED = "watched"
 """Part of groups that may pass a collider unseen."""
 
 HEARD = "heard"
-"""Part of groups whose impacts somebody hears of."""
+"""Part of groups to whose impacts an emitter reacts."""
 
 HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
 """What is known of an impact: when [s], the number of the collider, the speed along its normal relative to it [m/s], the

@@ -22,7 +22,7 @@ class Hit(NamedTuple):
 
 
 def silence(colliders: Any, p: Any) -> Any:
-    """No impact; None where nobody would hear of one."""
+    """No impact; None where no emitter would react to one."""
     if all(c.response.heard is None for c in colliders):
         return None
     zero = p.x - p.x

@@ -44,7 +44,7 @@ class Start(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The particle at the solved time, whether it solves the equations, what is left of the residual, and iterations."""
+    """The particle at the solved time, whether it solves the equations, the relative residual, and iterations."""
 
     particle: Any
     solved: bool
@@ -232,7 +232,7 @@ def solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
 
 @kernel
 def unsolved(program: Any, c: Any, i: Any, t: Any, end: Any, dt: Any) -> Any:
-    """What is left of the residual, and iterations, where particle i has no solution in the step; (0, 0) where it has."""
+    """The relative residual, and iterations, where particle i has no solution in the step; (0, 0) where it has."""
     begin, h = span(c.clock, i, t, end, type_of(c.x[i], dt))
     p = fetch(c, i, begin)
     found = solved(program.method, program.dynamics, program.forces, p, h, recall(c.memory, i))

@@ -37,8 +37,8 @@ from particlesim.engine.state.columns import chosen, type_of
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
-"""How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
-take a search are not exact."""
+"""How far into a surface the velocity of a particle that moves along it may lead, in units of how deep the free step is:
+normals that take a search are not exact."""
 
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
@@ -260,7 +260,8 @@ def dot(a: Any, b: Any) -> Any:
 
 
 def _along_way(free: Any, old: Any, belt: Any, way: Any, slides: Any, taken: Any, h: Any, gone: Any) -> Any:
-    """A coordinate of what slides to the end, `taken` less than without friction, or stops after it has `gone` so far."""
+    """A coordinate of a particle that slides to the end, `taken` less than without friction, or stops after it has `gone` so
+    far."""
     if way is None:
         return free if slides else old
     stop = old + gone * way if belt is None else old + h * belt + gone * way
