@@ -86,7 +86,7 @@ class Keeper:
         return cost <= SHARE * waited
 
     def _has_room(self, simulation: Simulation) -> bool:
-        """Whether a checkpoint that nobody asked for leaves the trajectory as much room on the disk as it takes itself."""
+        """Whether an automatic checkpoint leaves the trajectory as much room on the disk as it takes itself."""
         needed, free = weight(simulation), shutil.disk_usage(self.path.parent).free
         if free >= 2 * needed:
             return True
