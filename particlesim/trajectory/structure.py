@@ -18,7 +18,7 @@ from h5py import h5d, h5l, h5o
 from particlesim.trajectory.hdf5 import open_alone
 
 MOST_TEXT = 1 << 20
-"""Texts in a dataset; what has more is no trajectory, and is not read."""
+"""Strings in a dataset; a file with more is no trajectory, and is not read."""
 _EXTERNAL_FILES = 1 << 7
 """In the set of messages of an object's header: its data are in other files."""
 
@@ -28,8 +28,8 @@ class ElsewhereError(Exception):
 
 
 def survey(path: Path) -> None:
-    """Visit all links, objects, attributes and text of a file, and every index of chunks: whoever reads it afterwards meets
-    nothing that this has not met. What cannot be made sense of is left to them.
+    """Visit all links, objects, attributes and strings of a file, and every index of chunks: later readers meet nothing that
+    this has not visited. Contents that are meaningless are left to them.
 
     Raises ElsewhereError for data in other files, before any of those is opened, and what HDF5 raises where links or objects
     cannot be read. In a file that was damaged, or made for that, it may crash, or not end.

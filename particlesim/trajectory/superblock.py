@@ -54,10 +54,10 @@ def read_superblock(path: Path) -> Superblock | None:
 
 
 def clear_mark(path: Path) -> None:
-    """Take the writer's mark off a file that no process writes, and set its length to the real one.
+    """Remove the writer's mark from a file that no process writes, and set its length to the real one.
 
-    The length matters: a killed writer may have left a smaller one, and whoever opens the file for writing
-    next would put new data over the last frames.
+    The length matters: a killed writer may have left a smaller one, and the next process that opens the file for writing
+    would overwrite the last frames.
     """
     with path.open("r+b") as file:
         head = unmarked(file)
