@@ -94,7 +94,7 @@ def transpose(
 
 
 def atomic_add(array: NDArray[np.int64], index: int, value: int) -> int:
-    """Add to an element of an int64 array as one indivisible act; returns what was there."""
+    """Add to an element of an int64 array atomically; returns its earlier value."""
     before = int(array[index])
     array[index] += value
     return before

@@ -371,8 +371,8 @@ def _shared(text: str) -> tuple[Any, bytes]:
 def kernel(function: Callable[..., Any]) -> Any:
     """Decorator: compile a function for the hot path. It releases the GIL and is kept on disk.
 
-    It takes numbers, arrays, None, functions and (named) tuples of them, and returns numbers. It cannot make arrays:
-    whoever calls it brings room.
+    It takes numbers, arrays, None, functions and (named) tuples of them, and returns numbers. It cannot allocate arrays: the
+    caller passes scratch.
     """
     return Kernel(function)
 

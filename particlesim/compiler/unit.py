@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Again(Exception):
-    """What was found while walking changes what was written before: the walk begins anew, with it in `Unit.learned`."""
+    """Something found while walking changes instructions written before: the walk begins anew, with it in `Unit.learned`."""
 
 
 class CompileError(Exception):
