@@ -166,7 +166,7 @@ class Mp4Writer(Writer):
         return (_moved(self.part, self.out),)
 
     def _failure(self) -> InputOutputError:
-        """Why ffmpeg could not write: what the system says to somebody else who goes on writing this file."""
+        """Why ffmpeg could not write: the system's error when this process tries to write to the same file."""
         try:
             with self.part.open("ab", buffering=0) as file:
                 file.write(bytes(_PROBE))
