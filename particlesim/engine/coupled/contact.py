@@ -43,8 +43,8 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
 
 
 def core_of(p: Any) -> Any:
-    """The hard core of a soft particle: half of its radius. One that is too fast for its law, or pressed too hard, gets that far
-    into a collider and no further."""
+    """The hard core of a soft particle: half of its radius. One that is too fast for its law, or pressed too hard, gets that
+    far into a collider and no further."""
     return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
 
 

@@ -49,7 +49,7 @@ def sets_aside(contacts: Any, memory: Any) -> bool:
 
 
 def without_crossable(program: Any) -> Program:
-    """The program without the colliders that a path may cross, for a particle that is far from them: its step has the same bits."""
+    """The program without colliders that paths may cross, for a particle far from them: its step has the same bits."""
     contacts = program.contacts
     left = Careful(
         tuple(c for c in contacts.continuous if not crossable(c)),
