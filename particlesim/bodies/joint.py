@@ -119,12 +119,12 @@ class BallJoint(Joint):
 
 
 class Motor(Model):
-    """What turns a hinge."""
+    """A motor that turns a hinge."""
 
     speed: RadiansPerSecond
     """Speed that it is to reach: of the first body against the second about the axis, right-handed."""
     torque: Annotated[NewtonMetres, Gt(0)]
-    """Greatest torque with which it turns, and with which it brakes what turns faster."""
+    """Largest torque with which it drives the hinge, or brakes it when it turns faster."""
 
 
 class HingeJoint(Joint):

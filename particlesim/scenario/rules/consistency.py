@@ -198,7 +198,7 @@ def kicks(scenario: Tables) -> Iterator[Invalid]:
 
 
 def booked(scenario: Tables) -> Iterator[Invalid]:
-    """Work is booked for particles with inertia."""
+    """Work is recorded for particles with inertia."""
     if not scenario.output.work:
         return
     for path, group in group_tables(scenario):

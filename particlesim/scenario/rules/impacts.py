@@ -1,4 +1,5 @@
-"""Emitters that hear of impacts: there must be some to hear of, and nobody may hear of himself."""
+"""Emitters that react to impacts: there must be impacts, and no emitter may react, directly or not, to those of its own
+births."""
 
 from __future__ import annotations
 
@@ -104,7 +105,7 @@ def _together(scenario: Tables) -> list[set[str]]:
 
 
 def _circle(hears: dict[int, set[int]], start: int) -> bool:
-    """Whether who hears of somebody is heard of by him, by whatever way."""
+    """Whether an emitter reacts to impacts of its own births, directly or through other emitters."""
     seen, ahead = set[int](), list(hears.get(start, ()))
     while ahead:
         one = ahead.pop()

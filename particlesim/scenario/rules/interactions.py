@@ -141,7 +141,7 @@ def put_apart(scenario: Tables) -> Iterator[Invalid]:
 
 
 def kicked(scenario: Tables) -> Iterator[Invalid]:
-    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not booked."""
+    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not recorded."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, each in enumerate(scenario.interactions):
         if not each.random():
