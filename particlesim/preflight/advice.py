@@ -1,4 +1,4 @@
-"""Choices in a scenario that are legal and seldom meant: told by `psim check` and at the end of a run."""
+"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the end of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from particlesim.scenario.scenario import Scenario
 PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
-"""Seconds on one core beyond which all pairs of a run are told to be many."""
+"""Seconds on one core beyond which psim warns of direct sums over all pairs of a run."""
 ONCE = ("gravity", "coulomb", "contact")
 """Interactions that act between two particles once, if at all."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
@@ -125,7 +125,7 @@ def _friction(scenario: Scenario) -> list[str]:
 
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
-    in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
+    in every step, and loses its part of the sliding velocity every time. For warnings before a run, and by `psim verify`."""
     return tuple(
         f"{each.called(k)}: tangential_loss acts at every contact, and a particle that lies on the "
         f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to 0 with dt. It is a model "
@@ -184,7 +184,7 @@ def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
 
 
 def long_sums(scenario: Scenario) -> tuple[str, ...]:
-    """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
+    """Warnings of interactions summed directly over so many pairs that the run takes hours."""
     found = []
     for each, pairs, step in _direct_sums(scenario):
         if step * scenario.grid.steps < PATIENCE:
