@@ -21,7 +21,7 @@ from particlesim.model.vectors import Vector3, norm
 
 
 class Joint(Model):
-    """What holds two bodies together at a place."""
+    """A joint of two bodies at one point."""
 
     type: str
     name: Name = "joints"

@@ -24,7 +24,7 @@ from particlesim.scenario.timegrid import TimeGrid, time_grid
 
 
 class Scenario(Tables):
-    """A particle simulation: what there is, what acts on it, how it is stepped and what is kept."""
+    """A particle simulation: particles and bodies, forces, method, and output."""
 
     _overrides: tuple[str, ...] = PrivateAttr(default=())
     _source: Source | None = PrivateAttr(default=None)
