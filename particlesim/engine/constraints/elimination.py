@@ -178,7 +178,7 @@ def _pattern(rods: int, coupled: tuple[Ints, Ints, Ints, Floats], component: Int
         updates += degree * degree // 2
         if updates > MOST_UPDATES:
             raise UsageError(
-                f"{rods:,} rods hang together in too many ways: holding them takes more than {MOST_UPDATES:,} operations a "
+                f"{rods:,} rods are connected in too many ways: holding them takes more than {MOST_UPDATES:,} operations a "
                 "step",
                 "use springs for most of them",
             )
