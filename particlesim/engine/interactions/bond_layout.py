@@ -49,7 +49,7 @@ class Slots(NamedTuple):
     table: Ints
 
     def spread(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:
-        """What belongs to every spring, in slots, and some value in holes."""
+        """The values of a property of springs in the slots of runs, with some value in holes."""
         return self.in_order(values[self.order], hole)
 
     def in_order(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:

@@ -81,7 +81,7 @@ class Gathered(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is worked out, as in `Gathered`: the force and a number, the twist, the moment, and what is remembered."""
+    """The results, as in `Gathered`: the force and a number, the twist, the moment, and the new memory."""
 
     force: Any
     twist: Any
@@ -91,7 +91,7 @@ class Found(NamedTuple):
 
 
 def seen_in(rows: Any, seen: Block) -> Block:
-    """What the law sees of members as a `Block` whose numbers stand in rows; places are not among them."""
+    """The columns of members that the law reads, as a `Block` with numbers in rows; positions are not among them."""
     light, r, v = rows[:, MOTION + 3], rows[:, 3], rows[:, MOTION : MOTION + 3].T
     return seen._replace(vx=v[0], vy=v[1], vz=v[2], m=None, r=r, a=light)
 

@@ -29,7 +29,7 @@ from particlesim.scenario.reach import held_back
 
 
 class Marks(NamedTuple):
-    """What particles remember of a wall, by their rows: `state` [n], twice the round (`contact_lists.ROUND`) in which they
+    """The memory of particles of a wall, by their rows: `state` [n], twice the round (`contact_lists.ROUND`) in which they
     touched it last, and 1 more if they slid; `anchor` and `rolled` [3, n] as in `contact_lists.Memory`."""
 
     state: Any
@@ -37,7 +37,7 @@ class Marks(NamedTuple):
     rolled: Any
 
     def of_rows(self, rows: Any) -> Marks:
-        """What some rows remember."""
+        """The memory of some rows."""
         return Marks(*(None if each is None else np.take(each, rows, axis=-1) for each in self))
 
 

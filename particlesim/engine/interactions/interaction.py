@@ -95,7 +95,7 @@ class Interaction:
     # ---- kernels: forces, and the matrix of implicit methods
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        """Find out what forces need, such as who is near whom, before they are summed at time t.
+        """Find out what forces need, such as neighbours, before they are summed at time t.
 
         All threads of an island call it, with all positions in place; thread `share.number` of `share.threads` owns
         particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has

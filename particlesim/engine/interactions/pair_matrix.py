@@ -182,5 +182,5 @@ def multiply_direct(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any)
 
 
 def new_direct_form(each: Any, dtype: Any) -> Any:
-    """What direct pairs keep for products."""
+    """The data that direct pairs keep for products with their matrix."""
     return np.zeros((ROWS, int(each.spans[:, [1, 3]].max(initial=1))), dtype)

@@ -22,7 +22,7 @@ from particlesim.laws.contact import reduced_radius, touch
 
 
 class Held(NamedTuple):
-    """What a contact remembers: whether and how it touched, and its anchor [m]."""
+    """The memory of a contact: whether and how it touched, and its anchor [m]."""
 
     state: Any
     x: Any
@@ -122,7 +122,7 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
 
 
 def flattened(v: Any, n: Any, known: Any) -> Any:
-    """What a vector has along the surfaces; none of a contact that has just begun."""
+    """The tangential part of a vector; zero for a contact that has just begun."""
     up = dot(v, n)
     return tuple(x - up * axis if known else up - up for x, axis in zip(v, n, strict=True))
 

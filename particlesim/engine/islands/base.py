@@ -84,12 +84,12 @@ class BaseIsland:
 
     @property
     def interactions(self) -> tuple[Any, ...]:
-        """What acts between particles."""
+        """The interactions between its particles."""
         return ()
 
     @property
     def constraint(self) -> Constraint | None:
-        """What holds particles, None where nothing does."""
+        """The constraint on its particles, None without one."""
         return None
 
     def phase(self, first: int, last: int) -> int:
@@ -129,7 +129,7 @@ class BaseIsland:
         ]
 
     def _gather(self) -> None:
-        """Keep the impacts of the steps just made for those who hear of them, the dead among them."""
+        """Keep the impacts of the steps just made for emitters that react to them, also those of particles that died."""
         if any(HEARD in state.parts for state in self.states):
             self.impacts = {state.name: state.take_impacts() for state in self.states}
 
@@ -199,7 +199,7 @@ class BaseIsland:
         }
 
     def topology(self) -> list[Topology]:
-        """What a trajectory keeps of what joins its particles."""
+        """The springs, rods and surfaces of its particles, for a trajectory."""
         raise NotImplementedError
 
     def keep(self, first: int, *, fresh: bool = True) -> None:

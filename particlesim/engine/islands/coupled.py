@@ -117,7 +117,7 @@ class CoupledIsland(BaseIsland):
         return self._joined.cut(self.island_columns())
 
     def topology(self) -> list[Topology]:
-        """What a trajectory keeps of all interactions, in the order of the kernel, and then of what holds particles."""
+        """The topology of all interactions for a trajectory, in the order of the kernel, and then that of constraints."""
         ids = self._joined.whole.id
         found = [each.topology(name, ids) for name, each in zip(self.names, self.interactions, strict=True)]
         held = [] if self.constraint is None else self.constraint.topology(ids)

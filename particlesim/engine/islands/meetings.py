@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 class Surfaces(NamedTuple):
-    """What contact of a group of particles does, by group of bodies [groups]: whether they touch, restitution, static and
-    kinetic friction."""
+    """The contact of a group of particles, by group of bodies [groups]: whether they touch, restitution, static and kinetic
+    friction."""
 
     touch: Floats
     restitution: Floats

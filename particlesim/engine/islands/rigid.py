@@ -117,7 +117,7 @@ class RigidIsland(BaseIsland):
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.left: Left
-        """What became of them."""
+        """The visitors after the step."""
         if self._made:
             self._close()
 

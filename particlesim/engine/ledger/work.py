@@ -61,7 +61,7 @@ class Books:
         self.totals[self.names.index(name)] += joule
 
     def work_of(self, name: str) -> float:
-        """What a cause has given so far [J]; 0 of causes that there are not."""
+        """The work of a cause so far [J]; 0 for unknown causes."""
         return float(self.totals[self.names.index(name)]) if name in self.names else 0.0
 
     def spends(self, member: int) -> bool:

@@ -178,7 +178,7 @@ def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> 
 
 
 def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
-    """What the contacts of a guest do."""
+    """The effect of the contacts of a guest."""
     for number in range(begin, k.number[0]):
         e, static = guests.restitution[kind, group], guests.static[kind, group]
         set_surface(k, number, e, static, guests.kinetic[kind, group])

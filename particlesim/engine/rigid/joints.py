@@ -218,7 +218,7 @@ def factorise(j: Any, b: Any, component: Any) -> None:
 
 
 def add_link(j: Any, b: Any, link: Any) -> None:
-    """What two joints do to each other through a body that they share."""
+    """The coupling of two joints through a body that they share."""
     late, early, body = link[0], link[1], link[4]
     sign, w = (1.0 if link[2] == link[3] else -1.0), b.w[body]
     mine, theirs = 3 + 3 * link[2], 9 + 3 * link[3]

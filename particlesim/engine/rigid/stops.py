@@ -136,7 +136,7 @@ def lay_axis(k: Any, motion: Any, c: Any, d: Any, a: Any) -> None:
 
 @outlined
 def motor_work(k: Any, means: Any) -> float:
-    """What motors have given [J] to bodies that move with the means of their velocities before and after."""
+    """The work of motors [J] on bodies that move with the means of their velocities before and after."""
     total = 0.0
     for c in range(k.number[0]):
         if k.turns[c] == MOTOR:

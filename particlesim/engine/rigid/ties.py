@@ -110,7 +110,8 @@ class Ties:
             self.gained[name][0][:, self.rows[name]] += state.v[:, self.rows[name]]
 
     def unforeseen(self) -> float:
-        """What rods have taken more than they gave [J], as velocities have changed otherwise than was awaited: Δv m δ/2."""
+        """The energy that rods have taken in excess [J], as velocities have changed by δ more than was expected:
+        Δv m δ/2."""
         chosen = self.on_rods()
         came = np.concatenate([self.gained[state.name][0][:, rows] for state, rows in chosen], axis=1)
         mass = np.concatenate([state.mass[rows] for state, rows in chosen])

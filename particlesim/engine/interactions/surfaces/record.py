@@ -96,9 +96,8 @@ class Touches(NamedTuple):
 
 
 class Desk(NamedTuple):
-    """Scratch by particle: inverse masses [n], −1 of who is not there; marks of who takes part (1: has
-    contacts, 4: also with colliders), and zones that move as one
-    with their sums [8, n]."""
+    """Scratch by particle: inverse masses [n], −1 of absent ones; marks of those in contact (1: has contacts, 4: also with
+    colliders), and zones that move as one with their sums [8, n]."""
 
     inverse: Any
     mark: Any

@@ -53,7 +53,7 @@ STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)
 
 @shared
 def weigh(s: Any, m: Any, clock: Any, desk: Any) -> None:
-    """Inverse masses: 0 of what no force moves, −1 of who is not there in the step."""
+    """Inverse masses: 0 of particles that no force moves, −1 of those that are absent in the step."""
     for j in range(s.rows.size):
         i = s.rows[j]
         desk.inverse[i] = 0.0 if held(clock, i) else 1.0 / float(m[i])
@@ -214,7 +214,7 @@ def again(
 def list_missed(
     s: Any, found: Any, touches: Any, desk: Any, report: Any, tune: Any, r: Any, x: Any, before: Any
 ) -> Any:
-    """Write down who would come too close on the way from `before` to x; returns how many pairs do."""
+    """List the pairs that would come too close on the path from `before` to x; returns how many."""
     missed = again(s, found, touches, desk, report, tune, r, x, before, True)
     return missed + again(s, found, touches, desk, report, tune, r, x, before, False)
 

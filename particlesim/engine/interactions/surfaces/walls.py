@@ -35,7 +35,7 @@ def add_walls(each: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
 
 @shared
 def note_walls(s: Any, desk: Any) -> None:
-    """Note who has its contacts with colliders."""
+    """Mark particles whose contacts with colliders are listed."""
     for j in range(s.rows.size):
         i = s.rows[j]
         if (desk.mark[i] & 1) != 0:

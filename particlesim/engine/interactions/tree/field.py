@@ -310,7 +310,7 @@ def _walk_all(
 
 
 class Hand(NamedTuple):
-    """Who works: as much of `coupled.workspace.Share` as is needed here."""
+    """The thread: as much of `coupled.workspace.Share` as is needed here."""
 
     number: int
     threads: int
