@@ -170,7 +170,7 @@ class Guard:
 
 
 def _too_long(world: World, number: int) -> str:
-    """What to do about the energy of an island that swings."""
+    """A hint for an island whose energy oscillates too much."""
     method = world.graph.islands[number].method
     other = ", or velocity_verlet" if method.order < 2 else ""
     return (

@@ -32,7 +32,7 @@ def swings(structure: Island) -> bool:
 
 
 def swing(island: BaseIsland, structure: Island, time: float, h: float) -> float:
-    """What the energy of an island is at present beyond what its method keeps [J]; `h` is the step [s]."""
+    """The energy of an island less the one that its method conserves [J]; `h` is the step [s]."""
     with np.errstate(over="ignore", invalid="ignore"):
         f = island.forces(time).astype(float)
         total, first = 0.0, 0

@@ -277,7 +277,7 @@ class Simulation(World):
         self._guard.look(self, known)
 
     def warnings(self) -> tuple[str, ...]:
-        """What to tell of the steps so far, though they made sense."""
+        """Notes about the steps so far, although they are valid."""
         return self._guard.warnings(self)
 
     def overflow(self, quantity: str) -> DivergenceError:

@@ -17,7 +17,7 @@ from particlesim.trajectory.topology import Topology
 
 
 class Constraint:
-    """What a constraint on the particles of an island can be asked. States are `Columns` of the whole island."""
+    """Base of the constraints on the particles of an island. States are `Columns` of the whole island."""
 
     @property
     def number(self) -> int:

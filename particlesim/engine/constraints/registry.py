@@ -9,7 +9,7 @@ from particlesim.graph.graph import Island
 
 
 def held(site: Site, island: Island) -> Constraint | None:
-    """What holds the particles of an island, None where nothing does; they are put where they fit, with their velocities.
+    """The constraint of an island, None without one; initial positions and velocities are corrected such that it holds.
 
     Raises UsageError for sets that do not fit their particles.
     """

@@ -26,7 +26,7 @@ ENOUGH = 1e-6
 
 
 class RodTensors(NamedTuple):
-    """A set of rods near a state: ends i and j, and what pulls back [N/m], negative when pushed, each [n]."""
+    """A set of rods near a state: ends i and j, and transverse stiffness [N/m], negative when pushed, each [n]."""
 
     i: Ints
     j: Ints
@@ -69,7 +69,7 @@ class RodTensors(NamedTuple):
 
 
 def pulls(pairs: tuple[Ints, Ints], rig: Rig, order: Ints, columns: Any, force: Floats, w: Floats) -> Floats:
-    """What pulls back on every rod [N/m]; `pairs` are rows of the ends, `force` [N] has shape [3, n], w is 1/m.
+    """The transverse stiffness of every rod [N/m]; `pairs` are rows of the ends, `force` [N] has shape [3, n], w is 1/m.
 
     Raises ValueError for a state that is not finite.
     """
@@ -93,7 +93,8 @@ def pulls(pairs: tuple[Ints, Ints], rig: Rig, order: Ints, columns: Any, force: 
 
 
 def _hanging(rig: Rig, order: Ints, pull: Floats, force: Floats) -> Floats:
-    """What pulls back [N/m], at least as much as if every connected set of rods with a held end hung on each of its rods."""
+    """The transverse stiffness [N/m], at least that of a rod that bears the whole load of its connected set, if an end is
+    held."""
     free, sets = rig.inverse > 0, np.arange(len(rig.looped))
     slots, rods = (np.repeat(sets, np.diff(borders)) for borders in (rig.slots, rig.rods))
     load = np.sqrt(

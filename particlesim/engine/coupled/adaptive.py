@@ -31,7 +31,7 @@ from particlesim.engine.step.step_size import (
 )
 
 PAUSED, BEGAN, ENDED, TAKEN, STEP, PREVIOUS, TRIES, PRESENT = 0, 1, 2, 3, 4, 5, 6, 7
-"""What a paused island remembers: whether it is one, when its last step began and ended, its length, the next one [s], the
+"""The state of a paused island: whether it is paused, when its last step began and ended, its length, the next one [s], the
 error, and how many tries there have been in the grid step."""
 
 

@@ -17,7 +17,7 @@ from particlesim.laws.registry import Particle, further, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
-    """What the method remembers of particle i no longer holds."""
+    """Invalidate the method's memory of particle i."""
     if len(memory) > 0:
         memory[-1][i] = 0
 

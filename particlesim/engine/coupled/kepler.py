@@ -40,7 +40,7 @@ MOST_ITERATIONS = 100
 
 
 class Conic(NamedTuple):
-    """What an orbit is at a place: 1/r₀ [1/m] and r₀ [m], η [m²/s], β [m²/s²], ζ [m³/s²]."""
+    """The quantities of an orbit at one position: 1/r₀ [1/m] and r₀ [m], η [m²/s], β [m²/s²], ζ [m³/s²]."""
 
     inverse: float
     r0: float

@@ -307,7 +307,7 @@ def shift(method: Any, c: Any, orbits: Any, h: Any) -> None:
 
 @outlined
 def kick(method: Any, c: Any, orbits: Any, force: Any, h: Any) -> None:
-    """What forces without Kepler's part do to the velocities in a time h."""
+    """The kick of velocities by forces without Kepler's part in a time h."""
     order, inside, memory = orbits.order, orbits.inside, c.memory
     center, count = order[0], order.size
     sx, sy, sz = force[0, center], force[1, center], force[2, center]

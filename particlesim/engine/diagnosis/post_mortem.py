@@ -183,7 +183,7 @@ def ran_away(world: World, number: int, cause: str, size: float, hint: str | Non
 
 
 def _better(world: World, number: int) -> str | None:
-    """What keeps the energy of an island better; None where only a smaller step does."""
+    """A hint at what keeps the energy of an island better; None where only a smaller step does."""
     structure = world.graph.islands[number]
     if any(each.lifts() for colliders in structure.colliders for each in colliders):
         return 'detection = "continuous" adds no energy when particles bounce; or try a smaller dt'

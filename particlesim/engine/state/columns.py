@@ -228,7 +228,7 @@ def chosen(condition: Any, p: Any, q: Any) -> Any:
 
 
 def recall(memory: Any, i: Any) -> Any:
-    """What the method remembers of particle i: element i of every array of the tuple."""
+    """The method's memory of particle i: element i of every array of the tuple."""
     return tuple(array[i] for array in memory)
 
 

@@ -58,8 +58,8 @@ HEARD = "heard"
 """Part of groups to whose impacts an emitter reacts."""
 
 HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
-"""What is known of an impact: when [s], the number of the collider, the speed along its normal relative to it [m/s], the
-place of the particle [m], the normal, and the velocity before it [m/s]."""
+"""The columns of an impact: time [s], the number of the collider, the speed along its normal relative to it [m/s], the place
+of the particle [m], the normal, and the velocity before it [m/s]."""
 
 TABLE: tuple[Column, ...] = (
     Column("x", "m", ("x", "y", "z"), rows=3, changes=True),

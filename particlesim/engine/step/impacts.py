@@ -59,7 +59,7 @@ MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
 LIVELY, CALM, SURE = 0, 1, 2
-"""What a particle that touches does: rebound; lie, if its hops are shorter than the step; lie in any case."""
+"""What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
 
 
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:

@@ -81,7 +81,7 @@ def new_state(ahead: Any, p: Any, q: Any, t: Any) -> Any:
 
 
 def recollected(memory: Any, p: Any, q: Any, h: Any) -> Any:
-    """What a method with a past remembers: how far the particle came, and the step."""
+    """The memory of a two-step method: the changes of position and velocity, and the step."""
     if len(memory) == 0:
         return memory
     return (
